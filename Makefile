@@ -3,7 +3,7 @@ RESULTS = results
 ARGS =
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-stocking test lint format verify test-next bench docs clean
+.PHONY: help demo demo-stocking test lint house format verify test-next bench docs clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
@@ -23,6 +23,9 @@ lint: ## ruff, mypy and which room imports which
 	$(RUN) ruff format --check
 	$(RUN) mypy
 	$(RUN) lint-imports
+
+house: ## count code lines, modules, imports and what stands twice
+	$(RUN) scripts/house $(ARGS)
 
 format: ## put the code into ruff's format
 	$(RUN) ruff check --fix

@@ -10,11 +10,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 C10, radius = 5e-3, 5.0  # MPa, mm
 law = NeoHookean(C10, 1e-3 / C10)  # nearly incompressible

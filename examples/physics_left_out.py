@@ -13,7 +13,7 @@ import numpy as np
 import legfem as lf
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.legs.experiments import plane_strain_test
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.terms import Prestress
 from legfem.mechanics.terms.dermis import Dermis
 from legfem.meshing.section import SectionMeshSettings

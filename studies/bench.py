@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from legfem.common.command_edge import command_edge, leave_to_first_rank
+from legfem.common.command_line import command_edge, leave_to_first_rank
 from legfem.common.progress import Silent
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library_build import build_library, shown_mechanisms
@@ -28,7 +28,7 @@ from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.solve.report import SolveReport
 from studies.reconstruct import read_definition, test_of
 

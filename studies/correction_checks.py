@@ -16,7 +16,7 @@ from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from legfem.common.command_edge import study_edge
+from legfem.common.command_line import study_edge
 from legfem.common.documents import write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.legs.correction import smooth_ratio

@@ -16,11 +16,10 @@ import numpy as np
 import typer
 from scipy.optimize import linprog
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.tissues import Tissues
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone
 from legfem.legs.loading import load_subject

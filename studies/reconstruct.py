@@ -15,23 +15,22 @@ import numpy as np
 import typer
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from legfem.common.command_edge import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
-from legfem.experiments.base import Solved
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.pressing import solved_once
-from legfem.experiments.tissues import Tissues
+from legfem.experiments.experiment import Solved
+from legfem.experiments.indentation import solve_once
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
 from legfem.jobs.pool import Workers
 from legfem.legs.folder import check_new_folder, write_subject_folder
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from legfem.study.options import Jobs
 from studies.lab.synthesis import InstrumentNoise, record_path
 from studies.legs.calf import Calf, calf_section
@@ -134,7 +133,7 @@ def reconstruct(out: Path, definition: Reconstruction, progress: Progress, jobs:
         for name, subject in subjects.items()
     ]
     progress.stage("simulating loading and unloading on the fine mesh", len(tasks))
-    with Workers(solved_once, None, jobs) as workers:
+    with Workers(solve_once, None, jobs) as workers:
         for name, (test, _), solved in zip(subjects, tasks, workers.in_order(tasks), strict=True):
             if not solved.report.complete:
                 raise RuntimeError(f"subject {name}: {solved.report}")

@@ -7,9 +7,9 @@ from making_mechanics import fixed_steps
 
 from legfem.fem.system import System
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.sensitivity import SensitivityTracker
+from legfem.solve.settings import NewtonSettings
 from legfem.solve.stepping import follow
 
 PRECISE = NewtonSettings(relative_tolerance=1e-12, mixing=0)

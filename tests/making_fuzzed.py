@@ -15,7 +15,7 @@ from making_stocking import LEG_TOML
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.shape_file import write_shape
+from legfem.geometry.leg_shape_from_outlines import write_shape
 from legfem.legs.loading import load_subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.folder import load_specimen

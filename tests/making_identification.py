@@ -24,7 +24,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.problem import leg_problem
 from legfem.legs.site_test import beyond_of
 from legfem.legs.subject import Subject
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 DEPTH = 20.0
 LAWS = ("neo-hookean", "reduced-polynomial")

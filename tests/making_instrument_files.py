@@ -7,6 +7,8 @@ hand after descriptions in manuals and in readers of others: none came from a ma
 
 from __future__ import annotations
 
+import struct
+import zipfile
 from pathlib import Path
 
 import h5py
@@ -240,7 +242,125 @@ def hdf5_matrix(path: Path) -> Path:
     return path
 
 
+def thousands_in_quotes(path: Path) -> Path:
+    """As Bluehill writes what is 1,000 or more."""
+    path = path / "long.csv"
+    lines = (f'"{1e3 * t:,.5f}","{1e3 * d:,.4f}","{f:.6f}"' for t, d, f in zip(T, D, F, strict=True))
+    path.write_text('"Time (ms)","Extension (um)","Load (N)"\n' + "\n".join(lines) + "\n")
+    return path
+
+
+def thousands_in_german_quotes(path: Path) -> Path:
+    path = path / "lang.csv"
+    swap = str.maketrans(",.", ".,")
+    lines = (f'"{1e3 * t:,.5f}";"{1e3 * d:,.4f}";"{f:.6f}"'.translate(swap) for t, d, f in zip(T, D, F, strict=True))
+    path.write_text("Zeit (ms);Weg (um);Kraft (N)\n" + "\n".join(lines) + "\n")
+    return path
+
+
+def unknown_unit_in_the_row(path: Path) -> Path:
+    path = path / "mts2.csv"
+    head = "Time,Axial Displacement,Axial Torque,Axial Force\nsec,mm,kipf·ft,N\n"
+    path.write_text(head + rows(T, D, 0.3 * T, F), encoding="utf-8")
+    return path
+
+
+def empty_and_text_columns(path: Path) -> Path:
+    path = path / "columns.csv"
+    cells = zip(rows(T, D).split("\r\n"), rows(F, F).split("\r\n"), strict=True)
+    lines = [f"{a},,RUN-{k % 7},{b.partition(',')[0]},14:0{k % 6}:09" for k, (a, b) in enumerate(cells) if a]
+    path.write_text("Time (s),Depth (mm),Spare,State,Force (N),Clock\n" + "\n".join(lines) + "\n")
+    return path
+
+
+def first_sample_twice(path: Path) -> Path:
+    path = path / "twice.txt"
+    text = rows(T, D, F, delimiter="\t")
+    path.write_text("Time (s)\tStroke (mm)\tLoad (N)\r\n" + text.partition("\r\n")[0] + "\r\n" + text)
+    return path
+
+
+def metadata_below_the_names(path: Path) -> Path:
+    path = path / "meta.csv"
+    head = "Channel,Elapsed time,Position,Load cell force\nUnit,s,mm,N\nSerial,none,A-331,B-17\nSlope,1,0.25,12.5\n"
+    body = "\n".join(f"{k},{line}" for k, line in enumerate(rows(T, D, F).split("\r\n")) if line)
+    path.write_text(head + body + "\nend of test,,,\n")
+    return path
+
+
+def lvm_with_equal_times(path: Path) -> Path:
+    path = lvm(path, columns="Multi", name="multi.lvm")
+    head, _, body = path.read_text().partition("X_Value\tDisplacement\tForce\tComment\n")
+    lines = (line.split("\t") for line in body.splitlines())
+    text = "\n".join(f"{t}\t{d}\t{t}\t{f}" for t, d, f in lines)
+    path.write_text(head + "X_Value\tDisplacement\tX_Value\tForce\tComment\n" + text + "\n")
+    return path
+
+
+def without_an_ending(path: Path) -> Path:
+    made = tdms_columns(path)
+    return made.rename(path / "measurement_04")
+
+
+def text_without_an_ending(path: Path) -> Path:
+    return wintest(path).rename(path / "export")
+
+
+def small_units(path: Path) -> Path:
+    path = path / "nano.txt"
+    head = "Time (s)\tIndentation (nm)\tLoad (µN)\n"
+    path.write_text(head + rows(T, 1e6 * D, 1e6 * F, delimiter="\t", form="%.3f"), encoding="utf-8")
+    return path
+
+
+def zipped(path: Path) -> Path:
+    made = workbook(path)
+    with zipfile.ZipFile(path / "sent.zip", "w") as archive:
+        archive.write(made, "from the lab/trial.xlsx")
+        archive.writestr("__MACOSX/from the lab/._trial.xlsx", b"\0\5\x16\7")
+    made.unlink()
+    return path / "sent.zip"
+
+
+def old_workbook(path: Path) -> Path:
+    """As Excel 2 wrote it (BIFF2): records of a code, a length and cells."""
+
+    def record(code: int, *parts: bytes) -> bytes:
+        body = b"".join(parts)
+        return struct.pack("<HH", code, len(body)) + body
+
+    def place(row: int, column: int) -> bytes:
+        return struct.pack("<HH3x", row, column)
+
+    names = [name.encode() for name in ("Time (s)", "Position (mm)", "Force (N)")]
+    cells = [record(4, place(0, k), bytes([len(name)]), name) for k, name in enumerate(names)]
+    for row, values in enumerate(np.column_stack([T, 40.0 - D, F]), 1):
+        cells += [record(3, place(row, k), struct.pack("<d", value)) for k, value in enumerate(values)]
+    path = path / "archive.xls"
+    path.write_bytes(record(9, struct.pack("<HH", 2, 0x10)) + b"".join(cells) + record(10))
+    return path
+
+
+def text_called_xls(path: Path) -> Path:
+    path = path / "export.xls"
+    path.write_text("Time (s)\tDisplacement (mm)\tForce (N)\n" + rows(T, D, F, delimiter="\t"))
+    return path
+
+
 REAL = [
+    thousands_in_quotes,
+    thousands_in_german_quotes,
+    unknown_unit_in_the_row,
+    empty_and_text_columns,
+    first_sample_twice,
+    metadata_below_the_names,
+    lvm_with_equal_times,
+    without_an_ending,
+    text_without_an_ending,
+    small_units,
+    zipped,
+    old_workbook,
+    text_called_xls,
     plain_csv,
     semicolons_and_decimal_commas,
     bluehill,

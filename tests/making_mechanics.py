@@ -15,20 +15,18 @@ from dolfinx import fem, mesh
 from making import SHARED
 from mpi4py import MPI
 
-from legfem.experiments.tissues import Tissues
+from legfem.experiments.plane_strain import Tissues
 from legfem.fem.spaces import LegSpaces, build_spaces
 from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
-from legfem.mechanics.contact import RigidCylinder
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, RigidCylinder
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
 from legfem.solve.newton import NewtonOutcome, NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 from studies.legs.calf import Calf, calf_section
 from studies.reconstruct import DEFINITION
 

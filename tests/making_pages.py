@@ -28,8 +28,8 @@ from legfem.data.quality import quality_of
 from legfem.data.reader import propose, recording_of
 from legfem.diagnose.document import versions
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.indenter_pose import Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.experiments.posed import Pose, posed
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
@@ -59,7 +59,7 @@ from legfem.report.section import Film, pressed_section
 from legfem.report.specimens import specimen_page
 from legfem.report.web.look import Looked, look_web_page
 from legfem.report.web.stocking import stocking_web_page
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.recorded import LeftOut
@@ -104,7 +104,7 @@ def pressed_in_3d() -> PressedLeg:
     """A round leg, invented: the skin goes with the cylinder within its length, in proportion."""
     shape = seen(round_leg(n_points=60))
     touch = np.array([0.0, -66.0, shape.levels.mean()])
-    pose = posed(Cylinder(), Pose((0.0, 0.0), float(touch[2]), 90.0))
+    pose = in_pose(Cylinder(), Pose((0.0, 0.0), float(touch[2]), 90.0))
     direction = pose.pose.direction
     skin = shape.points(SKIN)
     away = np.linalg.norm((skin - touch) / (12.0, 30.0, 20.0), axis=-1)

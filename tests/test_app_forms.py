@@ -10,7 +10,7 @@ from making_specimens import write_bars
 from legfem.app.describe import DressedLeg, LabSpecimens, PressedLeg, contours_in, known_tests, scans_in
 from legfem.app.settings import read_value, settings_of, with_channels, with_settings
 from legfem.common.errors import InputError
-from legfem.common.toml_file import checked
+from legfem.common.input_files import checked
 from legfem.data.folder import RESOURCES
 from legfem.data.reader import Channel, Channels
 from legfem.legs.loading import load_subject

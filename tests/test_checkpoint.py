@@ -11,8 +11,8 @@ import pytest
 from making_ranks import run_on_ranks
 from mpi4py import MPI
 
+from legfem.experiments.indentation import IndentationModel, IndentationRequest
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
-from legfem.experiments.pressing import Pressed, Pressing
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
@@ -76,9 +76,9 @@ def test_it_goes_on_within_a_hold_too(tmp_path: Path, every_step):
             if left[0] == 0:
                 raise KilledError
 
-        pressing: Pressing = made(2).pressing
+        pressing: IndentationModel = made(2).pressing
         kept = (folder, "a test") if keep else None
-        return pressing.run(Pressed(None, protocol, (), on_step), keep_in=kept)
+        return pressing.run(IndentationRequest(None, protocol, (), on_step), keep_in=kept)
 
     whole = run(0, keep=False)
     resumed, kills = None, 0

@@ -11,9 +11,16 @@ from ufl.algorithms import expand_derivatives
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
 from legfem.common.errors import InputError
-from legfem.mechanics.contact import ExponentialPressure, RigidCylinder, StiffPressure
-from legfem.mechanics.contact_settings import ContactSettings
-from legfem.mechanics.traction import Coulomb, Frictionless, Rough, Tape
+from legfem.mechanics.contact import (
+    ContactSettings,
+    Coulomb,
+    ExponentialPressure,
+    Frictionless,
+    RigidCylinder,
+    Rough,
+    StiffPressure,
+    Tape,
+)
 
 LAWS = [
     pytest.param(ExponentialPressure(p0=1e-3, c0=0.02), id="exponential"),

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.shape_smoothing import smoothed
+from legfem.geometry.leg_shape_from_outlines import smoothed
 from legfem.stockings.misfit import ContourAccuracy
 from studies.legs.parametric_leg import round_leg
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 
 def _curve(force, depth: float = 30.0) -> ForceCurve:

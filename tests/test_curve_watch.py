@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from legfem.solve.curve_watch import CurveWatch, curve_error
+from legfem.solve.stepping import CurveWatch, curve_error
 
 TOLERANCE = 2e-3
 

@@ -13,7 +13,7 @@ import pytest
 from making_doe import TOML, definition, planted_table
 from typer.testing import CliRunner
 
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.study.cli import app
 from legfem.study.doe.anova import anova, coefficient_tests
 from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition

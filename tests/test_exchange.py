@@ -19,10 +19,9 @@ from typer.testing import CliRunner
 from ufl import Measure
 
 from legfem.commands.meshing import app
-from legfem.meshing.exchange import write_mesh
+from legfem.meshing.exchange import extruded, measure, named_mesh, write_mesh
+from legfem.meshing.gmsh_mesh import quality_of_file
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
-from legfem.meshing.named_mesh import extruded, measure, named_mesh
-from legfem.meshing.quality import quality_of_file
 from legfem.meshing.section import REGIONS, SKIN, mesh_section
 from studies.meshes import REFERENCES, checksum, make, page, read_manifest
 
@@ -189,7 +188,7 @@ def test_abaqus_surfaces_are_faces_on_the_boundary(made, tmp_path):
     ],
 )
 def test_faces_are_numbered_as_in_abaqus(kind, faces):
-    from legfem.meshing.abaqus import _FACES
+    from legfem.meshing.exchange import _FACES
 
     below = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
     triangle = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]

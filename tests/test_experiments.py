@@ -16,10 +16,10 @@ from legfem.experiments.axisymmetric import (
     CylinderBetweenPlates,
     CylinderCompression,
 )
-from legfem.experiments.base import Experiment
+from legfem.experiments.experiment import Experiment
+from legfem.experiments.indentation import IndentationTest, solve_once
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.pressing import PressingTest, solved_once
 from legfem.jobs.pool import Workers
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Contraction
@@ -27,7 +27,7 @@ from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from legfem.stockings.leg_model import LegModel3D
 from studies.legs.parametric_leg import round_leg
 
@@ -37,7 +37,7 @@ ROUND = AxisymmetricSettings(MeridianMeshSettings(2.5), steps=STEPS)
 FLAT = IdealisedLegSettings(
     mesh=LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40), steps=STEPS
 )
-EXPERIMENTS: dict[str, PressingTest] = {
+EXPERIMENTS: dict[str, IndentationTest] = {
     "plane strain": PlaneStrainIndentation(*subject_3(), PlaneStrainSettings(mesh=COARSE, steps=STEPS)),
     "ball": BallIndentation(BallOnLayer(10.0), LAW, ROUND),
     "cylinder": CylinderCompression(CylinderBetweenPlates(10.0, 10.0), LAW, ROUND),
@@ -94,7 +94,7 @@ def test_tests_are_work_for_processes():
     """In order, and without their meshes on the way back."""
     tests = [replace(EXPERIMENTS["ball"]), replace(EXPERIMENTS["idealised leg"])]
     here = [test.solve(None, 0.5).curve.force for test in tests]
-    with Workers(solved_once, None, 2) as workers:
+    with Workers(solve_once, None, 2) as workers:
         away = list(workers.in_order([(test, 0.5) for test in tests]))
     for one, other in zip(here, away, strict=True):
         np.testing.assert_allclose(other.curve.force, one, rtol=1e-12)

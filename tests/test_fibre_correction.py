@@ -28,7 +28,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.solver_3d import fibre_errors
 from legfem.report.leg import leg_page
 from legfem.report.render.text import plain_page
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 GRID = np.linspace(0.0, 25.0, 26)
 NOTHING = np.asarray(1.0), np.asarray(0.0)

@@ -7,7 +7,7 @@ from making_diagnosed import diagnosed
 
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE, read_fibres
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.fibres.concealed import CASES, HEADER, cells, score
 from studies.fibres.table import AT_RATIO, base_case, fibrous, smooth_log, varied
 

@@ -19,7 +19,7 @@ from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.uniaxial import Bar
 from legfem.inverse.parse_parameters import Written
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from legfem.common.markdown import markdown_table
-from legfem.jobs.arrays import write_arrays
+from legfem.common.documents import markdown_table
+from legfem.jobs.checkpoint import write_arrays
 from legfem.report.folder import REPORT, made_in_place
 
 

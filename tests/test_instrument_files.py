@@ -5,9 +5,13 @@ What they are written by, and after what, `making_instrument_files` says.
 
 from __future__ import annotations
 
+import shlex
+import time
 import tomllib
+import zipfile
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from making import write_subject
@@ -16,6 +20,7 @@ from openpyxl import Workbook
 from typer.testing import CliRunner
 
 from legfem.commands.data import app
+from legfem.common.errors import InputError
 from legfem.data import read_samples
 from legfem.data.folder import RecordingsEntry
 from legfem.data.formats.workbook import read_workbook
@@ -82,6 +87,7 @@ def table(header: str, *columns: np.ndarray, name: str = "trial.csv"):
 
 ROW = rows(T, D, F).split("\r\n")[300]
 TWO_TRIALS = [np.concatenate([c, c]) for c in (T, D, F)]
+ALL = list(zip(T, D, F, strict=True))
 MANGLED = {
     "empty": (written("a.csv", b""), "is empty"),
     "no such kind": (written("a.is_comp", b"TDAT"), "'.is_comp' is no kind"),
@@ -110,6 +116,21 @@ MANGLED = {
     "thousands": (
         written("a.csv", b"time_s;position_mm;force_mN\n" + b"1.5;2.5;1,234.5\n" * 60),
         "thousands' separators ('1,234.5')",
+    ),
+    "thousands in two cells": (
+        written(
+            "a.csv",
+            "".join(["t (s),d (um),F (N)\n", *(f"{t:.2f},{1e3 * d:,.1f},{f:.3f}\n" for t, d, f in ALL)]).encode(),
+        ),
+        "has a thousands' separator without quotes (",
+    ),
+    "one force, twice as large": (
+        table("time_s,position_mm,Force 1 (N),Force 2 (N)", T, D, F, 2.0 * F),
+        "'Force 1', 'Force 2', which differ",
+    ),
+    "stretch and stress": (
+        table("Stretch,Nominal stress (kPa)", 1.0 + 0.01 * D, 0.4 * D**2),
+        "a table of stretch and stress ('Stretch' and 'Nominal stress' in kPa) without a time",
     ),
     "no names": (written("a.csv", rows(T, D, F).encode()), "no row with the names"),
 }
@@ -190,3 +211,60 @@ def test_a_workbook_s_numbers_may_be_text_with_decimal_commas(tmp_path: Path) ->
             cell.value = "1,250"
     book.save(tmp_path / "b.xlsx")
     assert read_workbook(tmp_path / "b.xlsx") == []
+
+
+def test_a_refusal_ends_with_the_command_that_reads_the_file(tmp_path: Path) -> None:
+    path = table("clock time,ram position,Load cell (kN)", T, D, 1e-3 * F, name="a 1.csv")(tmp_path)
+    run = look(path, "--out", tmp_path / "out")
+    assert run.exit_code == 2 and "if time is 'clock time' in s, displacement is 'ram position' in mm" in run.output
+    command = shlex.split(run.output.strip().partition("python -m legfem.data ")[2])
+    assert command[:2] == ["look", str(path)]
+    again = look(*command[1:], "--out", tmp_path / "out")
+    assert again.exit_code == 0 and "force: 'Load cell' in kN" in again.output
+
+
+def test_what_is_far_too_large_is_refused_at_once(tmp_path: Path) -> None:
+    book = tmp_path / "rows.xlsx"
+    with zipfile.ZipFile(book, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", bytes(250_000_000))
+    sparse = tmp_path / "sparse.h5"
+    with h5py.File(sparse, "w") as file:
+        for name in ("time_s", "position_mm", "force_N"):
+            file.create_dataset(name, shape=(3_000_000_000,), dtype="f8", chunks=True)
+    for path in (book, sparse):
+        start = time.monotonic()
+        run = look(path)
+        assert run.exit_code == 2 and "at most 200 MB are read" in run.output
+        assert time.monotonic() - start < 5.0
+
+
+def _leg_with(folder: Path, name: str, content: str) -> Path:
+    folder = write_subject(folder, trials=0)
+    (folder / "recordings").mkdir(exist_ok=True)
+    (folder / "recordings" / name).write_text(content)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("head", "delimiter", "factor"),
+    [("time_s;displacement_mm;force_N", ";", 1.0), ("Zeit [ms];Weg [mm];Kraft [N]", ";", 1e3)],
+)
+def test_a_leg_s_csv_may_have_decimal_commas(tmp_path: Path, head: str, delimiter: str, factor: float) -> None:
+    text = head + "\n" + rows(factor * T, D, F, delimiter=delimiter, decimal=",")
+    (recording,) = load_subject(_leg_with(tmp_path / "leg", "t.csv", text)).recordings
+    np.testing.assert_allclose(recording.time, T, atol=1e-4)
+    np.testing.assert_allclose(recording.force, F, atol=1e-4)
+
+
+def test_a_csv_whose_directions_are_to_be_told_is_refused_with_the_command(tmp_path: Path) -> None:
+    text = "Zeit [s];Weg [mm];Kraft [N]\n" + rows(T, D, -F, delimiter=";", decimal=",")
+    folder = _leg_with(tmp_path / "leg", "t.csv", text)
+    with pytest.raises(InputError, match=r"data look .*t\.csv, whose recordings\.toml reads time from 'Zeit' in s"):
+        load_subject(folder)
+
+
+def test_what_systems_leave_beside_files_is_no_recording(tmp_path: Path) -> None:
+    folder = write_subject(tmp_path / "leg", trials=2)
+    for name in ("._trial1.csv", ".hidden.csv", "~$trial2.csv"):
+        (folder / "recordings" / name).write_bytes(b"\0\5\x16\7")
+    assert [one.trial for one in load_subject(folder).recordings] == ["trial1", "trial2"]

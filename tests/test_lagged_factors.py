@@ -10,7 +10,7 @@ from legfem.experiments.compression import CompressionSettings, LegCompression
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
 from legfem.solve.linear import LinearSettings
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 from studies.legs.parametric_leg import round_leg
 
 

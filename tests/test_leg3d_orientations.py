@@ -6,7 +6,7 @@ import numpy as np
 import ufl
 
 from legfem.legs.loading import load_sites
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.leg3d import orientations
 from studies.leg3d.fibres import Told
 from studies.leg3d.planted import CYLINDER, Planted

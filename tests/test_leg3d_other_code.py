@@ -7,7 +7,7 @@ import pytest
 
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.legs.loading import load_subject
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.leg3d import other_code
 from studies.leg3d.fascia import SHOWN, layer
 from studies.leg3d.other_code import OtherLeg, PlantedByFelupe, nearness

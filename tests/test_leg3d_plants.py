@@ -14,7 +14,7 @@ from legfem.common.progress import Silent
 from legfem.data.folder import RESOURCES
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.legs.loading import load_subject
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.leg3d import __main__ as study
 from studies.leg3d import plants
 from studies.leg3d.__main__ import app

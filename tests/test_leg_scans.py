@@ -12,8 +12,8 @@ from shapely import Polygon
 from typer.testing import CliRunner
 
 from legfem.geometry.__main__ import app
-from legfem.geometry.plane import CuttingPlane
-from legfem.geometry.shape_file import read_shape
+from legfem.geometry.frames import CuttingPlane
+from legfem.geometry.leg_shape_from_outlines import read_shape
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.surfaces import read_surfaces
 from legfem.imaging.volume_file import read_volume

@@ -10,13 +10,19 @@ from making import circle
 from scipy.spatial.transform import Rotation
 
 from legfem.common.errors import InputError
-from legfem.geometry.leg_shape import LegShape, corresponding, shape_of_contours
-from legfem.geometry.shape_checks import check_shape
-from legfem.geometry.shape_file import read_shape, write_shape
-from legfem.geometry.shape_measures import fat_thickness_around, horizontal_curvature, largest_girth, perimeter
-from legfem.geometry.shape_motion import displaced, rigidly_moved, without_layer
-from legfem.geometry.shape_smoothing import smoothed
-from legfem.geometry.shape_surface import PartSurface
+from legfem.geometry.leg_shape import (
+    LegShape,
+    check_shape,
+    corresponding,
+    fat_thickness_around,
+    horizontal_curvature,
+    largest_girth,
+    perimeter,
+    shape_of_contours,
+)
+from legfem.geometry.leg_shape_from_outlines import read_shape, smoothed, write_shape
+from legfem.geometry.leg_shape_motion import displaced, rigidly_moved, without_layer
+from legfem.geometry.leg_surface import PartSurface
 from studies.legs.parametric_leg import round_leg
 
 

@@ -13,8 +13,7 @@ from making_mechanics import COARSE, subject_3
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.curve import smooth_closed_curve
 from legfem.geometry.section import BONES, PARTS, LegSection
-from legfem.meshing.motion import MeshMotion
-from legfem.meshing.section import SectionMesh, mesh_section, moved_section_mesh
+from legfem.meshing.section import MeshMotion, SectionMesh, mesh_section, moved_section_mesh
 
 MOTIONS = [
     *(

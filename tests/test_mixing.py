@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from legfem.solve.mixing import AndersonMixing
+from legfem.solve.newton import AndersonMixing
 
 
 def test_it_solves_linear_equations_in_as_many_updates_as_there_are_distinct_rates():

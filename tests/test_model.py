@@ -12,8 +12,7 @@ import ufl
 from making_mechanics import fixed_steps, leg_model, one_tissue, pressed_block
 
 from legfem.fem.system import System
-from legfem.mechanics.contact import StiffPressure
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, StiffPressure
 from legfem.mechanics.model import LegModel
 from legfem.mechanics.terms import NormalContact, Tissue
 from legfem.solve.newton import NewtonSolver

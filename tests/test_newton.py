@@ -7,9 +7,9 @@ import pytest
 from making_mechanics import fixed_steps, nodal, pressed_block
 
 from legfem.fem.system import System
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 from legfem.solve.stepping import press
 
 

@@ -11,7 +11,7 @@ from making import press, write_recording, write_subject
 from typer.testing import CliRunner
 
 from legfem.__main__ import COMMANDS
-from legfem.common.outcome_options import told_briefly
+from legfem.common.command_line import brief_output
 
 SERVES = "app"
 
@@ -42,11 +42,11 @@ def test_what_is_printed_is_kept_back_and_the_document_is_told(tmp_path, capsys)
         (False, True, document),
         (True, True, document),
     ):
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             print("a table")
             written.append(path)
         assert capsys.readouterr().out == told
-    with pytest.raises(ValueError, match="stopped"), told_briefly(True, True) as written:
+    with pytest.raises(ValueError, match="stopped"), brief_output(True, True) as written:
         written.append(path)
         raise ValueError("stopped")
     assert capsys.readouterr().out == ""

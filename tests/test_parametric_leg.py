@@ -9,8 +9,7 @@ import pytest
 import shapely
 
 from legfem.common.errors import InputError
-from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.shape_measures import fat_thickness_around, horizontal_curvature, largest_girth, perimeter
+from legfem.geometry.leg_shape import LegShape, fat_thickness_around, horizontal_curvature, largest_girth, perimeter
 from studies.legs.parametric_leg import ParametricLeg, parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"

@@ -13,11 +13,10 @@ from pathlib import Path
 import pytest
 import typer
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
 from legfem.common.progress import Silent
 from legfem.jobs.pool import Workers
-from legfem.jobs.resume import finish
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from studies.solvers.apart import run_apart
 
 HERE = Path(__file__).parent

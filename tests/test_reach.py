@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from legfem.geometry.section import girth, minimal_fat_thickness
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.reach import __main__ as command
 from studies.reach.drawn_leg import drawn_leg
 from studies.reach.pressing import Reached, ReachTask, differences

@@ -7,10 +7,9 @@ import pytest
 from making_mechanics import fixed_steps, pressed_block
 
 from legfem.fem.system import System
-from legfem.solve.damping import Damping
-from legfem.solve.newton import NewtonOutcome, NewtonSolver
+from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
 from legfem.solve.relaxation import REASON, RelaxationSettings, relax
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from legfem.solve.stepping import press
 
 

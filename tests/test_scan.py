@@ -9,13 +9,13 @@ import pytest
 from making import circle
 
 from legfem.common.errors import InputError
-from legfem.geometry.cross_sections import Clearances
+from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
-from legfem.geometry.rigid import RigidTransform
-from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import signed_distances
+from legfem.imaging.label_volume import LabelVolume
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
-from legfem.imaging.volume import LabelVolume
 from studies.legs.raster import coverage
 from studies.legs.voxelise import ScanSettings, SegmentationNoise, simulated_scan
 

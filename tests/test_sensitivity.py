@@ -8,7 +8,7 @@ from making_derivatives import PRECISE, sensitivities, worst_error
 from making_mechanics import COARSE, fixed_steps, pressed_block, subject_3
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.sensitivity import SensitivityTracker

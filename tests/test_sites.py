@@ -273,7 +273,7 @@ def test_the_command_fits_two_sites_of_a_folder(tmp_path):
     done = CliRunner().invoke(identify_app, arguments)
     assert done.exit_code == 0, done.output
     (found,) = json.loads((out / "result.json").read_text())["laws"].values()
-    assert list(found["sites"]) == ["back", "medial"]
+    assert [one["name"] for one in found["tests"]] == ["back", "medial"]
     assert found["converged"]
     again = CliRunner().invoke(identify_app, arguments)
     (found,) = json.loads((out / "result.json").read_text())["laws"].values()

@@ -10,17 +10,15 @@ import pytest
 from making_mechanics import COARSE, fixed_steps, pressed_block, subject_3
 
 from legfem.experiments import plane_strain
-from legfem.experiments.base import Solved
+from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.system import System
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.integration_domain import Body
-from legfem.solve.damping import Damping
-from legfem.solve.newton import NewtonOutcome, NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport, Step
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.solve.stepping import follow, press
 
 

@@ -229,7 +229,7 @@ def test_nelder_mead_finds_the_same(result):
 @pytest.mark.slow
 def test_a_motion_left_between_the_scans_is_found(result, truth):
     """Shifted by 0.3 mm, the target is met again with that shift."""
-    from legfem.geometry.shape_motion import rigidly_moved
+    from legfem.geometry.leg_shape_motion import rigidly_moved
 
     shift = np.array([0.3, -0.2, 0.0])
     moved = rigidly_moved(truth[1].shape, np.eye(3), shift)

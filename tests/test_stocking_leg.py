@@ -10,10 +10,10 @@ from making_stocking import LEG_TOML
 from shapely import Point, Polygon
 
 from legfem.common.errors import InputError
+from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.rigid import RigidTransform
-from legfem.geometry.shape_file import write_shape
-from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.leg_shape_from_outlines import write_shape
+from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.stockings.leg import GAP, default_veins
 from legfem.stockings.loading import LEGS, load_leg
 from studies.legs.parametric_leg import parametric_leg, read_legs

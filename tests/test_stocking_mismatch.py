@@ -14,7 +14,7 @@ from making_stocking import COARSE, PLANTED_KPA, laws, short_leg
 
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.stockings.discrepancy import TERMS, Mismatch, mismatch_of

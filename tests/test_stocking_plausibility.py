@@ -11,8 +11,7 @@ import pytest
 from making_stocking import laws
 
 from legfem.common.errors import InputError
-from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.shape_measures import perimeter
+from legfem.geometry.leg_shape import LegShape, perimeter
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.fabric import Stocking
 from legfem.stockings.leg import StockingLeg

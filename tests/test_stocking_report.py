@@ -16,8 +16,8 @@ from legfem.api.leg_in_stocking import LegInStocking
 from legfem.common.progress import Silent
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
+from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import SKIN
-from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
 from legfem.inverse.intervals import quantile

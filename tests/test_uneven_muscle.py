@@ -11,7 +11,7 @@ from legfem.diagnose.library_build import build_library, rounded
 from legfem.diagnose.mechanisms import Solution, mechanism_named
 from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.mechanics.terms.uneven_stiffness import UnevenStiffness
+from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
 
 DEPTH = 6.0
 MUSCLE = (0.8, 0.9)

@@ -14,7 +14,7 @@ from pydicom.sr.codedict import codes
 from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
 
 from legfem.common.errors import InputError
-from legfem.imaging.volume import LabelVolume, check_same_spacing, volume_of_array
+from legfem.imaging.label_volume import LabelVolume, check_same_spacing, volume_of_array
 from legfem.imaging.volume_file import read_volume, write_volume
 
 

@@ -19,7 +19,7 @@ from reading_page import read
 from typer.testing import CliRunner
 
 from legfem.commands.plan import app
-from legfem.experiments.posed import posed
+from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
 from legfem.report.plan import plan_web_page
@@ -227,7 +227,7 @@ def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
             pressed.shape.levels, {part: xy @ turn[:2, :2].T for part, xy in pressed.shape.contours.items()}
         ),
         touch=turn @ pressed.touch,
-        posed=posed(pressed.posed.given, replace(pose, direction_deg=pose.direction_deg + 90.0)),
+        posed=in_pose(pressed.posed.given, replace(pose, direction_deg=pose.direction_deg + 90.0)),
         states=tuple(replace(one, skin=one.skin @ turn.T, hull=one.hull @ turn.T) for one in pressed.states),
     )
     first, second = (pressed_leg(one, "").data for one in (pressed, sideways))

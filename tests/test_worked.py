@@ -14,7 +14,7 @@ from legfem.diagnose.mechanisms import Solution
 from legfem.diagnose.observations import observe
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
 from legfem.study.correction.cases import CorrectionCase
 from studies.lab.recording import INSTRUMENT

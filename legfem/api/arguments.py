@@ -14,7 +14,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, get_args
 
-from legfem.common.command_edge import check_out_folder
+from legfem.common.command_line import check_out_folder
 from legfem.common.errors import InputError
 
 _REMEDIES = (

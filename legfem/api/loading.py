@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from legfem.api.arguments import wrong
-from legfem.common.doubts import say
+from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
 from legfem.data.folder import Catalogue
 from legfem.legs.loading import load_sites as load_sites_folder
@@ -44,7 +44,7 @@ def load_subject(subject: Given, site: str = "") -> Subject:
         If there is no such subject, or anything in the folder is missing or wrong.
     """
     loaded = load_subject_folder(folder_of(subject, SUBJECTS), need_instrument=False, site=site)
-    say(doubts_about(loaded))
+    log_doubts(doubts_about(loaded))
     return loaded
 
 
@@ -66,7 +66,7 @@ def load_sites(leg: Given) -> SitedLeg:
     if loaded is None:
         raise InputError(folder / SUBJECTS.file, "site", "the leg has none", "load it with load_subject")
     for site in loaded.sites:
-        say(doubts_about(site))
+        log_doubts(doubts_about(site))
     return loaded
 
 
@@ -145,7 +145,7 @@ def load_specimen(folder: Given) -> SpecimenFolder:
     _check_path(folder)
     _check_kind(Path(folder), "specimen.toml")
     loaded = load_specimen_folder(Path(folder))
-    say(loaded.doubts)
+    log_doubts(loaded.doubts)
     return loaded
 
 
@@ -166,7 +166,7 @@ def load_leg(leg: Given) -> StockingLeg:
     from legfem.stockings.loading import load_leg as load_leg_folder
 
     loaded = load_leg_folder(folder_of(leg, LEGS))
-    say(loaded.doubts)
+    log_doubts(loaded.doubts)
     return loaded
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
 from legfem.common.errors import InputError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

@@ -12,7 +12,7 @@ import tomlkit
 from legfem.app.settings import Setting, Value, settings_of, with_settings
 from legfem.app.workspace import files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
-from legfem.common.toml_file import checked
+from legfem.common.input_files import checked
 from legfem.geometry.indenter import IndenterShape
 from legfem.legs.folder import plain_id, subject_text
 from legfem.legs.schema import SubjectFile

@@ -22,7 +22,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from legfem.common.command_edge import BAD_INPUT, INTERRUPTED
+from legfem.common.command_line import BAD_INPUT, INTERRUPTED
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Reached, reached

@@ -14,7 +14,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Item
 
 from legfem.common.errors import InputError
-from legfem.common.toml_file import FileTable
+from legfem.common.input_files import FileTable
 from legfem.data.reader import Channels
 
 type Value = str | float | bool | list[float] | None

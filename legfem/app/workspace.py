@@ -19,7 +19,7 @@ from itertools import count
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.common.toml_file import FileTable
+from legfem.common.input_files import FileTable
 from legfem.common.versions import legfem_version
 from legfem.data.formats import READERS
 from legfem.legs.schema import SubjectFile

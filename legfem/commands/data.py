@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import BAD_INPUT, check_out_folder, command_edge
+from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, check_out_folder, command_edge
 from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet, told_briefly
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -27,7 +26,10 @@ def data() -> None:
 def look(
     files: Annotated[
         list[Path] | None,
-        typer.Argument(help="CSV, text, xlsx, TDMS, LVM, MAT or HDF5; one trial each.", show_default=False),
+        typer.Argument(
+            help="CSV, text, xlsx, xls, TDMS, LVM, MAT, HDF5, or one of them zipped; one trial each.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/look by default.")] = None,
     time: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT of the column.")] = None,
@@ -103,7 +105,7 @@ def look(
         write_atomically(folder / "report.txt", text)
         write_atomically(folder / "recordings.toml", tomls[first])
         path = write_document(folder / LOOK, look_document(seen))
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             written.append(path)
             print(text)
             print(f"for {'specimen' if specimens else 'subject'}.toml:\n\n{tomls[first]}")
@@ -137,7 +139,7 @@ def preview(
         target.mkdir(parents=True, exist_ok=True)
         seen = preview_of(folder, target)
         seen.write(target)
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             written.append(target / PREVIEW)
             print(seen.text)
             print(f"preview: {target / PREVIEW}")

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
-from legfem.common.command_edge import check_out_folder, work_edge
-from legfem.common.doubts import say
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 from legfem.legs.schema import SUBJECTS
 
@@ -92,7 +91,7 @@ def diagnose(
 
         folder = SUBJECTS.named(subject, subject_dir)
         found = load_subject(folder, need_instrument=False, site=site or "")
-        say(doubts_about(found))
+        log_doubts(doubts_about(found))
         ends = read_correction(correction or REFERENCE)
         folder = out or Path("results") / f"diagnose-{found.id}"
         check_out_folder(folder)

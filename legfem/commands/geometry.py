@@ -11,11 +11,9 @@ import numpy as np
 import typer
 
 from legfem.commands.options import Site, SubjectDir
-from legfem.common.checks import check_finite
-from legfem.common.command_edge import command_edge
-from legfem.common.doubts import say
-from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet
+from legfem.common.command_line import AsJson, Quiet, command_edge
+from legfem.common.doubts import log_doubts
+from legfem.common.errors import InputError, check_finite
 from legfem.geometry.section import fat_thickness, girth
 
 if TYPE_CHECKING:
@@ -59,8 +57,8 @@ def convert(
     --out my-leg
     """
     with command_edge("run the same command again", quiet):
-        from legfem.geometry.contour_table import write_outlines
-        from legfem.geometry.plane import CuttingPlane
+        from legfem.geometry.contours import write_outlines
+        from legfem.geometry.frames import CuttingPlane
         from legfem.legs.folder import folder_of_leg
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
@@ -93,7 +91,7 @@ def convert(
             if cross_sections is None:
                 write_outlines(source.outlines_about(level), folder / "cross-sections.csv")
         subject = load_subject(folder, need_recordings=False, need_instrument=False, site=site or "")
-        say(doubts_about(subject))
+        log_doubts(doubts_about(subject))
         name = "section" if site is None else f"section-{site}"
         picture = save(placement_figure(subject, scanned), folder, name)[0]
     section, indenter = subject.section, subject.indenter

@@ -10,9 +10,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, print_outcome
-from legfem.common.command_edge import check_out_folder, command_edge, process_count, work_edge
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, command_edge, process_count, work_edge
 from legfem.common.errors import InputError, UnsolvedError
-from legfem.common.outcome_options import AsJson, Quiet
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -150,7 +149,7 @@ def run(
 
 @contextmanager
 def _edge(model: str, jobs: int | None, quiet: bool) -> Iterator[int]:
-    """As `legfem.common.command_edge.work_edge`; in 3D the other ranks join in the first one's solves."""
+    """As `legfem.common.command_line.work_edge`; in 3D the other ranks join in the first one's solves."""
     resume = "run the same command again to go on; solves that are done are kept"
     if model == "2d":
         with work_edge(jobs, resume, quiet) as processes:

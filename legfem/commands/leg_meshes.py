@@ -9,8 +9,8 @@ from typing import Any
 
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.legs.loading import load_subject
+from legfem.meshing.exchange import NamedMesh, named_mesh
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
-from legfem.meshing.named_mesh import NamedMesh, named_mesh
 from legfem.meshing.section import REGIONS, SectionMeshSettings, mesh_section
 from legfem.meshing.solid_leg import mesh_solid_leg, settings_for_cells
 from legfem.stockings.loading import load_leg

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.common.command_edge import command_edge, leave_to_first_rank
+from legfem.common.command_line import AsJson, Quiet, command_edge, leave_to_first_rank
 from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet
 
 if TYPE_CHECKING:
-    from legfem.meshing.named_mesh import NamedMesh
+    from legfem.meshing.exchange import NamedMesh
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -44,8 +43,7 @@ def export(
     """
     leave_to_first_rank()
     with command_edge(quiet=quiet):
-        from legfem.meshing.exchange import format_of, write_mesh
-        from legfem.meshing.named_mesh import extruded
+        from legfem.meshing.exchange import extruded, format_of, write_mesh
 
         format_of(out)
         mesh = _asked(subject, subject_dir, stocking, idealised, finer)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from legfem.common.command_edge import check_out_folder
-from legfem.common.doubts import say
+from legfem.common.command_line import check_out_folder
+from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def specimens_for(
         if given is not None:
             raise InputError(option, "--specimen-dir", "is given too", "leave one out")
     found = load_specimen(directory)
-    say(found.doubts)
+    log_doubts(found.doubts)
     folder = out or Path("results") / f"{command}-{found.id}"
     check_out_folder(folder)
     return found, folder

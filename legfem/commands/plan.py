@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir
-from legfem.common.checks import check_finite
-from legfem.common.command_edge import check_out_folder, work_edge
-from legfem.common.doubts import say
-from legfem.common.outcome_options import AsJson, Quiet
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.doubts import log_doubts
+from legfem.common.errors import check_finite
 from legfem.common.progress import progress_on
 from legfem.legs.schema import SUBJECTS
 
@@ -64,7 +63,7 @@ def plan(
             SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False, site=site or ""
         )
         doubts = doubts_about(found)
-        say(doubts)
+        log_doubts(doubts)
         folder = out or Path("results") / f"plan-{found.id}"
         check_out_folder(folder)
         responses = library or library_folder()

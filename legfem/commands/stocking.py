@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import FAILED, check_out_folder, command_edge
-from legfem.common.doubts import say
+from legfem.common.command_line import FAILED, AsJson, Quiet, check_out_folder, command_edge
+from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import Silent, progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -53,7 +52,7 @@ def stocking(
         check_out_folder(results)
         comm = MPI.COMM_WORLD
         if comm.rank == 0:
-            say(leg.doubts)
+            log_doubts(leg.doubts)
         settings = StockingSettings(cells=cells, nelder_mead=nelder_mead)
         kept = results / "equilibria"
         if comm.rank == 0:

@@ -1,4 +1,4 @@
-"""Files of results: there whole, or not at all."""
+"""Files of results, which are there whole or not at all: JSON, text, tables in Markdown."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,3 +49,15 @@ def json_types(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], aligned: bool = False) -> str:
+    """Return a table, its columns aligned if asked for; a bar within a cell becomes "or"."""
+    lines = [[cell.replace("|", "or") for cell in line] for line in (header, *rows)]
+    widths = [max(map(len, column)) if aligned else 0 for column in zip(*lines, strict=True)]
+
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)) + " |"
+
+    rule = "|" + "|".join("-" * max(width + 2, 3) for width in widths) + "|"
+    return "\n".join([line(lines[0]), rule, *map(line, lines[1:])]) + "\n"

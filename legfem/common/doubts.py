@@ -101,7 +101,7 @@ class PhysicalRange:
 _CHECK = "check value and unit"
 
 
-def say(doubts: Iterable[Doubt]) -> None:
+def log_doubts(doubts: Iterable[Doubt]) -> None:
     """Log doubts, which the commands show at once."""
     for doubt in doubts:
         _log.warning("warning: %s", doubt)

@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import model_validator
 
 from legfem.common.errors import InputError
-from legfem.common.toml_file import FileTable, Positive, Text, trouble
+from legfem.common.input_files import FileTable, Positive, Text, trouble
 from legfem.data.reader import Channel, Channels
 
 # Half-width of a uniform distribution to its standard deviation.

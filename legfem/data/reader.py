@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
 from legfem.data.formats import read_sheets
-from legfem.data.formats.sheet import OWN, Column, Quantity, Sheet, Unit, unit_named
+from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measures, unit_named
 from legfem.data.recording import Recording, backwards, not_increasing
 
 QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
-_WORDS: dict[Quantity, str] = {
-    "time": r"time|zeit|temps|tiempo|tempo|^t$|x_value",
-    "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth"
-    r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|^d$|^z$",
-    "force": r"force|load|kraft|last|fuerza|forza|^f[xyz]?$",
-}
+_STRETCH = r"stretch|lambda|^λ|strain|dehnung|^eps(ilon)?$|^ε|élongation"
+_STRESS = r"stress|spannung|sigma|^σ|contrainte|^p$"
 # How sure the force has to follow the displacement for their directions to be told.
 _LEAST_CORRELATION = 0.6
 
@@ -69,6 +66,8 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels, area: 
     """
     sheet = _sheet_named(path, sheets, channels.sheet)
     values = {q: _converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES}
+    if _first_is_doubled(values["time"]):
+        values = {q: v[1:] for q, v in values.items()}
     time = values["time"]
     if not all(np.isfinite(v).all() for v in values.values()):
         raise InputError(path, "rows", "numbers that aren't finite", "take those rows out")
@@ -115,10 +114,15 @@ def propose(
         try:
             usable.append((sheet, [_found(path, sheet, q, given.get(q)) for q in QUANTITIES]))
         except InputError as error:
-            why = why or error
+            why = why or (sheet, error)
     if not usable:
         assert why is not None
-        raise why
+        table = next((sheet for sheet in sheets if stretch_and_stress(sheet)), None)
+        if table is not None and not given:
+            raise _of_stretch(path, table)
+        sheet, first = why
+        remedy = first.remedy if first.field.startswith("--") else _mend(path, sheet, given, sheets)
+        raise InputError(path, first.field, first.problem, remedy)
     if len(usable) > 1:
         names = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
         raise InputError(
@@ -140,6 +144,66 @@ def propose(
         plain.sheet,
     )
     return Proposal(channels, (*reasons, reason))
+
+
+def stretch_and_stress(sheet: Sheet) -> tuple[Column, Column] | None:
+    """Return the columns of a table of stretch (or strain) and stress without a time; None for any other."""
+    stretch = [c for c in sheet.columns if re.search(_STRETCH, c.name, re.IGNORECASE) and not measured_by(c)]
+    stress = [
+        c
+        for c in sheet.columns
+        if measures(c, "pressure") or (re.search(_STRESS, c.name, re.IGNORECASE) and not measured_by(c))
+    ]
+    timed = any(measures(c, "time") or re.search(WORDS["time"], c.name, re.IGNORECASE) for c in sheet.columns)
+    return (stretch[0], stress[0]) if stretch and stress and not timed else None
+
+
+def measured_by(column: Column) -> Quantity | None:
+    """Return the quantity that a column's unit measures."""
+    unit = unit_named(column.unit) if column.unit else None
+    return None if unit is None else unit.quantity
+
+
+def _of_stretch(path: Path, sheet: Sheet) -> InputError:
+    stretch, stress = stretch_and_stress(sheet) or sheet.columns[:2]
+    unit = f" in {stress.unit}" if stress.unit else ""
+    return InputError(
+        path,
+        "columns",
+        f"is a table of stretch and stress ('{stretch.name}' and '{stress.name}'{unit}) without a time: a "
+        "test's result, and no recording of displacement and force",
+        "give displacement = (stretch - 1) length_mm and force = stress area_mm2 over a time, "
+        "or the recordings that it was made from",
+    )
+
+
+def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str:
+    """Return the command that would read a file, with the units that are to be confirmed or filled in."""
+    options: dict[str, str] = {str(quantity): text for quantity, text in given.items()}
+    assumed: list[str] = []
+    for quantity in QUANTITIES:
+        try:
+            _found(path, sheet, quantity, given.get(quantity))
+        except InputError:
+            named = [c for c in sheet.columns if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
+            column = next((c for c in named if measured_by(c) in (quantity, None)), None)
+            if column is None:
+                options[quantity] = "NAME:UNIT"
+            else:
+                unit = column.unit if measured_by(column) == quantity and column.unit else OWN[quantity]
+                options[quantity] = f"{column.name}:{unit}"
+                assumed.append(f"{quantity} is '{column.name}' in {unit}")
+    if len(sheets) > 1 and sheet.name:
+        options["sheet"] = sheet.name
+    missing = [quantity for quantity, text in options.items() if text == "NAME:UNIT"]
+    if missing:
+        return f"name {' and '.join(missing)}: {_look(path, options)}"
+    return f"if {', '.join(assumed)}: {_look(path, options)}"
+
+
+def _first_is_doubled(time: FloatArray) -> bool:
+    """Tell whether the first sample was written twice, as some programs do; later ones are no such thing."""
+    return len(time) > 2 and time[0] == time[1] and bool((np.diff(time[1:]) > 0).all())
 
 
 def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet:
@@ -195,14 +259,14 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
     candidates = [c for c in sheet.columns if _may_be(c, quantity)]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     if not candidates:
-        alike = [c for c in sheet.columns if re.search(_WORDS[quantity], c.name, re.IGNORECASE)]
+        alike = [c for c in sheet.columns if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
         why = f"no column is named, or has a unit, like it (of {names})"
         if alike:
             why = f"'{alike[0].unit}' of '{alike[0].name}' is no unit of {quantity}"
         raise InputError(path, f"recordings.{quantity}", why, f"name it with --{quantity} NAME:UNIT")
-    named = [c for c in candidates if re.search(_WORDS[quantity], c.name, re.IGNORECASE)]
+    named = [c for c in candidates if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
     chosen, others = (named or candidates)[0], (named or candidates)[1:]
-    differing = [c.name for c in others if not _same_signal(c.values, chosen.values)]
+    differing = [c.name for c in others if not _same_signal(c, chosen)]
     if differing:
         told = ", ".join(f"'{n}'" for n in (chosen.name, *differing))
         raise InputError(
@@ -238,14 +302,16 @@ def _may_be(column: Column, quantity: Quantity) -> bool:
     unit: Unit | None = unit_named(column.unit) if column.unit else None
     if unit is not None:
         return unit.quantity == quantity
-    return re.search(_WORDS[quantity], column.name, re.IGNORECASE) is not None
+    return re.search(WORDS[quantity], column.name, re.IGNORECASE) is not None
 
 
-def _same_signal(a: FloatArray, b: FloatArray) -> bool:
-    """Tell whether one signal is the other but for sign, scale and zero."""
-    if np.ptp(a) == 0 or np.ptp(b) == 0:
-        return bool(np.ptp(a) == np.ptp(b) == 0)
-    return bool(abs(np.corrcoef(a, b)[0, 1]) > 1 - 1e-6)
+def _same_signal(a: Column, b: Column) -> bool:
+    """Tell whether one signal is the other but for sign, unit and zero; one that is twice as large isn't."""
+    one, other = (c.values * (unit_named(c.unit or "") or Unit(None, 1.0)).factor for c in (a, b))
+    if np.ptp(one) == 0 or np.ptp(other) == 0:
+        return bool(np.ptp(one) == np.ptp(other) == 0)
+    alike = abs(np.corrcoef(one, other)[0, 1]) > 1 - 1e-6
+    return bool(alike and abs(np.ptp(one) / np.ptp(other) - 1) < 0.01)
 
 
 def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
@@ -298,16 +364,34 @@ def read_samples(path: Path, channels: Channels | None = None, area: float | Non
     Raises
     ------
     InputError
-        If the table can't be read (see `legfem.common.tables.read_table`), or if the file lacks what ``channels`` name.
+        If the table can't be read (see `legfem.common.input_files.read_table`), or if the file lacks what
+        ``channels`` name.
     """
     path = Path(path)
     if channels is not None:
         return recording_of(path, read_sheets(path), channels, area)
+    try:
+        return _own_table(path, area)
+    except InputError as error:
+        if error.field in ("file", "rows"):
+            raise
+        found = _other_dialect(path, area)
+        if found is not None:
+            return found
+        if error.field == "header" and area is None and (seen := _seen(path)):
+            remedy = f"{error.remedy}; or run {_look(path, {})}, whose recordings.toml reads {seen}"
+            raise InputError(path, error.field, error.problem, remedy) from None
+        raise
+
+
+def _own_table(path: Path, area: float | None) -> Recording:
     column, factor = HEADER[2], 1.0
     if area is not None:
         column, factor = _pressure_column(path)
         factor *= area
     table = read_table(path, (*HEADER[:2], column))
+    if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
+        table = table.iloc[1:]
     time = table["time_s"].to_numpy(dtype=np.float64)
     rows = not_increasing(time)
     if rows:
@@ -324,6 +408,44 @@ def read_samples(path: Path, channels: Channels | None = None, area: float | Non
         trial=path.stem,
         source=path,
     )
+
+
+def _other_dialect(path: Path, area: float | None) -> Recording | None:
+    """Return what a table with semicolons, tabs or decimal commas holds; None where that isn't said clearly.
+
+    Clear are columns by name and unit, which grow as the test presses: nothing of them is guessed.
+    """
+    lines = path.read_bytes()[:4000].decode("utf-8", "replace").splitlines()
+    head, first = [*lines, "", ""][:2]
+    if not any(mark in head for mark in ";\t") and '"' not in first:
+        return None
+    try:
+        sheets = read_sheets(path)
+        if area is not None:
+            columns = {c.name: c for c in sheets[0].columns}
+            unit = columns["pressure"].unit if "pressure" in columns else None
+            own = Channels(Channel("time", "s"), Channel("displacement", "mm"), Channel("pressure", unit or ""))
+            return recording_of(path, sheets, own, area)
+        found = propose(path, sheets).channels
+    except InputError:
+        return None
+    if found.displacement.sign < 0 or found.force.sign < 0:
+        return None
+    return recording_of(path, sheets, found)
+
+
+def _seen(path: Path) -> str:
+    """Return as what `legfem.data look` reads a file's columns; empty where it doesn't."""
+    try:
+        found = propose(path, read_sheets(path)).channels
+    except InputError:
+        return ""
+    return ", ".join(f"{q} from '{getattr(found, q).column}' in {getattr(found, q).unit}" for q in QUANTITIES)
+
+
+def _look(path: Path, options: Mapping[str, str]) -> str:
+    words = ["python -m legfem.data look", shlex.quote(str(path))]
+    return " ".join([*words, *(f"--{key} {shlex.quote(value)}" for key, value in options.items())])
 
 
 def _pressure_column(path: Path) -> tuple[str, float]:

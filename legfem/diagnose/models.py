@@ -10,8 +10,8 @@ from legfem.diagnose.mechanisms.base import Solution
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path
 
 

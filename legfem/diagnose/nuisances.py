@@ -127,8 +127,8 @@ _OUTLINES = Cause("outlines", GEOMETRY_DOF)
 
 def displaced_geometries() -> list[Displaced]:
     """Return the geometries whose forces tell of outlines, aim and direction."""
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
 
     found = [
         Displaced(f"outline of the {outline} at {arc:+.0f} mm", MeshMotion(outline, arc))

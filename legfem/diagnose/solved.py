@@ -30,8 +30,8 @@ ELASTIC_DERIVATIVES = ("deep.C10", "deep.C20")
 _SMALLEST_FORCE_N = 1e-6
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
 
 PLAIN = Solution("plain")
 """The base model with no term of any mechanism."""

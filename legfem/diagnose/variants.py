@@ -12,12 +12,10 @@ from legfem.diagnose.nuisances import MATERIAL_LOG_SD, displaced_geometries
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-    from legfem.experiments.tissues import Tissues
+    from legfem.experiments.plane_strain import Placement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
-    from legfem.meshing.motion import MeshMotion
+    from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path
     from legfem.solve.report import SolveReport
 
@@ -105,7 +103,7 @@ class Variants:
         placement
             Where the cylinder stands; as stated without it.
         """
-        from legfem.experiments.placement import Placement
+        from legfem.experiments.plane_strain import Placement
 
         model = self.model(solution.variant)
         values = dict(deep)

@@ -9,28 +9,27 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
-from legfem.experiments.base import Solved
-from legfem.experiments.pressing import Attempt, Pressed, Pressing, PressingTest, leg_model
+from legfem.common.errors import InputError, check_positive
+from legfem.common.units import FloatArray
+from legfem.experiments.experiment import Solved
+from legfem.experiments.indentation import Attempt, IndentationModel, IndentationRequest, IndentationTest, leg_model
 from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
 from legfem.fem.system import System
-from legfem.mechanics.contact import RigidBall, RigidIndenter, RigidPlate
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, RigidBall, RigidIndenter, RigidPlate
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
+from legfem.meshing.grid import Support
 from legfem.meshing.meridian import MeridianMesh, MeridianMeshSettings, mesh_meridian, supports
 from legfem.meshing.section import DEEP
-from legfem.meshing.support import Support
-from legfem.solve.force_curve import ForceCurve
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.path import Path
+from legfem.solve.path import ForceCurve, Path
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.report import SolveReport
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 Faces = Literal["rough", "frictionless"]
 
@@ -214,7 +213,7 @@ class AxisymmetricBody[Sizes]:
 
 
 @dataclass(frozen=True, eq=False)
-class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], PressingTest):
+class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
     """A test with axial symmetry; solves for any parameters without meshing again.
 
     A test of one's own says in ``arrangement`` what presses on what.
@@ -237,7 +236,7 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], PressingTest):
         model = leg_model(self.laws, given.indenter, given.contact, formulation)
         return model.with_terms(self.mechanisms)
 
-    def _made(self) -> Pressing:
+    def _made(self) -> IndentationModel:
         given, settings = self.arrangement, self.settings
         meshed = mesh_meridian(
             given.radius, given.height, given.fine, given.mesh, given.side, self.comm, self.interfaces
@@ -250,7 +249,7 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], PressingTest):
         if isinstance(self.law, tuple):
             stiffnesses = (f"{name}.{key}" for name in self.laws for key in ("C10", "C20"))
             contact = replace(contact, stiffnesses=tuple(stiffnesses))
-        return Pressing(system, solver, contact, given.length, given.whole, settings.steps)
+        return IndentationModel(system, solver, contact, given.length, given.whole, settings.steps)
 
 
 class BallIndentation(AxisymmetricTest[BallOnLayer]):
@@ -305,7 +304,7 @@ class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
         """Yield the model; a softer contact wouldn't help flat faces."""
         yield Attempt(self.pressing)
 
-    def _farthest(self, attempts: Iterator[Attempt], asked: Pressed) -> Solved:
+    def _farthest(self, attempts: Iterator[Attempt], asked: IndentationRequest) -> Solved:
         whole = asked.protocol
         half = Protocol(whole.time, tuple(d / 2 for d in whole.displacement))
 
@@ -325,3 +324,62 @@ def _doubled(solved: Solved) -> Solved:
         Path(path.time, 2 * path.displacement, path.force, path.sensitivities),
         replace(report, reached=2 * report.reached, target=2 * report.target),
     )
+
+
+@dataclass(frozen=True)
+class Compressed:
+    """Thickness that layers lose at the axis, and the force, by steps."""
+
+    force: FloatArray
+    """(n,), N."""
+    lost: Mapping[str, FloatArray]
+    """By the layer's name, from the base up; (n,), mm."""
+    report: SolveReport
+
+    @property
+    def total(self) -> FloatArray:
+        """Of all layers (n,), mm."""
+        return np.asarray(sum(self.lost.values()))
+
+
+def compress[Sizes](
+    test: AxisymmetricTest[Sizes], depth: float, values: Mapping[str, float] | None = None
+) -> Compressed:
+    """Press to a depth, and tell how much each layer's thickness falls at the axis.
+
+    Parameters
+    ----------
+    test
+        On layers.
+    depth
+        Of what presses (mm).
+    values
+        Numbers that differ from the model's own, by full name.
+
+    Returns
+    -------
+    Compressed
+        As far as the solution came, from zero.
+    """
+    spaces = test.system.spaces
+    nodes = spaces.displacement_space.tabulate_dof_coordinates()
+    # The second component, along the axis, of the nodes on it at the layers' tops.
+    dofs = [
+        spaces.displacement_dofs[2 * int(np.argmin(np.hypot(nodes[:, 0], nodes[:, 1] - z))) + 1]
+        for z in (*test.interfaces, test.arrangement.height)
+    ]
+    # Every attempt at the solution begins anew at small displacements.
+    attempts: list[dict[float, FloatArray]] = []
+
+    def look(at: float) -> None:
+        if not attempts or at <= max(attempts[-1]):
+            attempts.append({})
+        unknown: fem.Function = test.system.unknown
+        attempts[-1][at] = -np.asarray(unknown.x.array[dofs])
+
+    solved = test.solve(values, depth=depth, on_step=look)
+    steps = solved.path.displacement[1:].tolist()
+    seen = next((one for one in attempts if list(one) == steps), {})
+    sunk = np.array([np.zeros(len(dofs)), *seen.values()])
+    lost = np.diff(sunk, axis=1, prepend=0.0).T
+    return Compressed(solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report)

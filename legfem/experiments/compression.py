@@ -10,23 +10,21 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import PressureStabilisation, SkinPressure, Tissue
+from legfem.meshing.grid import Support
 from legfem.meshing.idealised_leg import END, LegMesh
-from legfem.meshing.support import Support
 from legfem.solve.linear import LinearSettings, renew_factors
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport
 from legfem.solve.sensitivity import Trackers
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.solve.stepping import follow
 
 

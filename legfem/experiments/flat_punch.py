@@ -8,11 +8,9 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest, Faces
-from legfem.mechanics.contact import rounded_gap, rounded_normal
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, rounded_gap, rounded_normal
 from legfem.mechanics.kinematics import Expr
 from legfem.meshing.meridian import MeridianMeshSettings, supports
 

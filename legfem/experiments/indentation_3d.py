@@ -10,21 +10,18 @@ from typing import Literal
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
-from legfem.experiments.base import made_when_needed
-from legfem.experiments.pressing import Pressing, PressingTest, leg_model
+from legfem.common.errors import InputError, check_positive
+from legfem.experiments.experiment import cached_in_process
+from legfem.experiments.indentation import IndentationModel, IndentationTest, leg_model
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
-from legfem.mechanics.contact import FiniteCylinder, RigidCylinder, RigidIndenter
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, FiniteCylinder, RigidCylinder, RigidIndenter
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMesh, LegMeshSettings, mesh_leg, mesh_leg_section
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ class IdealisedLegSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class IdealisedLegIndentation(PressingTest):
+class IdealisedLegIndentation(IndentationTest):
     """The test on the idealised leg; solves for any parameters without meshing again.
 
     Parameters
@@ -123,7 +120,7 @@ class IdealisedLegIndentation(PressingTest):
         base = leg_model(laws, shape, settings.contact, settings.formulation)
         return base.with_terms(self.mechanisms)
 
-    @made_when_needed
+    @cached_in_process
     def leg_mesh(self) -> LegMesh:
         """The mesh: a quarter of the leg, or half of its section."""
         leg, radius, mesh = self.leg, self.cylinder.radius, self.settings.mesh
@@ -131,7 +128,7 @@ class IdealisedLegIndentation(PressingTest):
             return mesh_leg(leg, radius, self.cylinder.length, mesh, self.comm)
         return mesh_leg_section(leg, radius, mesh, self.comm)
 
-    def _made(self) -> Pressing:
+    def _made(self) -> IndentationModel:
         meshed, settings, cylinder = self.leg_mesh, self.settings, self.cylinder
         spaces = build_spaces(
             meshed.mesh,
@@ -147,7 +144,7 @@ class IdealisedLegIndentation(PressingTest):
         system = System(spaces, self.model, start, direction, settings.quadrature_degree)
         solver = NewtonSolver(system, settings.newton, settings.linear)
         whole = float(meshed.copies) * (1.0 if self.dimension == 3 else cylinder.length)
-        return Pressing(system, solver, settings.contact, cylinder.radius, whole, settings.steps)
+        return IndentationModel(system, solver, settings.contact, cylinder.radius, whole, settings.steps)
 
 
 def _check_ends(leg: IdealisedLeg, cylinder: Cylinder, mesh: LegMeshSettings) -> None:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest, Faces
-from legfem.mechanics.contact import RigidCylinder
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, RigidCylinder
 from legfem.meshing.meridian import MeridianMeshSettings, supports
 
 

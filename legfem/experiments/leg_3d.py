@@ -12,24 +12,23 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.experiments.base import made_when_needed
-from legfem.experiments.posed import Indenting, Pose, Posed, posed
-from legfem.experiments.pressing import Pressing, PressingTest, leg_model
+from legfem.experiments.experiment import cached_in_process
+from legfem.experiments.indentation import IndentationModel, IndentationTest, leg_model
+from legfem.experiments.indenter_pose import IndenterInPose, Indenting, Pose, in_pose
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.shape_surface import PartSurface
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.geometry.leg_surface import PartSurface
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import Fascia, Fibres
+from legfem.meshing.grid import Support
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.solid_leg import FineStrip, SolidMeshSettings, mesh_solid_leg
-from legfem.meshing.support import Support
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 _LEVELS, _TURNS, _LOOKS = 41, 720, 3
 """Along the leg and round it, at which the skin is looked for, each time nearer to the touch."""
@@ -71,7 +70,7 @@ def fibres_of(c10: float, ratio: float) -> Fibres:
 
 
 @dataclass(frozen=True, eq=False)
-class LegIndentation3D(PressingTest):
+class LegIndentation3D(IndentationTest):
     """The test on a leg's own shape; its end faces stay in their planes, its bones are held.
 
     Parameters
@@ -106,10 +105,22 @@ class LegIndentation3D(PressingTest):
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: tuple[Term, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Check that the indenter lies over the leg."""
+        low, high = self._span
+        if low < self.shape.levels[0] or high > self.shape.levels[-1]:
+            raise InputError(
+                "indenter",
+                "level",
+                f"it reaches from {low:g} to {high:g} mm and leaves the leg, "
+                f"{self.shape.levels[0]:g} to {self.shape.levels[-1]:g} mm",
+                "scan a longer part of the leg, or give another level",
+            )
+
     @cached_property
-    def posed(self) -> Posed[Any]:
+    def placed_indenter(self) -> IndenterInPose[Any]:
         """The indenter in its pose."""
-        return posed(self.indenter, self.pose)
+        return in_pose(self.indenter, self.pose)
 
     @cached_property
     def _skin(self) -> PartSurface:
@@ -117,13 +128,13 @@ class LegIndentation3D(PressingTest):
 
     @property
     def _span(self) -> tuple[float, float]:
-        return self.pose.level - self.posed.reach, self.pose.level + self.posed.reach
+        return self.pose.level - self.placed_indenter.reach, self.pose.level + self.placed_indenter.reach
 
     @cached_property
     def model(self) -> LegModel:
         """The sum of terms."""
         laws = {region: self.tissues[region] for region in ("superficial", "deep")}
-        base = leg_model(laws, self.posed.shape, self.settings.contact, "continuous")
+        base = leg_model(laws, self.placed_indenter.shape, self.settings.contact, "continuous")
         return base.with_terms((self.fascia, *self.mechanisms))
 
     @cached_property
@@ -134,7 +145,7 @@ class LegIndentation3D(PressingTest):
         for _ in range(_LOOKS):
             round_it, along = np.linspace(*turns, _TURNS), np.linspace(*levels, _LEVELS)
             points = self._skin(round_it[:, None] % 1.0, along[None, :]) - aim
-            way = points @ frame[2] - self.posed.ahead(points @ frame[:2].T)
+            way = points @ frame[2] - self.placed_indenter.ahead(points @ frame[:2].T)
             if np.all(np.isnan(way)):
                 raise InputError(
                     "indenter",
@@ -148,17 +159,17 @@ class LegIndentation3D(PressingTest):
             levels = max(low, self._span[0]), min(high, self._span[1])
         return np.asarray(aim + np.nanmin(way) * frame[2])
 
-    @made_when_needed
+    @cached_in_process
     def leg_mesh(self) -> LegMesh:
         """The mesh, fine under the indenter."""
-        frame, (ahead, half) = self.pose.frame, self.posed.contact
+        frame, (ahead, half) = self.pose.frame, self.placed_indenter.contact
         middle = self.touch + ahead * frame[2]
         low, high = (middle + side * half * frame[0] for side in (-1, 1))
         reach, size = 1.2 * self.indenter.radius, self.settings.contact_size
         strip = FineStrip((_triple(low), _triple(high)), reach, size)
         return mesh_solid_leg(self.shape, replace(self.settings.mesh, strip=strip), self.comm)
 
-    def _made(self) -> Pressing:
+    def _made(self) -> IndentationModel:
         meshed, settings = self.leg_mesh, self.settings
         spaces = build_spaces(
             meshed.mesh,
@@ -174,7 +185,7 @@ class LegIndentation3D(PressingTest):
         )
         solver = NewtonSolver(system, settings.newton, settings.linear)
         radius = self.indenter.radius
-        return Pressing(system, solver, settings.contact, radius, 1.0, settings.steps)
+        return IndentationModel(system, solver, settings.contact, radius, 1.0, settings.steps)
 
 
 def _beside(values: FloatArray, k: int) -> tuple[float, float]:

@@ -14,37 +14,93 @@ from mpi4py import MPI
 from shapely import Point
 
 from legfem.common.errors import InputError
-from legfem.experiments.base import Solved, made_when_needed
-from legfem.experiments.driven import motion
-from legfem.experiments.placement import Placement
-from legfem.experiments.pressing import SOFTER, Attempt, OnStep, Pressed, Pressing, PressingTest, leg_model
-from legfem.experiments.replay import Replays
-from legfem.experiments.tissues import Tissues
-from legfem.fem.distortion import most_drawn_out
+from legfem.common.units import FloatArray
+from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
+from legfem.experiments.indentation import (
+    SOFTER,
+    Attempt,
+    IndentationModel,
+    IndentationRequest,
+    IndentationTest,
+    OnStep,
+    RecentSolutions,
+    leg_model,
+)
+from legfem.fem.fields import most_drawn_out
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import BONES, LegSection
-from legfem.mechanics.contact import RigidCylinder
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, RigidCylinder
+from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import BoneSprings
-from legfem.meshing.motion import MeshMotion
 from legfem.meshing.section import (
     BONE_REGIONS,
     REGIONS,
     SKIN,
+    MeshMotion,
     SectionMesh,
     SectionMeshSettings,
     first_touch,
     mesh_section,
     moved_section_mesh,
 )
-from legfem.solve.force_curve import ForceCurve
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
+
+
+@dataclass(frozen=True)
+class Placement:
+    """The line of travel, moved from the one stated; at zero it is the one stated.
+
+    Parameters
+    ----------
+    tilt_deg : float
+        Angle that the travel is turned by, about the point of first touch, counter-clockwise
+        (degrees). The load cell turns with it.
+    offset_mm : float
+        Shift of the line, before it is turned, to the left of the travel stated (mm); zero
+        displacement stays at first touch.
+
+    Raises
+    ------
+    InputError
+        For numbers that aren't finite, or a travel turned by 60 degrees or more.
+    """
+
+    tilt_deg: float = 0.0
+    offset_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check both numbers."""
+        for name in ("tilt_deg", "offset_mm"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError("placement", name, "is not finite", "give a finite number")
+        if abs(self.tilt_deg) >= 60:
+            raise InputError("placement", "tilt_deg", f"is {self.tilt_deg:g}", "give less than 60 degrees")
+
+    def aim(self, aim: FloatArray, direction: FloatArray) -> FloatArray:
+        """Return a point on the shifted line, from one on the line stated (mm)."""
+        return aim + self.offset_mm * np.array([-direction[1], direction[0]])
+
+    def travel(self, direction: FloatArray) -> FloatArray:
+        """Return the turned unit vector of travel."""
+        angle = math.radians(self.tilt_deg)
+        x, y = direction
+        return np.array([math.cos(angle) * x - math.sin(angle) * y, math.sin(angle) * x + math.cos(angle) * y])
+
+
+@dataclass(frozen=True)
+class Tissues:
+    """The laws of the three tissues (MPa, 1/MPa)."""
+
+    deep: Hyperelastic
+    superficial: Hyperelastic
+    fascia: Hyperelastic
+
 
 _LIKE = 0.03
 """Of the force: what a solution without pressures may be off, where both go."""
@@ -72,7 +128,7 @@ class PlaneStrainSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneStrainIndentation(PressingTest):
+class PlaneStrainIndentation(IndentationTest):
     """The plane-strain test on one section; solves for any parameters without meshing again.
 
     Parameters
@@ -138,7 +194,7 @@ class PlaneStrainIndentation(PressingTest):
         """Whether the bones are bodies on springs, in place of held outlines."""
         return bool(self._springs)
 
-    @made_when_needed
+    @cached_in_process
     def section_mesh(self) -> SectionMesh:
         """The mesh of the section, fine under the cylinder."""
         if self.meshed is not None:
@@ -157,23 +213,23 @@ class PlaneStrainIndentation(PressingTest):
             return meshed
         return moved_section_mesh(meshed, self.moved, self.section, indenter.radius, indenter.aim)
 
-    @made_when_needed
-    def replays(self) -> Replays:
+    @cached_in_process
+    def replays(self) -> RecentSolutions:
         """Solutions whose states are kept."""
-        return Replays()
+        return RecentSolutions()
 
-    @made_when_needed
+    @cached_in_process
     def _finer(self) -> PlaneStrainIndentation:
         """The same on a finer mesh."""
         mesh = self.settings.mesh.refined(1.5)
         return replace(self, settings=replace(self.settings, mesh=mesh, defences=False))
 
-    @made_when_needed
+    @cached_in_process
     def _well_integrated(self) -> PlaneStrainIndentation:
         """The same with more points in every element, for films that are drawn out far."""
         return self._on_this_mesh(quadrature_degree=max(self.settings.quadrature_degree, _MANY))
 
-    @made_when_needed
+    @cached_in_process
     def _of_displacements(self) -> PlaneStrainIndentation:
         """The same without pressures of their own, whose films of soft fat are less unsteady."""
         return self._on_this_mesh(formulation="displacement")
@@ -223,8 +279,8 @@ class PlaneStrainIndentation(PressingTest):
         Solved
             Also where the end wasn't reached.
         """
-        given, attempts = motion(protocol if depth is None else depth), self.attempts(placement)
-        return self._farthest(attempts, Pressed(values, given, sensitivities, on_step, keep_in))
+        given, attempts = as_protocol(protocol if depth is None else depth), self.attempts(placement)
+        return self._farthest(attempts, IndentationRequest(values, given, sensitivities, on_step, keep_in))
 
     def _trusted(self, made: Iterator[Solved]) -> Iterator[Solved]:
         """Yield attempts; one without pressures only if its force is like the first's."""
@@ -255,7 +311,7 @@ class PlaneStrainIndentation(PressingTest):
             text += f", {gap:.0f} mm from the {bone}, onto which what lies above presses it"
         return f"{text}; use less depth, or check how soft it is beside its neighbours"
 
-    def _made(self) -> Pressing:
+    def _made(self) -> IndentationModel:
         meshed, free = self.section_mesh, self._bones_give_way
         spaces = build_spaces(
             meshed.mesh,
@@ -268,7 +324,7 @@ class PlaneStrainIndentation(PressingTest):
         )
         degree = self.settings.quadrature_degree
         system = System(spaces, self.model, meshed.touch, meshed.direction, degree)
-        return Pressing(
+        return IndentationModel(
             system,
             NewtonSolver(system, self.settings.newton),
             self.settings.contact,
@@ -277,7 +333,7 @@ class PlaneStrainIndentation(PressingTest):
             self.settings.steps,
         )
 
-    def _placed(self, placement: Placement) -> Pressing:
+    def _placed(self, placement: Placement) -> IndentationModel:
         meshed, indenter = self.section_mesh, self.indenter
         aim = placement.aim(indenter.aim, meshed.direction)
         touch = first_touch(meshed.outline, indenter.radius, aim, meshed.direction)

@@ -21,21 +21,18 @@ from typing import Any, Literal
 import numpy as np
 from dolfinx import fem
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import AxisymmetricBody
-from legfem.experiments.base import Solved, made_when_needed
-from legfem.experiments.driven import DrivenTest, Meshed, sampled
+from legfem.experiments.experiment import Meshed, ProtocolTest, Solved, cached_in_process, sample_protocol
 from legfem.fem.system import System
 from legfem.mechanics.model import LegModel
 from legfem.mechanics.terms import SkinPressure, Tissue
+from legfem.meshing.grid import Support
 from legfem.meshing.meridian import RIM, MeridianMeshSettings, mesh_meridian, supports
 from legfem.meshing.section import SKIN
-from legfem.meshing.support import Support
-from legfem.solve.force_curve import ForceCurve
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.path import Path
+from legfem.solve.path import ForceCurve, Path
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport, Step
 
@@ -93,8 +90,8 @@ class CupOnLayer:
 
 
 @dataclass(frozen=True, eq=False)
-class SuctionTest(AxisymmetricBody[CupOnLayer], DrivenTest):
-    """The cup's test, an `legfem.experiments.base.Experiment`.
+class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
+    """The cup's test, an `legfem.experiments.experiment.Experiment`.
 
     Displacement is the dome's height at the axis, force the suction times the opening's area. The
     suction is what is stepped: a dome that goes on growing at a suction that falls isn't followed.
@@ -118,7 +115,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], DrivenTest):
         under = Support(RIM, (0, 1) if self.test.rim == "bonded" else (1,))
         return (*supports(self.test.base), under)
 
-    @made_when_needed
+    @cached_in_process
     def _drawn(self) -> _Drawn:
         test, settings = self.test, self.settings
         opening, outer = test.opening_radius, test.opening_radius + test.rim_width
@@ -148,7 +145,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], DrivenTest):
         """
         parameters = self.model.values(values)
         curve, report = self._drawn.to(protocol.depth, parameters, sensitivities, self.test.opening)
-        times, at = sampled(protocol, _POINTS, report.reached + 1e-9)
+        times, at = sample_protocol(protocol, _POINTS, report.reached + 1e-9)
         by = {name: curve.sensitivity(name, at) for name in sensitivities}
         return Solved(parameters, curve, Path(times, at, curve(at), by), report)
 

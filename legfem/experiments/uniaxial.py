@@ -30,11 +30,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.experiments.base import Solved
-from legfem.experiments.driven import DrivenTest, sampled
+from legfem.experiments.experiment import ProtocolTest, Solved, sample_protocol
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import Path
@@ -75,8 +73,8 @@ class Bar:
 
 
 @dataclass(frozen=True, eq=False)
-class UniaxialTest(DrivenTest):
-    """The bar's test, an `legfem.experiments.base.Experiment`.
+class UniaxialTest(ProtocolTest):
+    """The bar's test, an `legfem.experiments.experiment.Experiment`.
 
     Parameters
     ----------
@@ -113,7 +111,7 @@ class UniaxialTest(DrivenTest):
         target = protocol.depth
         sign = 1.0 if self.test.pulled == "tension" else -1.0
         farthest = target if sign > 0 else min(target, (1 - _SHORTEST) * self.test.length)
-        time, at = sampled(protocol, _POINTS, farthest)
+        time, at = sample_protocol(protocol, _POINTS, farthest)
         force = self._force(parameters, at, sign)
         by = {}
         for name in sensitivities:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.fem.spaces import LegSpaces
-from legfem.geometry.surface import TriangleSurface
+from legfem.geometry.leg_surface import TriangleSurface
 from legfem.meshing.section import HULL, SKIN
 
 

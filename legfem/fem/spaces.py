@@ -21,8 +21,8 @@ from scipy.spatial import cKDTree
 from legfem.common.errors import InputError
 from legfem.fem.compat import cell_nodes, collapse, surface_mesh
 from legfem.mechanics.model import Formulation
+from legfem.meshing.grid import Support
 from legfem.meshing.section import BONE, REGIONS, SKIN
-from legfem.meshing.support import Support
 
 Symmetry = Literal["plane", "axial"]
 POROUS = ("superficial", "deep")

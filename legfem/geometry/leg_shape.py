@@ -11,16 +11,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, make_interp_spline
+from shapely import Polygon
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.geometry.curve import area_and_centroid, at_own_places, smooth_closed_curve
+from legfem.geometry.contours import check_girth, check_levels
+from legfem.geometry.curve import area_and_centroid, at_own_places, closed_lengths, smooth_closed_curve
 
 SKIN, HULL = "skin", "hull"
 
@@ -220,3 +224,107 @@ def shape_of_contours(
         n = n_points if isinstance(n_points, int) else n_points[part]
         made[part] = np.stack([corresponding(loop, n) for loop in loops])
     return LegShape(np.asarray(levels, dtype=np.float64), made)
+
+
+def check_shape(shape: LegShape, source: str | Path, clearance: float = 0.0, leg_sized: bool = True) -> None:
+    """Check that the parts of a shape nest at every level.
+
+    Parameters
+    ----------
+    shape : LegShape
+        The shape.
+    source : str or Path
+        What errors name as the file.
+    clearance : float
+        Least distance that is wanted between the parts (mm).
+    leg_sized : bool
+        Whether the girth has to be a leg's.
+
+    Raises
+    ------
+    InputError
+        If a contour crosses itself, a part is not inside the one around it with the clearance, or
+        the girth is not a leg's in mm.
+    """
+    if leg_sized:
+        check_levels(shape.levels, source)
+    pairs = [(HULL, SKIN), *((bone, HULL) for bone in shape.bones)]
+    for k, level in enumerate(shape.levels):
+        here = {part: Polygon(xy[k]) for part, xy in shape.contours.items()}
+        where = f"level {level:g} mm"
+        for part, polygon in here.items():
+            if not polygon.is_valid:
+                raise InputError(
+                    source, f"{part}, {where}", "the contour crosses itself", "give its points in order, or smooth it"
+                )
+        if leg_sized:
+            check_girth(float(here[SKIN].length), source)
+        for inner, outer in pairs:
+            _check_room(source, here, inner, outer, where, clearance)
+        for i, bone in enumerate(shape.bones):
+            for other in shape.bones[:i]:
+                if here[bone].distance(here[other]) < max(clearance, 1e-9):
+                    raise InputError(source, f"{bone}, {where}", f"touches or crosses the {other}", "separate the two")
+
+
+def _check_room(
+    source: str | Path, here: Mapping[str, Polygon], inner: str, outer: str, where: str, clearance: float
+) -> None:
+    if not here[outer].contains_properly(here[inner]):
+        at = shapely.get_coordinates(here[inner].difference(here[outer]).representative_point())
+        near = f" near ({at[0, 0]:.1f}, {at[0, 1]:.1f})" if len(at) else ""
+        raise InputError(
+            source, f"{inner}, {where}", f"is not inside the {outer}{near}", f"bring the {inner} inside the {outer}"
+        )
+    gap = here[outer].exterior.distance(here[inner].exterior)
+    if gap < clearance:
+        raise InputError(
+            source,
+            f"{inner}, {where}",
+            f"{gap:.2f} mm left to the {outer} where {clearance:.2f} are needed",
+            "correct the contours or ask for less room",
+        )
+
+
+def perimeter(shape: LegShape, part: str = SKIN) -> FloatArray:
+    """Return the perimeter of a part at every level, (n_levels,), mm."""
+    return closed_lengths(shape.contours[part])
+
+
+def largest_girth(shape: LegShape) -> float:
+    """Return the level at which the skin's perimeter is largest, mm."""
+    return float(shape.levels[int(np.argmax(perimeter(shape)))])
+
+
+def horizontal_curvature(shape: LegShape, part: str = SKIN) -> FloatArray:
+    """Return the curvature of a part's contours in their own planes.
+
+    By central differences of fourth order over five points: smooth noisy contours before.
+
+    Returns
+    -------
+    ndarray
+        (n_levels, n_points), 1/mm; positive where the contour is convex.
+    """
+    xy = shape.contours[part]
+    one, two = ((np.roll(xy, -k, axis=1), np.roll(xy, k, axis=1)) for k in (1, 2))  # after and before
+    first = (8 * (one[0] - one[1]) - (two[0] - two[1])) / 12
+    second = (16 * (one[0] + one[1]) - (two[0] + two[1]) - 30 * xy) / 12
+    turning = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    curvature: FloatArray = turning / np.linalg.norm(first, axis=2) ** 3
+    return curvature
+
+
+def fat_thickness_around(shape: LegShape) -> FloatArray:
+    """Return the shortest distance to the hull, in its plane, of every point of the skin.
+
+    Returns
+    -------
+    ndarray
+        (n_levels, n_points of the skin), mm.
+    """
+    thickness = [
+        shapely.distance(shapely.points(skin), shapely.LinearRing(hull))
+        for skin, hull in zip(shape.contours[SKIN], shape.contours[HULL], strict=True)
+    ]
+    return np.stack(thickness)

@@ -17,8 +17,7 @@ from scipy.interpolate import make_interp_spline
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.curve import outward_normals, smooth_closed_curve
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.shape_measures import largest_girth
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, largest_girth
 
 CONTOURS = ("outer", "inner")
 _PART = {"outer": SKIN, "inner": HULL}

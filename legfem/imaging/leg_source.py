@@ -9,23 +9,119 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import model_validator
 from shapely import Polygon
 
 from legfem.common.errors import InputError
+from legfem.common.input_files import FileTable, Text, trouble
 from legfem.common.units import FloatArray
-from legfem.geometry.contour_table import read_loops
-from legfem.geometry.cross_sections import SURFACES, Clearances, polygons_of
-from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.nested_shape import shape_of_outlines
-from legfem.geometry.plane import CuttingPlane
-from legfem.geometry.shape_file import not_closed, read_shape
-from legfem.imaging.anatomy import check_anatomy, cropped
+from legfem.geometry.contours import MUSCLE_HULL, read_loops
+from legfem.geometry.frames import CuttingPlane
+from legfem.geometry.leg_shape import HULL, LegShape
+from legfem.geometry.leg_shape_from_outlines import not_closed, read_shape, shape_of_outlines
+from legfem.geometry.section_from_outlines import SURFACES, Clearances, polygons_of
+from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
-from legfem.imaging.shape_cut import outlines_of_shape
-from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry, existing
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
-from legfem.imaging.volume import LabelVolume
 from legfem.imaging.volume_file import read_volume
+
+_STEP = 0.25  # mm along the leg
+
+
+def outlines_of_shape(shape: LegShape, plane: CuttingPlane, source: str) -> dict[str, Polygon]:
+    """Return the outlines of skin, muscles' hull, tibia and fibula where a plane cuts a shape.
+
+    Raises
+    ------
+    InputError
+        If a part is missing, or ends before the plane has cut it.
+    """
+    outlines = {}
+    for part in SURFACES:
+        name = HULL if part == MUSCLE_HULL else part
+        if name not in shape.contours:
+            raise InputError(
+                source,
+                part,
+                f"missing at {plane}",
+                "label tibia and fibula apart from each other, or cut the leg elsewhere",
+            )
+        outlines[part] = Polygon(_contour(shape, name, plane, source))
+    return outlines
+
+
+def _contour(shape: LegShape, part: str, plane: CuttingPlane, source: str) -> FloatArray:
+    """Return where the lines along the leg through a part's points meet a plane, (n, 2), mm."""
+    z = np.linspace(shape.levels[0], shape.levels[-1], 2 + int(shape.length / _STEP))
+    points = shape.at_levels(z).points(part)
+    above = plane.height(points)
+    above[np.abs(above) < 1e-9] = 0.0
+    passes = (above[:-1] <= 0) & (above[1:] >= 0)
+    if not passes.any(axis=0).all():
+        raise InputError(
+            source,
+            part,
+            f"{plane} leaves the scan, {z[0]:.4g} to {z[-1]:.4g} mm",
+            "choose a level or a position within it",
+        )
+    at, along = np.argmax(passes, axis=0), np.arange(points.shape[1])
+    low, high = above[at, along], above[at + 1, along]
+    share = (-low / np.where(high > low, high - low, 1.0))[:, None]
+    return plane.flat((1 - share) * points[at, along] + share * points[at + 1, along])
+
+
+type Labels = int | list[int]
+
+
+class LabelsEntry(FileTable):
+    """``[labels]``: which labels a scan has for a tissue."""
+
+    superficial: Labels = 1
+    deep: Labels = 2
+    bone: Labels = 3
+
+
+class ShapeEntry(FileTable):
+    """A leg's shape: one of a label volume, contours, or closed surfaces."""
+
+    scan: Text | None = None
+    series: Text | None = None
+    """Folder of the DICOM series that a scan was labelled on, where its file doesn't say where it
+    lies."""
+    contours: Text | None = None
+    surfaces: dict[str, Text | list[Text]] | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ShapeEntry:
+        given = [name for name in ("scan", "contours", "surfaces") if getattr(self, name)]
+        if len(given) != 1:
+            raise trouble(
+                "scan",
+                f"{len(given)} sources of the leg's shape are given",
+                "give one of scan (label volume), contours (CSV) and surfaces (STL files by part)",
+            )
+        if self.series is not None and self.scan is None:
+            raise trouble("series", "is given without a scan", "give the scan, or leave it out")
+        return self
+
+
+def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
+    """Return the path of a file that a folder's file names.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    found = directory / name
+    try:
+        there = found.exists()
+    except OSError as error:
+        raise InputError(toml, field, f"can't be a file ({error.strerror})", "name it") from None
+    if not there:
+        raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
+    return found
+
 
 _BEYOND = 40.0
 """Above and below a cut of which a scan is outlined (mm): smoothing along it reaches there."""

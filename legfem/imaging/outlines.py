@@ -11,17 +11,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely import Polygon
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.geometry.contour_table import MUSCLE_HULL
-from legfem.geometry.contours import check_girth
-from legfem.geometry.cross_sections import BRIDGE, Clearances, joined, nested_outlines
+from legfem.geometry.contours import MUSCLE_HULL, check_girth
 from legfem.geometry.curve import area_and_centroid
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
-from legfem.geometry.shape_checks import check_shape
-from legfem.geometry.shape_smoothing import smoothed
-from legfem.imaging.volume import BACKGROUND, BONE, DEEP, LabelVolume
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, shape_of_contours
+from legfem.geometry.leg_shape_from_outlines import smoothed
+from legfem.geometry.section_from_outlines import BRIDGE, Clearances, joined, nested_outlines
+from legfem.imaging.label_volume import BACKGROUND, BONE, DEEP, LabelVolume
 
 BONE_NAMES = ("tibia", "fibula")
 _LEAST_BONE = 0.05  # a component of bone smaller than this share of the largest is a speck
@@ -42,7 +39,7 @@ class OutlineSettings:
     around, along : float
         Wavelengths (mm) below which undulations of skin and hull are smoothed away, around the
         contours and along the leg, which hardly undulates (see
-        `legfem.geometry.shape_smoothing`).
+        `legfem.geometry.leg_shape_from_outlines`).
     bone_around, bone_along : float
         The same of the bones.
     bridge : float
@@ -81,7 +78,7 @@ def shape_of_volume(
         Smoothing.
     clearances : Clearances, optional
         Room to keep between the parts, for a shape that is to be meshed (see
-        `legfem.geometry.cross_sections.nested_outlines`); without it the outlines stay where the
+        `legfem.geometry.section_from_outlines.nested_outlines`); without it the outlines stay where the
         labels have them, as a target of measurement.
 
     Raises

@@ -22,11 +22,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
+from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.rigid import RigidTransform
 
 LEAST_PATCH, LEAST_SURFACE, _AT_A_TIME = 6, 50, 2000  # points a patch, patches a surface, and made
 

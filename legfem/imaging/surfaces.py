@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike
 from shapely import Polygon
 
 from legfem.common.errors import InputError
-from legfem.geometry.contour_table import MUSCLE_HULL
-from legfem.geometry.contours import check_girth
-from legfem.geometry.cross_sections import Clearances, joined
+from legfem.geometry.contours import MUSCLE_HULL, check_girth
+from legfem.geometry.frames import CuttingPlane
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.nested_shape import nested_shape
-from legfem.geometry.plane import CuttingPlane
+from legfem.geometry.leg_shape_from_outlines import nested_shape
+from legfem.geometry.section_from_outlines import Clearances, joined
 from legfem.imaging.polydata import is_polydata, read_polydata
 
 _END = 1e-3  # mm; nearer than that to a surface's end a plane passes through it
@@ -129,7 +128,7 @@ def shape_of_surfaces(
     source : str or Path
         What errors name as the file.
     clearances : Clearances, optional
-        Room to keep between the parts; see `legfem.geometry.nested_shape.nested_shape`.
+        Room to keep between the parts; see `legfem.geometry.leg_shape_from_outlines.nested_shape`.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.imaging.volume import TISSUES, LabelVolume, volume_of_array
+from legfem.imaging.label_volume import TISSUES, LabelVolume, volume_of_array
 
 # NIfTI's axes point to the right and to the front; DICOM's to the left and to the back.
 _TO_DICOM = np.diag([-1.0, -1.0, 1.0, 1.0])

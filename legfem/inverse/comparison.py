@@ -22,7 +22,7 @@ from legfem.inverse.catalogue import Values
 from legfem.inverse.data import Data
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.outcome import Outcome
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 Weighting = Literal["paper", "covariance"]
 """What is minimised: the plain sum of squares (Eq. 12 of the paper), or the sum weighted by the errors."""

@@ -19,7 +19,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_RATIO, RATIO
 from legfem.mechanics.terms import Fibres
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 USUAL_RATIO = 2.0
 """At which a test is solved before anything is known."""

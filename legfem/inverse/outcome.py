@@ -10,7 +10,7 @@ from legfem.common.progress import Progress
 from legfem.inverse.catalogue import Values, stiffness_in_words
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 
 @dataclass(frozen=True, eq=False)

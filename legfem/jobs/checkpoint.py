@@ -7,18 +7,49 @@ are there: neither a kill nor another solution's files are ever taken for a stat
 
 from __future__ import annotations
 
+import io
 import json
 import time
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
+import numpy as np
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from legfem.common.documents import write_document
-from legfem.jobs.arrays import Arrays, read_arrays, write_arrays
+from legfem.common.errors import naming
 from legfem.jobs.key import key_of
+
+type Arrays = dict[str, NDArray[Any]]
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = False) -> None:
+    """Write arrays by name (``.npz``); a reader never meets half of them."""
+    content = io.BytesIO()
+    save = np.savez_compressed if compressed else np.savez
+    save(content, **arrays)  # type: ignore[arg-type]
+    new = path.with_suffix(".new")
+    try:
+        with naming(path):
+            new.write_bytes(content.getvalue())
+            new.replace(path)
+    except OSError:
+        new.unlink(missing_ok=True)
+        raise
+
+
+def read_arrays(path: Path) -> Arrays:
+    """Return a file's arrays; none where it is missing or malformed."""
+    try:
+        with np.load(path) as kept:
+            return dict(kept)
+    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error):
+        return {}
 
 
 @dataclass

@@ -9,15 +9,41 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from queue import SimpleQueue
-from types import TracebackType
+from types import FrameType, TracebackType
 
 from mpi4py import MPI
 
-from legfem.common.pipes import let_pipes_break
-from legfem.jobs.interrupt import interruptible
+from legfem.common.command_line import ignore_broken_pipes
 from legfem.jobs.ranks import over_ranks
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Raise KeyboardInterrupt in the end where an interrupt got lost on the way.
+
+    One that arrives in a callback of PETSc's becomes an error of PETSc's, which looks like a solve
+    that failed.
+    """
+    handler = signal.getsignal(signal.SIGINT)
+    if not callable(handler) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    interrupted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+        handler(number, frame)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if interrupted:
+            raise KeyboardInterrupt
 
 
 class Workers[Context, Task, Outcome]:
@@ -25,7 +51,7 @@ class Workers[Context, Task, Outcome]:
 
     Ctrl-C ends the processes at once, and they end themselves when the one that started them is
     killed. A process that is killed from outside raises BrokenProcessPool, of which
-    `legfem.common.command_edge` makes a line.
+    `legfem.common.command_line` makes a line.
 
     Parameters
     ----------
@@ -70,7 +96,7 @@ class Workers[Context, Task, Outcome]:
         if self._executor is None:
             return
         if error is not None:
-            let_pipes_break()
+            ignore_broken_pipes()
             for process in list((self._executor._processes or {}).values()):
                 process.kill()
         self._executor.shutdown(wait=True, cancel_futures=True)
@@ -149,7 +175,7 @@ class Workers[Context, Task, Outcome]:
                 yield place, self._done_here(task)
 
     def _started(self) -> ProcessPoolExecutor:
-        let_pipes_break()
+        ignore_broken_pipes()
         return ProcessPoolExecutor(
             self.jobs - self.along,
             mp_context=multiprocessing.get_context("spawn"),

@@ -1,4 +1,4 @@
-"""Finished work on disk, each piece as soon as it is done, so that a rerun goes on from there."""
+"""Finished work on disk, each piece as soon as it is done: a rerun does only what isn't there yet."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from mpi4py import MPI
 from pydantic import TypeAdapter
 
 from legfem.common.documents import write_atomically
-from legfem.jobs.fingerprint import code_fingerprint
-from legfem.jobs.key import key_of
+from legfem.common.progress import Progress
+from legfem.jobs.key import code_fingerprint, key_of
+from legfem.jobs.pool import Workers
 
 
 class Store[Kept]:
@@ -97,3 +98,48 @@ class Store[Kept]:
 @cache
 def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
+
+
+def finish[Context, Task, Outcome](
+    workers: Workers[Context, Task, Outcome],
+    tasks: Sequence[Task],
+    store: Store[Outcome],
+    progress: Progress,
+    stage: str,
+    line: Callable[[Task, Outcome], str],
+    asked: Callable[[Task], object] = lambda task: task,
+    worth: Callable[[Outcome], bool] = lambda outcome: True,
+    on_found: Callable[[dict[int, Outcome]], None] = lambda found: None,
+) -> list[Outcome]:
+    """Return the outcomes of all tasks, in their order, each kept as soon as it is known.
+
+    Parameters
+    ----------
+    workers, tasks
+        What does the tasks that have no outcome in the store.
+    store
+        Where outcomes are kept.
+    progress
+        Told of the stage and of every new outcome.
+    stage, line
+        What it is told.
+    asked
+        Of a task: what the store knows it by.
+    worth
+        Whether to keep an outcome; others are tried again the next time.
+    on_found
+        Told all outcomes so far, by place in the list, whenever there is a new one.
+    """
+    kept = ((place, store.get(asked(task))) for place, task in enumerate(tasks))
+    found = {place: outcome for place, outcome in kept if outcome is not None}
+    waiting = [place for place in range(len(tasks)) if place not in found]
+    known = f" ({len(found)} known)" if found else ""
+    progress.stage(stage + known, len(waiting))
+    todo = [tasks[place] for place in waiting]
+    for number, outcome in workers.places(todo) if todo else ():
+        if worth(outcome):
+            store.put(asked(todo[number]), outcome)
+        found[waiting[number]] = outcome
+        progress.advance(line(todo[number], outcome))
+        on_found(found)
+    return [found[place] for place in range(len(tasks))]

@@ -23,7 +23,7 @@ from scipy.interpolate import RegularGridInterpolator
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 SCHEMA = 1
 KIND = "3d-correction"

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from legfem.common.doubts import Doubt
-from legfem.common.toml_file import FileTable, Positive, Text, trouble
+from legfem.common.input_files import FileTable, Positive, Text, trouble
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
 from legfem.data import ranges
 from legfem.inverse.parameter import Prior

@@ -8,12 +8,11 @@ from collections.abc import Sequence
 from mpi4py import MPI
 
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.indenter_pose import Ball, Indenting, Pose, Punch
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of, membrane_of
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.posed import Ball, Indenting, Pose, Punch
-from legfem.experiments.tissues import Tissues
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.shape_motion import without_layer
+from legfem.geometry.leg_shape_motion import without_layer
 from legfem.legs.placement import SpatialLeg
 from legfem.legs.subject import Subject, TissueParameters
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial

@@ -11,14 +11,14 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from legfem.common.units import FloatArray
+from legfem.experiments.indenter_pose import IndenterInPose
 from legfem.experiments.leg_3d import LegIndentation3D
-from legfem.experiments.posed import Posed
 from legfem.fem.body_surfaces import BodySurface, hull_surface
 from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.surface import TriangleSurface
-from legfem.jobs.arrays import read_arrays, write_arrays
-from legfem.solve.force_curve import ForceCurve
+from legfem.geometry.leg_surface import TriangleSurface
+from legfem.jobs.checkpoint import read_arrays, write_arrays
+from legfem.solve.path import ForceCurve
 
 _STATES = 10
 """About how many are kept, between which pictures interpolate."""
@@ -49,7 +49,7 @@ class PressedLeg:
 
     shape: LegShape
     """At the levels and points of the states."""
-    posed: Posed[Any]
+    posed: IndenterInPose[Any]
     """What presses it."""
     touch: FloatArray
     """Its middle (3,), mm, at first contact."""

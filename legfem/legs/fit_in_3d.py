@@ -46,7 +46,7 @@ from legfem.legs.problem import LegProblem, split_instrument
 from legfem.legs.site_test import OF_MODEL, SiteTest, measured_curve, with_instrument_errors
 from legfem.legs.solver_3d import LegSolver
 from legfem.legs.subject import SitedLeg, Subject
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 _UNLIKE_DEG = 30.0
 """By which cylinders have to lie otherwise to bend fibres otherwise."""

@@ -13,12 +13,11 @@ from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
 from legfem.inverse.catalogue import Values
 from legfem.inverse.outcome import Outcome
-from legfem.jobs.fingerprint import code_fingerprint
+from legfem.jobs.key import code_fingerprint
 from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-    from legfem.experiments.tissues import Tissues
+    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
     from legfem.mechanics.model import Term
 
 _TISSUES = ("deep", "superficial", "fascia")
@@ -82,9 +81,9 @@ class PlaneStrainForward:
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """Solve in full."""
-        from legfem.experiments.replay import Replay
+        from legfem.experiments.indentation import SolutionStates
 
-        replay = Replay(self.experiment, dict(values), self.depth)
+        replay = SolutionStates(self.experiment, dict(values), self.depth)
         solved = self.experiment.solve(values, self.depth, sensitivities, on_step=replay.take)
         replay.solved = solved
         self.experiment.replays.add(replay)

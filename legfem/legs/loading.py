@@ -8,10 +8,10 @@ from pathlib import Path
 from types import MappingProxyType
 
 from legfem.common.errors import InputError
-from legfem.common.text_file import check_shown
+from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Channels, Instrument, Recording, check_trial, read_samples, seen_instrument
-from legfem.data.formats import READERS
+from legfem.data.formats import recording_files
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.elastography import ShearModulus, fibre_ratio
@@ -159,7 +159,7 @@ def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording],
 
 
 def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...]:
-    there = sorted(f for f in folder.glob("*") if f.suffix.lower() in READERS)
+    there = recording_files(folder)
     files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
     if not files:
         raise InputError(
@@ -170,7 +170,7 @@ def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...
             if there
             else "put one CSV file a trial there: time_s,displacement_mm,force_N",
         )
-    check_shown(*files)
+    check_printable(*files)
     stems = [file.stem for file in files]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:

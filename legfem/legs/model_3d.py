@@ -12,8 +12,8 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
+from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
-from legfem.experiments.pressing import OnStep
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.inverse.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.inverse.outcome import ForwardModel, Outcome
@@ -27,7 +27,7 @@ from legfem.legs.placement import SpatialLeg, spatial_leg
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 SOLVES = "solves-3d"
 """In a folder of results."""
@@ -130,7 +130,7 @@ class SpatialForward:
         if not states:
             return None
         test = self.experiment
-        return PressedLeg(self._camera.shape, test.posed, test.touch, outcome.curve, tuple(states))
+        return PressedLeg(self._camera.shape, test.placed_indenter, test.touch, outcome.curve, tuple(states))
 
     def _key(self, values: Values) -> str:
         return key_of((self.fingerprint(), dict(values)))

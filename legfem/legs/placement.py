@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import read_contours
-from legfem.geometry.cross_sections import section_from_outlines
+from legfem.geometry.frames import CuttingPlane, RigidTransform, turn_about_travel
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
-from legfem.geometry.plane import CuttingPlane, turn_about_travel
-from legfem.geometry.rigid import RigidTransform
+from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.geometry.section import BONES, LegSection
-from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.section_from_outlines import section_from_outlines
+from legfem.imaging.leg_source import existing
 from legfem.imaging.registration import register_points
-from legfem.imaging.shape_entry import existing
 from legfem.legs.schema import SUBJECTS, IndenterEntry, SubjectFile, subject_entry
 from legfem.legs.subject import Subject
 

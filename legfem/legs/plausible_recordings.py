@@ -14,7 +14,7 @@ from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
 from legfem.data import Recording, Segmentation, ranges
 from legfem.data.contact import LEG
-from legfem.data.formats import READERS
+from legfem.data.formats import recording_files
 from legfem.data.plausibility import counts_samples, cut_off, refuse_copies, spike_doubts
 from legfem.geometry.section import depth_to_bone, fat_thickness, girth
 
@@ -132,12 +132,7 @@ def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
 def _unread(subject: Subject) -> Iterator[Doubt]:
     read = {one.source for one in subject.recordings}
     folders = {path.parent for path in read if path is not None}
-    others = sorted(
-        file.name
-        for folder in folders
-        for file in folder.iterdir()
-        if file.suffix.lower() in READERS and file not in read
-    )
+    others = sorted(file.name for folder in folders for file in recording_files(folder) if file not in read)
     if others:
         yield Doubt(
             str(next(iter(folders))),

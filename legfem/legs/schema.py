@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from legfem.common.errors import InputError
-from legfem.common.toml_file import (
+from legfem.common.input_files import (
     FileTable,
     Finite,
     NotNegative,
@@ -25,7 +25,7 @@ from legfem.common.toml_file import (
 )
 from legfem.data.folder import RESOURCES, Catalogue, InstrumentEntry, RecordingsEntry
 from legfem.geometry.indenter import IndenterShape
-from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
+from legfem.imaging.leg_source import LabelsEntry, ShapeEntry
 from legfem.legs.elastography import ElastographyEntry, StatedRatio, check_once
 
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
@@ -299,7 +299,7 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
     Raises
     ------
     InputError
-        For what `legfem.common.toml_file.parse_toml` raises one; if the leg has sites and none is
+        For what `legfem.common.input_files.parse_toml` raises one; if the leg has sites and none is
         named, or none of that name.
     """
     content = read_toml(toml, HOLDER)

@@ -20,7 +20,7 @@ from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
 from legfem.legs.subject import Subject
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 OF_MODEL = "in 3D: "
 """Beginning of the names of modes that are errors of a leg's own model in 3D."""

@@ -18,7 +18,7 @@ from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.mechanics.terms import Fibres
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 ROUGH_SOLVES = 2
 """That measure errors."""

@@ -10,14 +10,14 @@ All laws are per unit of the skin's reference area and take or give UFL expressi
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import ufl
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.mechanics.kinematics import Expr
 
 Scalar = Any
@@ -254,3 +254,215 @@ class StiffPressure:
     def scaled(self, factor: float) -> StiffPressure:
         """Return the law with its stiffness multiplied."""
         return StiffPressure(self.stiffness * factor, self.width)
+
+
+@dataclass(frozen=True)
+class TurnedCylinder(FiniteCylinder):
+    """A rigid cylinder with rounded end edges and its axis along a unit vector.
+
+    See `FiniteCylinder`, which it is where the axis is the third coordinate's.
+
+    Parameters
+    ----------
+    radius, half_length, edge : float
+        mm.
+    axis_x, axis_y, axis_z : float
+        Of the unit vector.
+    """
+
+    axis_x: Scalar = 0.0
+    axis_y: Scalar = 0.0
+    axis_z: Scalar = 1.0
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the indenter."""
+        radial, axial = rounded_normal(*self._beyond(y))
+        side = ufl.conditional(ufl.lt(self._along(y), 0), -1, 1)
+        return radial / self._away(y) * self._across(y) + axial * side * self._axis
+
+    @property
+    def _axis(self) -> Expr:
+        return ufl.as_vector([self.axis_x, self.axis_y, self.axis_z])
+
+    def _along(self, y: Expr) -> Expr:
+        return ufl.dot(y, self._axis)
+
+    def _across(self, y: Expr) -> Expr:
+        """Return the part of a position that is square to the axis."""
+        return y - self._along(y) * self._axis
+
+    def _away(self, y: Expr) -> Expr:
+        """Return the distance from the axis, with a derivative on it too."""
+        across = self._across(y)
+        return ufl.sqrt(ufl.dot(across, across) + 1e-24)
+
+    def _beyond(self, y: Expr) -> tuple[Expr, Expr]:
+        a = self._away(y) - (self.radius - self.edge)
+        b = abs(self._along(y)) - (self.half_length - self.edge)
+        return a, b
+
+
+class TangentialLaw(Protocol):
+    """Traction along the indenter's surface as a function of elastic slip."""
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
+        """Return the traction (MPa) for the slip (mm) from the anchor."""
+
+
+@dataclass(frozen=True)
+class Frictionless:
+    """No traction along the surface."""
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
+        """Return zero."""
+        return 0 * slip
+
+
+@dataclass(frozen=True)
+class Rough:
+    """No sliding: a point that touches stays where it touched, held by a stiff spring.
+
+    Parameters
+    ----------
+    stiffness : float
+        Of the spring (MPa/mm).
+    """
+
+    stiffness: Scalar
+
+    def __post_init__(self) -> None:
+        """Check the stiffness."""
+        check_positive(self, "stiffness")
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
+        """Return ``stiffness * slip``."""
+        return self.stiffness * slip
+
+
+@dataclass(frozen=True)
+class Coulomb:
+    r"""Coulomb friction: stick up to :math:`\mu p`, then slip (radial return of the anchor).
+
+    Parameters
+    ----------
+    friction : float
+        Coefficient :math:`\mu`.
+    stiffness : float
+        Of the stick (MPa/mm).
+    """
+
+    friction: Scalar
+    stiffness: Scalar
+
+    def __post_init__(self) -> None:
+        """Check both numbers."""
+        check_positive(self, "friction", "stiffness")
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
+        """Return the traction, limited by ``friction * pressure``."""
+        trial = self.stiffness * ufl.sqrt(ufl.dot(slip, slip) + 1e-24)
+        limit = self.friction * pressure
+        return self.stiffness * slip * ufl.conditional(ufl.lt(trial, limit), 1, limit / trial)
+
+
+@dataclass(frozen=True)
+class Tape:
+    r"""Tape that fails: the skin sticks up to a shear strength, then slips at that traction.
+
+    With the trial traction :math:`k s` of the slip :math:`s` and the weakness :math:`w`,
+
+    .. math:: t = k s / \max(1, w\, k |s|),
+
+    and the anchor follows, as in Coulomb's law. At ``weakness = 0`` this is `Rough`.
+
+    Parameters
+    ----------
+    weakness : float
+        Inverse of the shear strength (1/MPa).
+    stiffness : float
+        Of the stick (MPa/mm).
+    """
+
+    weakness: Scalar
+    stiffness: Scalar
+
+    def __post_init__(self) -> None:
+        """Check both numbers."""
+        check_positive(self, "weakness", zero_allowed=True)
+        check_positive(self, "stiffness")
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
+        """Return the traction, limited by the strength."""
+        trial = self.stiffness * ufl.sqrt(ufl.dot(slip, slip) + 1e-24)
+        return self.stiffness * slip / ufl.max_value(1, self.weakness * trial)
+
+
+TangentialName = Literal["rough", "frictionless", "coulomb", "tape"]
+PENALTY_PARAMETERS = ("deep.C10", "deep.C20", "superficial.C10")
+"""Stiffnesses of a leg whose sum the penalty is in proportion to."""
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    r"""Laws of contact, their stiffness relative to the tissue's.
+
+    Parameters
+    ----------
+    normal : {"stiff", "exponential"}
+        Law of the pressure: a rounded linear penalty, or Abaqus' exponential law.
+    tangential : {"rough", "frictionless", "coulomb", "tape"}
+        Law along the surface; the paper's tape is ``"rough"``, and ``"tape"`` one that can fail.
+    stiffness : float
+        Dimensionless: the penalty is ``stiffness * mu / radius`` (MPa/mm) with the tissue's
+        :math:`\mu = 2 (C_{10}^{deep} + C_{20}^{deep} + C_{10}^{superficial})`. The exponential law
+        takes :math:`p_0` as the penalty times :math:`c_0`.
+    onset : float
+        Gap at which the pressure starts (mm).
+    friction : float
+        Coulomb's coefficient.
+    weakness : float
+        Inverse of the tape's shear strength (1/MPa).
+    stiffnesses : tuple of str
+        Full names of those whose sum the penalty is in proportion to; a leg's by default.
+    """
+
+    normal: Literal["stiff", "exponential"] = "stiff"
+    tangential: TangentialName = "rough"
+    stiffness: float = 1000.0
+    onset: float = 0.005
+    friction: float = 0.5
+    weakness: float = 0.0
+    stiffnesses: tuple[str, ...] = PENALTY_PARAMETERS
+
+    def __post_init__(self) -> None:
+        """Check the names of the laws."""
+        for field, known in (("normal", ("stiff", "exponential")), ("tangential", get_args(TangentialName))):
+            if getattr(self, field) not in known:
+                raise InputError(
+                    "contact", field, f"unknown law {getattr(self, field)!r}", f"choose one of {', '.join(known)}"
+                )
+
+    def penalty(self, parameters: Mapping[str, float], radius: float) -> float:
+        """Return the penalty (MPa/mm) for a leg's parameters and the indenter's radius (mm)."""
+        stiffness = sum(parameters.get(name, 0.0) for name in self.stiffnesses)
+        return self.stiffness * 2 * stiffness / radius
+
+    def penalty_slope(self, radius: float) -> float:
+        """Return the penalty's derivative (1/mm) by each of the stiffnesses."""
+        return self.stiffness * 2 / radius
+
+    def pressure_law(self, penalty: float) -> PressureLaw:
+        """Return the law of the pressure."""
+        if self.normal == "stiff":
+            return StiffPressure(penalty, self.onset)
+        return ExponentialPressure(penalty * self.onset, self.onset)
+
+    def tangential_law(self, penalty: float) -> TangentialLaw:
+        """Return the law along the surface."""
+        if self.tangential == "rough":
+            return Rough(penalty)
+        if self.tangential == "coulomb":
+            return Coulomb(self.friction, penalty)
+        if self.tangential == "tape":
+            return Tape(self.weakness, penalty)
+        return Frictionless()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -49,3 +50,11 @@ def tagged(made: Any, layer: list[int], sides: dict[tuple[int, int], int]) -> tu
         made, dimension - 1, every[order].astype(np.int32), np.concatenate(values)[order]
     )
     return cell_tags, facet_tags
+
+
+@dataclass(frozen=True)
+class Support:
+    """Displacement components that are zero on the facets of a tag."""
+
+    tag: int
+    components: tuple[int, ...]

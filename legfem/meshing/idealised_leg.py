@@ -21,13 +21,11 @@ import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.meshing.grid import spaced, tagged
-from legfem.meshing.quality import MeshQuality
+from legfem.meshing.gmsh_mesh import MeshQuality
+from legfem.meshing.grid import Support, spaced, tagged
 from legfem.meshing.section import BONE, REGIONS, SKIN
-from legfem.meshing.support import Support
 
 MIRROR_X, MIRROR_Z, END = 13, 14, 15
 

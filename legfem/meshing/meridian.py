@@ -13,11 +13,10 @@ import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 
-from legfem.common.checks import check_positive
+from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
-from legfem.meshing.grid import spaced, tagged
+from legfem.meshing.grid import Support, spaced, tagged
 from legfem.meshing.section import BONE, DEEP, SKIN
-from legfem.meshing.support import Support
 
 AXIS, BASE, SIDE, RIM, OUTSIDE = 13, BONE, 17, 18, 19
 

@@ -6,8 +6,9 @@ The bones are holes whose surface is held. Elements are smaller where a layer of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import gmsh
@@ -18,22 +19,240 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from shapely import Polygon, contains_xy, prepare
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.shape_checks import check_shape
-from legfem.geometry.shape_measures import perimeter
-from legfem.geometry.shape_surface import PartSurface
-from legfem.meshing.gmsh_mesh import generate, gmsh_model, mesh_from_gmsh, raise_everywhere
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, perimeter
+from legfem.geometry.leg_surface import PartSurface
+from legfem.meshing.gmsh_mesh import (
+    MeshQuality,
+    element_quality,
+    generate,
+    gmsh_model,
+    mesh_from_gmsh,
+    raise_everywhere,
+)
+from legfem.meshing.grid import Support
 from legfem.meshing.idealised_leg import END, LegMesh
-from legfem.meshing.quality import MeshQuality, element_quality
 from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
 from legfem.meshing.section import HULL as HULL_TAG
 from legfem.meshing.section import SKIN as SKIN_TAG
-from legfem.meshing.shell import Shell, Triangles, mesh_shell
-from legfem.meshing.size_field import SizeField, trilinear
-from legfem.meshing.support import Support
+
+_ALIKE = 1.1  # sizes within this ratio count as the same
+
+
+@dataclass(frozen=True, eq=False)
+class SizeField:
+    """Sizes at points, and how they grow from there.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Where sizes are given, mm.
+    sizes : (n,) array
+        mm.
+    growth : float
+        Growth of the size per mm of distance.
+    far_size : float
+        Greatest size, mm.
+    """
+
+    points: FloatArray
+    sizes: FloatArray
+    growth: float
+    far_size: float
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Return the sizes at some points (m, 3); (m,), mm."""
+        found = np.full(len(points), self.far_size)
+        for size, tree in self._trees:
+            if size < self.far_size:
+                reach = (self.far_size - size) / self.growth
+                distance, _ = tree.query(points, distance_upper_bound=reach)
+                found = np.minimum(found, size + self.growth * distance)
+        return found
+
+    @cached_property
+    def _trees(self) -> list[tuple[float, cKDTree]]:
+        """Trees of the points with about the same size."""
+        group = np.floor(np.log(self.sizes) / np.log(_ALIKE)).astype(int)
+        return [(float(self.sizes[group == g].mean()), cKDTree(self.points[group == g])) for g in np.unique(group)]
+
+
+def bilinear(grid: FloatArray, low: tuple[float, float], step: tuple[float, float]) -> Callable[..., float]:
+    """Return a fast function of (x, y) that interpolates values on a regular grid."""
+    values: Any = grid.tolist()
+    (x0, y0), (dx, dy) = low, step
+    last_x, last_y = grid.shape[0] - 2, grid.shape[1] - 2
+
+    def interpolated(x: float, y: float) -> float:
+        a, b = (x - x0) / dx, (y - y0) / dy
+        i, j = min(max(int(a), 0), last_x), min(max(int(b), 0), last_y)
+        a, b = min(max(a - i, 0.0), 1.0), min(max(b - j, 0.0), 1.0)
+        here, following = values[i], values[i + 1]
+        return (1 - a) * ((1 - b) * here[j] + b * here[j + 1]) + a * ((1 - b) * following[j] + b * following[j + 1])
+
+    return interpolated
+
+
+def trilinear(grid: FloatArray, low: FloatArray, step: FloatArray) -> Callable[..., float]:
+    """Return a fast function of (x, y, z) that interpolates values on a regular grid."""
+    layers = [bilinear(layer, (low[0], low[1]), (step[0], step[1])) for layer in grid]
+    z0, dz, last = float(low[2]), float(step[2]), len(layers) - 2
+
+    def interpolated(x: float, y: float, z: float) -> float:
+        c = (z - z0) / dz
+        k = min(max(int(c), 0), last)
+        c = min(max(c - k, 0.0), 1.0)
+        return (1 - c) * layers[k](x, y) + c * layers[k + 1](x, y)
+
+    return interpolated
+
+
+type Triangles = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Shell:
+    """Closed surfaces of the tissues, welded."""
+
+    points: FloatArray
+    """(n, 3), mm."""
+    tubes: Mapping[str, Triangles]
+    """Part to its triangles, (m, 3)."""
+    fat_ends: Triangles
+    """Both end faces between skin and hull."""
+    deep_ends: Triangles
+    """Both end faces between hull and bones."""
+
+
+def mesh_shell(shape: LegShape, sizes: SizeField, enclosing: bool = False) -> Shell:
+    """Triangulate the surfaces of a leg with elements of given sizes.
+
+    The flat triangles' corners lie on the surfaces, or beside them where they are to enclose what
+    the surfaces do: `_enclosing`.
+    """
+    pieces: list[tuple[FloatArray, Triangles]] = []
+    rings: dict[str, tuple[FloatArray, FloatArray]] = {}
+    surfaces = {part: PartSurface(shape, part) for part in shape.parts}
+    for part, surface in surfaces.items():
+        points, triangles, bottom, top = _tube(surface, shape, sizes)
+        pieces.append((points, triangles))
+        rings[part] = points[bottom], points[top]
+    for outer, inner in ((SKIN, (HULL,)), (HULL, shape.bones)):
+        for end in range(2):
+            pieces.append(_end_face(rings[outer][end], [rings[p][end] for p in inner], sizes))
+    offsets = np.cumsum([0, *(len(points) for points, _ in pieces)])
+    every = np.vstack([points for points, _ in pieces])
+    points, place = _welded(every)
+    faces = [place[t + offset] for (_, t), offset in zip(pieces, offsets[:-1], strict=True)]
+    n = len(shape.parts)
+    tubes = dict(zip(shape.parts, faces[:n], strict=True))
+    if enclosing:
+        for part, tube in tubes.items():
+            points += _enclosing(surfaces[part], points, tube)
+    return Shell(points, tubes, np.vstack(faces[n : n + 2]), np.vstack(faces[n + 2 :]))
+
+
+def _enclosing(surface: PartSurface, points: FloatArray, tube: Triangles) -> FloatArray:
+    """Return by how much to move points (n, 3), mm, across the leg to keep a tube's volume.
+
+    Chords of length h about a radius R lie h^2 / (12 R) inside the circle in the mean; a corner
+    moves by the mean of the triangles that meet there, and what is left is of fourth order.
+    """
+    corners = points[tube]
+    middles = (corners + np.roll(corners, 1, axis=1)) / 2
+    # Edge midpoints integrate what is quadratic exactly.
+    inside = (surface.beside(middles.reshape(-1, 3)) - middles.reshape(-1, 3)).reshape(-1, 3, 3)
+    inside[..., 2] = 0.0
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    moved, weight = np.zeros_like(points), np.zeros(len(points))
+    for k in range(3):
+        np.add.at(moved, tube[:, k], area[:, None] * inside.mean(axis=1))
+        np.add.at(weight, tube[:, k], area)
+    return moved / np.where(weight > 0, weight, 1.0)[:, None]
+
+
+def _tube(
+    surface: PartSurface, shape: LegShape, sizes: SizeField
+) -> tuple[FloatArray, Triangles, NDArray[np.int64], NDArray[np.int64]]:
+    """Return a tube's points and triangles, and the numbers of its lowest and highest ring."""
+    around, low, high = surface.perimeter, float(shape.levels[0]), float(shape.levels[-1])
+    turns = np.linspace(0.0, 1.0, max(24, round(around / 4)) + 1)
+    levels = np.linspace(low, high, max(6, round((high - low) / 4)) + 1)
+    on_tube = surface(turns[:, None], levels[None, :])
+    grid = sizes(on_tube.reshape(-1, 3)).reshape(on_tube.shape[:2])
+    size = bilinear(grid, (0.0, low), (around * turns[1], float(levels[1] - levels[0])))
+    with gmsh_model("tube") as model:
+        flat, triangles = _unrolled(model, around, low, high, size)
+    points = surface(np.minimum(flat[:, 0] / around, 1.0), flat[:, 1])
+    rings = [
+        order[np.argsort(flat[order, 0])][:-1]  # the last one is the first one
+        for order in (np.flatnonzero(np.isclose(flat[:, 1], z, atol=1e-9)) for z in (low, high))
+    ]
+    return points, triangles, rings[0], rings[1]
+
+
+def _unrolled(
+    model: Any, width: float, low: float, high: float, size: Callable[[float, float], float]
+) -> tuple[FloatArray, Triangles]:
+    geometry = model.geo
+    corners = [geometry.addPoint(x, z, 0) for x, z in ((0, low), (width, low), (width, high), (0, high))]
+    lines = [geometry.addLine(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+    sides = lines[3], lines[1]
+    geometry.addPlaneSurface([geometry.addCurveLoop(lines)])
+    geometry.synchronize()
+    shift = [1, 0, 0, width, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    model.mesh.setPeriodic(1, [sides[1]], [sides[0]], shift)
+    model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
+    gmsh.option.setNumber("Mesh.Algorithm", 6)
+    generate(model, 2)
+    points, triangles = _triangles(model)
+    return points[:, :2], triangles
+
+
+def _end_face(outer: FloatArray, inner: list[FloatArray], sizes: SizeField) -> tuple[FloatArray, Triangles]:
+    """Triangulate the plane between closed rings of nodes, which stay."""
+    level = float(outer[0, 2])
+    low, high = outer[:, :2].min(axis=0), outer[:, :2].max(axis=0)
+    nodes = [np.linspace(low[k], high[k], max(8, round((high[k] - low[k]) / 3))) for k in range(2)]
+    x, y = np.meshgrid(*nodes, indexing="ij")
+    grid = sizes(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)])).reshape(x.shape)
+    steps = float(nodes[0][1] - nodes[0][0]), float(nodes[1][1] - nodes[1][0])
+    size = bilinear(grid, (float(low[0]), float(low[1])), steps)
+    with gmsh_model("end") as model:
+        geometry, loops = model.geo, []
+        for ring in (outer, *inner):
+            points = [geometry.addPoint(*xyz) for xyz in ring]
+            lines = [geometry.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+            for line in lines:
+                geometry.mesh.setTransfiniteCurve(line, 2)
+            loops.append(geometry.addCurveLoop(lines))
+        geometry.addPlaneSurface(loops)
+        geometry.synchronize()
+        model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
+        gmsh.option.setNumber("Mesh.Algorithm", 6)
+        generate(model, 2)
+        return _triangles(model)
+
+
+def _triangles(model: Any) -> tuple[FloatArray, Triangles]:
+    tags, coordinates, _ = model.mesh.getNodes()
+    points = np.asarray(coordinates, dtype=np.float64).reshape(-1, 3)
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags] = np.arange(len(tags))
+    _, corners = model.mesh.getElementsByType(2)
+    return points, number[corners].reshape(-1, 3)
+
+
+def _welded(points: FloatArray, tolerance: float = 1e-6) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the distinct points, and the number of each point among them."""
+    first = np.arange(len(points))
+    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    # Never more than three at one place, all paired with one another: the lowest number stands.
+    np.minimum.at(first, pairs.max(axis=1), pairs.min(axis=1))
+    kept, place = np.unique(first, return_inverse=True)
+    return points[kept], place
+
 
 SOLID_REGIONS = {"superficial": SUPERFICIAL, "deep": DEEP}
 WORST_QUALITY = 0.02

@@ -28,8 +28,7 @@ from legfem.report.section import filmed
 from legfem.report.style import save
 from legfem.report.words import ORIGINS
 from legfem.report.write import write_page
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut

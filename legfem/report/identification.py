@@ -14,7 +14,7 @@ from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.document import KindDocument, fit_document
 from legfem.inverse.fit import Fit
-from legfem.jobs.aside import aside
+from legfem.jobs.background import in_background
 from legfem.legs.details import LegDetails
 from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
@@ -96,7 +96,7 @@ def write_report(
     if comm.rank == 0:
         write_document(out / "result.json", fit_document(fits, kind.document))
     apart = jobs > 1 and experiment is not None and comm.size == 1
-    with made_in_place(out, comm) as folder, aside(lambda: kind.files(fits, folder), apart) as drawn:
+    with made_in_place(out, comm) as folder, in_background(lambda: kind.files(fits, folder), apart) as drawn:
         solved = _Solved() if experiment is None else _deformed_state(fits, experiment, folder)
         if comm.rank == 0:
             page = kind.page(fits, solved.pressed, command, solved.note)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import markdown_table
 from legfem.data import Channels, Recording
 from legfem.data.quality import Quality
 from legfem.data.reader import QUANTITIES, Proposal
@@ -45,15 +46,20 @@ def recording_name(recording: Recording) -> str:
 
 def contact_text(quality: Quality) -> str:
     """Return where first contact is seen, in words."""
-    contact = quality.trial.contact
+    contact, digits = quality.trial.contact, _digits(quality)
     if contact.in_air:
-        return f"at {contact.displacement:.2f} ± {contact.displacement_error:.2f} mm, after air"
-    return f"at the start ({contact.displacement:.2f} mm): no air is seen"
+        return f"at {contact.displacement:.{digits}f} ± {contact.displacement_error:.{digits}f} mm, after air"
+    return f"at the start ({contact.displacement:.{digits}f} mm): no air is seen"
+
+
+def _digits(quality: Quality) -> int:
+    """Return the decimals that tell a hundredth of the way that is short in a test."""
+    return max(2, 2 - math.floor(math.log10(max(quality.trial.scales.way, 1e-9))))
 
 
 def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str:
     """Return what was found in a file and why, its phases and its grade."""
-    name = recording_name(recording)
+    name, digits = recording_name(recording), _digits(quality)
     rows = [
         ("samples", f"{len(recording)} in {recording.time[-1] - recording.time[0]:.4g} s"),
         ("sampling", f"{quality.sampling:.4g} Hz, {quality.dropped} samples dropped"),
@@ -71,8 +77,8 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
             p.phase,
             f"{p.start:.4g}",
             f"{p.end:.4g}",
-            f"{p.first:.2f}",
-            f"{p.last:.2f}",
+            f"{p.first:.{digits}f}",
+            f"{p.last:.{digits}f}",
             "" if p.phase == HOLD else f"{p.rate:.3g}",
         )
         for p in quality.trial.parts[:_MOST_PARTS]

@@ -11,11 +11,11 @@ from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
 from legfem.data import Scales, segment
 from legfem.data.contact import LEG
-from legfem.data.formats import READERS, read_sheets
+from legfem.data.formats import read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
 from legfem.data.reader import Channels, Proposal, propose, recording_of
+from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
-from legfem.geometry.shape_measures import perimeter
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about, room_before
 from legfem.legs.schema import RECORDINGS, SUBJECTS, site_names, subject_entry
@@ -90,8 +90,8 @@ def preview_of(folder: Path, out: Path) -> Preview:
     kind = next((look for file, look in kinds.items() if (folder / file).is_file()), None)
     if kind is not None:
         return kind(folder, out)
-    files = [path for path in folder.rglob("*") if path.suffix.lower() in READERS]
-    recordings = [path for path in sorted(files) if not _is_contours(path)]
+    folders = [folder, *sorted(path for path in folder.rglob("*") if path.is_dir())]
+    recordings = [path for one in folders for path in recording_files(one) if not _is_contours(path)]
     seen = _recordings(recordings, out, None, of_specimen=True)
     readable = any(one.columns or not one.trouble for one in seen)
     error = InputError(
@@ -107,7 +107,7 @@ def _leg(folder: Path, out: Path) -> Preview:
     try:
         names = site_names(folder / SUBJECTS.file)
     except InputError as error:
-        seen = _recordings(_files(folder / RECORDINGS), out, None)
+        seen = _recordings(recording_files(folder / RECORDINGS), out, None)
         return Preview(folder.name, "", str(error), recordings=seen)
     if not names:
         return _site(folder, out)
@@ -129,9 +129,9 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
         entry = subject_entry(folder / SUBJECTS.file, name)
         channels, recordings = entry.given.recordings.channels(), folder / entry.recordings
     except InputError as error:
-        seen = _recordings(_files(recordings), out, None)
+        seen = _recordings(recording_files(recordings), out, None)
         return Preview(folder.name, "", str(error), recordings=seen)
-    seen = _recordings(_files(recordings), out, channels, site=name)
+    seen = _recordings(recording_files(recordings), out, channels, site=name)
     trouble = ""
     try:
         subject = load_subject(folder, site=name)
@@ -199,7 +199,7 @@ def _specimen(folder: Path, out: Path) -> Preview:
         channels = parse_specimen_file(folder / FILE).recordings.channels()
     except InputError:
         channels = None  # load_specimen says what is wrong
-    seen = _recordings(_files(folder / "recordings"), out, channels, of_specimen=True)
+    seen = _recordings(recording_files(folder / "recordings"), out, channels, of_specimen=True)
     try:
         found = load_specimen(folder)
     except InputError as error:
@@ -210,10 +210,6 @@ def _specimen(folder: Path, out: Path) -> Preview:
     ]
     left = tuple(f"NOT USED: {one.name}: {one.reason}" for one in found.left_out)
     return Preview(found.title, found.origin, "", left, tuple(facts), recordings=seen)
-
-
-def _files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.glob("*") if path.suffix.lower() in READERS)
 
 
 def _is_contours(path: Path) -> bool:

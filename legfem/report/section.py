@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.experiments.base import Solved
+from legfem.experiments.experiment import Solved
+from legfem.experiments.indentation import is_due
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.experiments.replay import is_due
 from legfem.fem.fields import FieldReader, LegFields
 from legfem.geometry.section import BONES, PARTS, LegSection
 from legfem.legs.subject import Subject

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
-from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.shape_measures import fat_thickness_around
+from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
 from legfem.stockings.notices import TISSUES

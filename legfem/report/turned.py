@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.experiments.posed import Posed
+from legfem.experiments.indenter_pose import IndenterInPose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.legs.film_3d import PressedLeg
 from legfem.report.page import Slider, TurnedLeg, View, packed
@@ -224,7 +224,7 @@ def _to_the_front(direction: FloatArray) -> FloatArray:
     return np.array([[y, -x, 0.0], [x, y, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _outline(posed: Posed[Any]) -> FloatArray:
+def _outline(posed: IndenterInPose[Any]) -> FloatArray:
     """Return an indenter's surface about its middle as a grid (n, m, 3) of rings."""
     heights, radii = posed.profile().T
     # Square to the axis of any of them, and turned with the leg.

@@ -12,14 +12,69 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import ufl
+from dolfinx import fem, la
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from legfem.fem.compiled import compiled
 from legfem.fem.spaces import LegSpaces
-from legfem.solve.lagged_factors import LaggedFactors
+from legfem.fem.system import System
+from legfem.mechanics.integration_domain import Body
+from legfem.mechanics.terms.tissue import Tissue
+
+
+class LaggedFactors:
+    """A PETSc preconditioner that keeps a tangent's factors.
+
+    Parameters
+    ----------
+    allowed : int
+        Iterations of a solution above which the next tangent is factorised.
+    """
+
+    def __init__(self, allowed: int) -> None:
+        self._allowed = allowed
+        self._factors: PETSc.PC | None = None
+        self._worn_out = True
+        self.factorisations = 0
+
+    def attach(self, linear: PETSc.KSP) -> None:
+        """Become the preconditioner of a solver."""
+        linear.getPC().setType("python")
+        linear.getPC().setPythonContext(self)
+        linear.setMonitor(self._watch)
+
+    def renew(self) -> None:
+        """Factorise the next tangent, however well these factors serve."""
+        self._worn_out = True
+
+    def setUp(self, preconditioner: PETSc.PC) -> None:
+        """Factorise the tangent, if the factors at hand took too many iterations."""
+        if not self._worn_out:
+            return
+        _, tangent = preconditioner.getOperators()
+        if self._factors is None:
+            self._factors = PETSc.PC().create(tangent.comm)
+            self._factors.setType("lu")
+            self._factors.setFactorSolverType("mumps")
+        self._factors.setReusePreconditioner(False)
+        self._factors.setOperators(tangent)
+        self._factors.setUp()
+        self._factors.setReusePreconditioner(True)
+        self._worn_out = False
+        self.factorisations += 1
+
+    def apply(self, preconditioner: PETSc.PC, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """Solve with the factors."""
+        assert self._factors is not None
+        self._factors.apply(right, solution)
+
+    def _watch(self, linear: PETSc.KSP, iteration: int, norm: float) -> None:
+        self._worn_out = self._worn_out or iteration > self._allowed
 
 
 @dataclass(frozen=True)
@@ -216,3 +271,70 @@ def _least_fill() -> str:
     finally:
         one.destroy()
     return "amd"
+
+
+_TRIANGLE: Mapping[str, str | float] = {
+    "pc_fieldsplit_type": "schur",
+    "pc_fieldsplit_schur_fact_type": "upper",
+    "fieldsplit_pressure_ksp_type": "preonly",
+    "fieldsplit_pressure_pc_type": "jacobi",
+    "fieldsplit_displacement_ksp_type": "preonly",
+    **{f"fieldsplit_displacement_{name}": value for name, value in MULTIGRID.items()},
+}
+
+
+class SaddlePreconditioner:
+    """The preconditioner of a system in the formulation ``"continuous"``.
+
+    Parameters
+    ----------
+    system
+        The model on its mesh.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        _, self._pressure = fields(system.spaces)
+        self._lumped = fem.Function(system.spaces.space)
+        self._lumping = compiled(_lumped_over_modulus(system))
+        owned = len(self._pressure)
+        self._schur = PETSc.Mat().createAIJ(((owned, None), (owned, None)), nnz=1, comm=system.comm)
+        self._diagonal = self._schur.createVecLeft()
+
+    def configure(self, linear: PETSc.KSP, settings: LinearSettings) -> None:
+        """Set a solver up."""
+        spaces = self._system.spaces
+        linear.setType("gmres")
+        linear.setPCSide(PETSc.PC.Side.RIGHT)
+        linear.setGMRESRestart(60)
+        linear.setTolerances(rtol=settings.tolerance, max_it=settings.max_iterations)
+        set_defaults(linear, "legfem_continuous_", _TRIANGLE)
+        displacement, pressure = field_sets(spaces, 1)
+        preconditioner = linear.getPC()
+        preconditioner.setType("fieldsplit")
+        preconditioner.setFieldSplitIS(("displacement", displacement), ("pressure", pressure))
+        preconditioner.setFieldSplitSchurPreType(PETSc.PC.FieldSplitSchurPreType.USER, self._schur)
+
+    def update(self) -> None:
+        """Follow the tangent just assembled and the present parameters."""
+        lumped = self._lumped.x
+        lumped.array[:] = 0.0
+        fem.assemble_vector(lumped.array, self._lumping)
+        lumped.scatter_reverse(la.InsertMode.add)
+        tangent = self._system.tangent_matrix.getDiagonal().array_r[self._pressure]
+        self._diagonal.array[:] = tangent - lumped.array[self._pressure]
+        self._schur.setDiagonal(self._diagonal)
+        self._schur.assemble()
+
+
+def _lumped_over_modulus(system: System) -> Any:
+    """Return the rows' sums of the pressures' mass matrix over the shear modulus, as a form."""
+    body = system.body.domain
+    assert isinstance(body, Body)
+    tissues = [term for term in system.model.at("body") if isinstance(term, Tissue)]
+    return sum(
+        body.pressure_variations[tissue.region]
+        / ufl.as_ufl(body.symbols.of(tissue.region, tissue.law).shear_modulus)
+        * body.regions[tissue.region]
+        for tissue in tissues
+    )

@@ -16,13 +16,122 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from legfem.common.units import FloatArray
 from legfem.fem.compat import RESIDUAL_NOT_FINITE
 from legfem.fem.system import System
-from legfem.solve.damping import Damper, Damping
-from legfem.solve.linear import LinearSettings, configure, prepare, renew_factors
-from legfem.solve.mixing import AndersonMixing
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.saddle import SaddlePreconditioner
+from legfem.solve.linear import LinearSettings, SaddlePreconditioner, configure, prepare, renew_factors
+from legfem.solve.settings import NewtonSettings
+
+_SMALLEST = 1e-8
+"""Over the largest: singular values of the updates' products that are rounding."""
+
+
+class AndersonMixing:
+    """The states and updates since the tangent was factorised.
+
+    Parameters
+    ----------
+    comm
+        Over whose ranks the unknown is spread.
+    depth
+        Earlier updates that are remembered; 0 for none.
+    """
+
+    def __init__(self, comm: MPI.Comm, depth: int) -> None:
+        self._comm, self._depth = comm, depth
+        self._past: list[tuple[FloatArray, FloatArray]] = []
+
+    def forget(self) -> None:
+        """Begin anew: the factors are others."""
+        self._past.clear()
+
+    def improved(self, state: FloatArray, update: FloatArray) -> FloatArray | None:
+        """Return a better update, to be added to a state, or None at the first with these factors.
+
+        Parameters
+        ----------
+        state, update
+            A rank's own part; (n,).
+        """
+        now = state.copy(), update.copy()
+        earlier = self._past[-self._depth :] if self._depth else []
+        self._past = [*earlier, now]
+        if not earlier:
+            return None
+        states = np.array([state - other for other, _ in earlier])
+        updates = np.array([update - other for _, other in earlier])
+        products = self._comm.allreduce(updates @ np.vstack([updates, update]).T)
+        size = np.sqrt(np.diag(products))
+        if not np.all(size > 0):
+            return None
+        matrix, right = products[:, :-1] / np.outer(size, size), products[:, -1] / size
+        share = np.linalg.lstsq(matrix, right, rcond=_SMALLEST)[0] / size
+        return np.asarray(update - (states + updates).T @ share)
+
+
+@dataclass(frozen=True, eq=False)
+class Damping:
+    """A force on every displacement towards an earlier state; see `legfem.solve.relaxation`."""
+
+    anchor: FloatArray
+    """The unknown there, ghosts included."""
+    strength: float
+    """Over the median of the tangent's diagonal."""
+
+
+class Damper:
+    """Adds a damping to a system's residual and tangent.
+
+    Parameters
+    ----------
+    system
+        The model.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._damping: Damping | None = None
+        self._stiffness: FloatArray | None = None
+
+    @property
+    def acts(self) -> bool:
+        """Whether the step is damped."""
+        return self._damping is not None
+
+    def turn_to(self, damping: Damping | None) -> None:
+        """Damp as is said, from now on."""
+        self._damping = damping
+        if damping is not None and self._stiffness is None:
+            self._stiffness = self._usual_stiffness()
+
+    def stiffen(self, tangent: PETSc.Mat) -> None:
+        """Add the damping's stiffness to an assembled tangent."""
+        if self._damping is not None:
+            added = self._system.unknown.x.petsc_vec.duplicate()
+            added.array[:] = self._weights(self._damping)
+            tangent.setDiagonal(added, addv=PETSc.InsertMode.ADD)
+
+    def push(self, residual: FloatArray) -> None:
+        """Add the damping's forces at the system's present unknown to a residual (n,)."""
+        if self._damping is not None:
+            weights = self._weights(self._damping)
+            own = slice(len(weights))
+            away = self._system.unknown.x.array[own] - self._damping.anchor[own]
+            residual[own] += weights * away
+
+    def _weights(self, damping: Damping) -> FloatArray:
+        assert self._stiffness is not None
+        return damping.strength * self._stiffness
+
+    def _usual_stiffness(self) -> FloatArray:
+        """Return the median of the tangent's diagonal, on the rank's own free displacements."""
+        diagonal = np.abs(self._system.assemble_tangent().getDiagonal().array)
+        free = np.zeros(len(diagonal), dtype=bool)
+        displacements = self._system.spaces.displacement_dofs
+        free[displacements[displacements < len(free)]] = True
+        free[self._system.owned_supports] = False
+        everywhere = np.concatenate(self._system.comm.allgather(diagonal[free]))
+        return np.where(free, np.median(everywhere), 0.0)
 
 
 @dataclass(frozen=True)

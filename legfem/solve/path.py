@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache, cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,80 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
-from legfem.solve.force_curve import ForceCurve
+
+
+@dataclass(frozen=True, eq=False)
+class ForceCurve:
+    """Force against displacement at the solved steps, and a cubic spline through them.
+
+    Parameters
+    ----------
+    displacement : ndarray
+        (n,), mm, increasing from 0.
+    force : ndarray
+        (n,), N.
+    sensitivities : Mapping[str, ndarray]
+        Derivative of the force (N per unit of the parameter) by the parameter's full name.
+    """
+
+    displacement: FloatArray
+    force: FloatArray
+    sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement (mm)."""
+        return float(self.displacement[-1])
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline(self.displacement, self.force)
+
+    def __call__(self, displacement: ArrayLike) -> FloatArray:
+        """Return the force (N) at displacements (mm); zero before first touch."""
+        at = np.asarray(displacement, dtype=float)
+        return np.where(at > 0, self._spline(np.maximum(at, 0.0)), 0.0)
+
+    def stiffness(self, displacement: ArrayLike) -> FloatArray:
+        """Return dF/dd (N/mm); zero before first touch."""
+        at = np.asarray(displacement, dtype=float)
+        return np.where(at > 0, self._spline(np.maximum(at, 0.0), 1), 0.0)
+
+    def sensitivity(self, parameter: str, displacement: ArrayLike) -> FloatArray:
+        """Return the derivative of the force by a parameter at displacements (mm)."""
+        spline = CubicSpline(self.displacement, self.sensitivities[parameter])
+        at = np.asarray(displacement, dtype=float)
+        return np.where(at > 0, spline(np.maximum(at, 0.0)), 0.0)
+
+    def mean_slope(self, start: float, end: float) -> float:
+        """Return (F(end) - F(start)) / (end - start) in N/mm."""
+        first, last = self(np.array([start, end]))
+        return float((last - first) / (end - start))
+
+    def mean_curvature(self, start: float, end: float) -> float:
+        r"""Return the mean curvature of F(d) in a window from a to b (N/mm2).
+
+        It is the second derivative of the least-squares parabola. With
+        :math:`t = (d - a) / (b - a)`,
+
+        .. math:: \frac{60}{(b - a)^2} \int_0^1 (6 t^2 - 6 t + 1)\, F \, dt
+                  = \int_0^1 30\, t^2 (1 - t)^2\, \frac{d^2 F}{d d^2} \, dt,
+
+        where the left side needs no derivative of the curve, and the right side shows a mean of the
+        second derivative: its weights integrate to 1 and vanish at the window's ends.
+        """
+        nodes, weights = _gauss_points(64)
+        force = self(start + (end - start) * (nodes + 1) / 2)
+        # F projects on the second Legendre polynomial with 5/2 times this integral, and the second
+        # derivative of that polynomial over a window of length b - a is 3 (2 / (b - a))^2.
+        projection = 2.5 * float(np.sum(weights * force * (1.5 * nodes**2 - 0.5)))
+        return 12.0 * projection / (end - start) ** 2
+
+
+@cache
+def _gauss_points(number: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights of Gauss' quadrature on (-1, 1)."""
+    return np.polynomial.legendre.leggauss(number)
 
 
 @dataclass(frozen=True, eq=False)

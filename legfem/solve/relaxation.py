@@ -20,8 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from legfem.fem.system import System
-from legfem.solve.damping import Damping
-from legfem.solve.newton import NewtonOutcome, NewtonSolver
+from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
 
 REASON = "relaxed to another equilibrium"
 

@@ -22,7 +22,7 @@ from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.run import STIFFENING, diagnose_body
 from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.inverse.catalogue import RATIO
-from legfem.jobs.fingerprint import code_fingerprint
+from legfem.jobs.key import code_fingerprint
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
-from legfem.common.text_file import check_shown
+from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
-from legfem.data.formats import READERS
+from legfem.data.formats import READERS, is_litter, recording_files
 from legfem.data.plausibility import refuse_copies
 from legfem.data.reader import read_samples
 from legfem.data.recording import Origin
@@ -180,8 +180,7 @@ def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
 
 
 def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
-    there = (directory / "recordings").glob("*")
-    others = [f.name for f in sorted(there) if f.suffix.lower() in READERS and f not in read]
+    others = [f.name for f in recording_files(directory / "recordings") if f not in read]
     if not others:
         return []
     return [
@@ -205,13 +204,9 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
     for number, entry in entries:
         patterns = ["recordings/*"] if entry is None else entry.recordings
         for pattern in patterns:
-            if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
-                raise InputError(toml, "specimen.recordings", f"{pattern!r} leaves the folder", "name files within it")
-            files = sorted(
-                path
-                for path in directory.glob(pattern)
-                if path.is_file() and (entry or path.suffix.lower() in suffixes)
-            )
+            files = _matching(toml, directory, pattern)
+            if entry is None:
+                files = [path for path in files if path.suffix.lower() in suffixes]
             if not files:
                 where = "recordings" if entry is None else f"specimen {entry.name}"
                 raise InputError(
@@ -227,12 +222,25 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
             raise InputError(
                 toml, "specimen.recordings", f"{path.name} is named {times} times", "name every recording once"
             )
-    check_shown(*(path for _, path in found))
+    check_printable(*(path for _, path in found))
     stems = Counter(path.stem for _, path in found)
     return [
         (path.stem if stems[path.stem] == 1 else path.relative_to(directory).with_suffix("").as_posix(), number, path)
         for number, path in found
     ]
+
+
+def _matching(toml: Path, directory: Path, pattern: str) -> list[Path]:
+    """Return the files of a pattern but what systems leave beside them (``._x.csv``, ``~$x.xlsx``)."""
+    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+        raise InputError(toml, "specimen.recordings", f"{pattern!r} leaves the folder", "name files within it")
+    try:
+        found = sorted(path for path in directory.glob(pattern) if path.is_file())
+    except ValueError:
+        raise InputError(
+            toml, "specimen.recordings", f"{pattern!r} is no pattern of files", "give such as recordings/a*.csv"
+        ) from None
+    return [path for path in found if not is_litter(path)]
 
 
 def _check_distinct(toml: Path, specimens: list[SpecimenEntry]) -> None:

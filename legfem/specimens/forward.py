@@ -16,7 +16,7 @@ from legfem.experiments.axisymmetric import (
     CylinderCompression,
     Layer,
 )
-from legfem.experiments.base import Homebound, Solved, made_when_needed
+from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
@@ -24,12 +24,12 @@ from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.force_curve import ForceCurve
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.path import ForceCurve
+from legfem.solve.settings import StepSettings
 from legfem.specimens.fibre_directions import AXES
 from legfem.specimens.schema import Faces
 from legfem.specimens.sizes import FibrousTest, LayeredTest, OneTissue, Sizes, Test
@@ -102,7 +102,7 @@ def _onset(faces: Faces, depth: float) -> ContactSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class SpecimenForward(Homebound):
+class SpecimenForward(Picklable):
     """Tests of one tissue, a `legfem.inverse.outcome.ForwardModel`.
 
     Parameters
@@ -140,7 +140,7 @@ class SpecimenForward(Homebound):
         bulk = {one.name: one.bulk_ratio for one in tissues}
         return cls(tests, depths, laws, bulk, least, ratios)
 
-    @made_when_needed
+    @cached_in_process
     def experiments(self) -> list[Test]:
         """Meshed when first solved, in whichever process."""
         return [

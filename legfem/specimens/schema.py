@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from legfem.common.toml_file import FileTable, NotNegative, PlainName, Positive, Text, Title, parse_toml, trouble
+from legfem.common.input_files import FileTable, NotNegative, PlainName, Positive, Text, Title, parse_toml, trouble
 from legfem.data.folder import InstrumentEntry, RecordingsEntry
 from legfem.inverse.laws import LawName
 from legfem.specimens.fibre_directions import Direction
@@ -232,5 +232,5 @@ class SpecimenFile(FileTable):
 
 
 def parse_specimen_file(path: Path) -> SpecimenFile:
-    """Read and check ``specimen.toml``; see `legfem.common.toml_file.parse_toml`."""
+    """Read and check ``specimen.toml``; see `legfem.common.input_files.parse_toml`."""
     return parse_toml(path, SpecimenFile, "a specimen folder")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from legfem.common.toml_file import FileTable
+from legfem.common.input_files import FileTable
 from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer, CylinderBetweenPlates, CylinderCompression
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder

@@ -33,8 +33,8 @@ from legfem.specimens.slipping import slipping
 from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
 
 _C10, _C20 = "deep.C10", "deep.C20"
 _BESIDE = "superficial.C10"

@@ -11,7 +11,7 @@ from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.common.versions import versions_of
-from legfem.geometry.shape_measures import fat_thickness_around
+from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.inverse.parameter import Prior
 from legfem.legs.elastography import elastography_priors
 from legfem.stockings.leg_model import PARAMETERS

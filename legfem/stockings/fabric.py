@@ -30,8 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray, frozen_array, mmhg_to_mpa
 from legfem.geometry.leg_shape import SKIN, LegShape
 

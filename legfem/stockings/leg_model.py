@@ -9,12 +9,12 @@ from mpi4py import MPI
 from scipy.sparse import csr_matrix
 
 from legfem.common.units import FloatArray
-from legfem.experiments.base import Homebound, made_when_needed
 from legfem.experiments.compression import Compressed, CompressionSettings, LegCompression
+from legfem.experiments.experiment import Picklable, cached_in_process
 from legfem.fem.body_surfaces import BodySurface, hull_surface, skin_surface
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.shape_motion import displaced
-from legfem.geometry.surface import TriangleSurface, tube
+from legfem.geometry.leg_shape_motion import displaced
+from legfem.geometry.leg_surface import TriangleSurface, tube
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fascia, StiffnessGradient, VolumeLoss
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
@@ -25,8 +25,8 @@ PARAMETERS = ("deep.C10", "superficial.C10")
 
 
 @dataclass(frozen=True, eq=False)
-class LegModel3D(Homebound):
-    """A leg's segment by its shape, under pressures: an `legfem.experiments.base.Experiment`.
+class LegModel3D(Picklable):
+    """A leg's segment by its shape, under pressures: an `legfem.experiments.experiment.Experiment`.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class LegModel3D(Homebound):
     settings: CompressionSettings | None = None
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
 
-    @made_when_needed
+    @cached_in_process
     def compression(self) -> LegCompression:
         """The finite-element model, meshed and compiled."""
         mechanisms = (
@@ -111,18 +111,18 @@ class LegModel3D(Homebound):
         system.set_time(1.0, 1.0)
         system.unknown.x.array[:] = state.unknown
 
-    @made_when_needed
+    @cached_in_process
     def _surfaces(self) -> dict[str, BodySurface]:
         spaces = self.compression.spaces
         return {SKIN: skin_surface(spaces), HULL: hull_surface(spaces)}
 
-    @made_when_needed
+    @cached_in_process
     def _from_mesh(self) -> dict[str, csr_matrix]:
         return {
             part: body.surface.weights(self.shape.points(part).reshape(-1, 3)) for part, body in self._surfaces.items()
         }
 
-    @made_when_needed
+    @cached_in_process
     def _to_mesh(self) -> csr_matrix:
         points = self.shape.points(SKIN)
         surface = TriangleSurface(points.reshape(-1, 3), tube(*points.shape[:2]))

@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa
 from legfem.data.folder import RESOURCES, Catalogue
-from legfem.geometry.cross_sections import Clearances
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import calf_levels
-from legfem.imaging.leg_source import LegSource
+from legfem.imaging.label_volume import check_same_spacing
+from legfem.imaging.leg_source import LegSource, ShapeEntry, existing
 from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration, register_shapes
-from legfem.imaging.shape_entry import ShapeEntry, existing
-from legfem.imaging.volume import check_same_spacing
 from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking

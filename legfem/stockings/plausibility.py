@@ -12,8 +12,7 @@ from legfem.common.doubts import Doubt, PhysicalRange
 from legfem.common.errors import InputError
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.data import ranges
-from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.shape_measures import perimeter
+from legfem.geometry.leg_shape import LegShape, perimeter
 from legfem.legs.elastography import doubts_about_elastography
 from legfem.legs.plausibility import doubts_about_size
 from legfem.stockings.fabric import Stocking, stocking_load

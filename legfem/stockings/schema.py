@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from legfem.common.toml_file import (
+from legfem.common.input_files import (
     FileTable,
     Finite,
     NotNegative,
@@ -18,7 +18,7 @@ from legfem.common.toml_file import (
     parse_toml,
     trouble,
 )
-from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
+from legfem.imaging.leg_source import LabelsEntry, ShapeEntry
 from legfem.legs.elastography import ElastographyEntry, check_once
 from legfem.stockings.sensors import KINDS
 
@@ -162,5 +162,5 @@ class LegFile(FileTable):
 
 
 def parse_leg_file(path: Path) -> LegFile:
-    """Read and check ``leg.toml``; see `legfem.common.toml_file.parse_toml`."""
+    """Read and check ``leg.toml``; see `legfem.common.input_files.parse_toml`."""
     return parse_toml(path, LegFile, "the folder of a leg in a stocking")

@@ -8,9 +8,17 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.checks import check_finite
-from legfem.common.command_edge import check_out_folder, command_edge, end_without_a_solution, study_edge, usable_cores
-from legfem.common.outcome_options import AsJson, Quiet, told_briefly
+from legfem.common.command_line import (
+    AsJson,
+    Quiet,
+    brief_output,
+    check_out_folder,
+    command_edge,
+    end_without_a_solution,
+    study_edge,
+    usable_cores,
+)
+from legfem.common.errors import check_finite
 from legfem.study.options import Jobs, Out
 
 app = typer.Typer(
@@ -42,7 +50,7 @@ def convergence(
         check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
         from legfem.study.convergence import command as convergence_command
 
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             convergence_command.run(subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet)
             written.append(folder / "result.json")
 
@@ -63,7 +71,7 @@ def reproduce(
     with study_edge("reproduce", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import reproduce as tables
 
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             tables.run(seed, folder, processes, corrected, quiet)
             written.append(folder / "result.json")
 
@@ -129,7 +137,7 @@ def doe(
             not factorial_only,
             quiet,
         )
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             solved = run(options, MPI.COMM_WORLD)
             if MPI.COMM_WORLD.rank == 0:
                 written.append(folder / "result.json")
@@ -197,7 +205,7 @@ def correction(
             from legfem.jobs.ranks import leading
             from legfem.study.correction import of_leg
 
-            with leading(MPI.COMM_WORLD) as first, told_briefly(quiet, as_json) as written:
+            with leading(MPI.COMM_WORLD) as first, brief_output(quiet, as_json) as written:
                 if first:
                     stiffness = c10_kpa, c20_kpa
                     of_leg.run(subject_dir, stiffness, depth, folder, quiet, MPI.COMM_WORLD)
@@ -212,7 +220,7 @@ def correction(
         )
         processes = (jobs or usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
         asked = correction_command.Asked(trends, legs, fields)
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             correction_command.run(Calibration(case), asked, folder, processes, quiet)
             if MPI.COMM_WORLD.rank == 0:
                 written.append(folder / correction_command.DOCUMENT)

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.documents import write_atomically, write_document
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.document import fit_document

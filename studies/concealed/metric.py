@@ -18,7 +18,7 @@ from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.inverse.parameter import Parameter
-from legfem.jobs.arrays import write_arrays
+from legfem.jobs.checkpoint import write_arrays
 
 _STIFFNESSES = {"C10": 33, "C20": 17}
 """Steps."""

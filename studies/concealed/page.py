@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from legfem.common.documents import json_types
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import json_types, markdown_table
 from legfem.report.style import FAINT, new_figure, panel, styled
 from studies.concealed.forms import FORMS, OUTSIDE
 from studies.concealed.reliability import Reliability

@@ -13,8 +13,7 @@ from legfem.diagnose.document import document
 from legfem.diagnose.run import Diagnoser
 from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
-from legfem.jobs.resume import finish
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.legs.loading import load_subject
 from studies.concealed.metric import Metric
 

@@ -23,9 +23,9 @@ from legfem.diagnose.variants import Variants
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.subject import Subject
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
 from studies.concealed.forms import BRANCHES_S, ON_COURSE, OUTSIDE_ON_COURSE, Pressed
 from studies.lab.recording import SAMPLING_HZ, Course

@@ -10,10 +10,9 @@ import numpy as np
 import typer
 from matplotlib.figure import Figure
 
-from legfem.common.command_edge import study_edge
-from legfem.common.documents import write_atomically, write_document
+from legfem.common.command_line import study_edge
+from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.errors import UnsolvedError
-from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
 from legfem.experiments.indentation_3d import IdealisedLegSettings

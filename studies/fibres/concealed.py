@@ -27,7 +27,7 @@ from legfem.jobs.store import Store
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.worked.ends import DEPTH_MM, PLANE, RATE_MM_PER_S, TRIALS

@@ -21,7 +21,7 @@ from legfem.experiments.indentation_3d import IdealisedLegSettings
 from legfem.legs.correction import FIRST_RATIO, mesh_error
 from legfem.legs.correction_of_leg import FibreTable
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material
 from legfem.study.correction.leg_table import leg_of_size

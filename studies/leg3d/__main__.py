@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import study_edge
-from legfem.common.documents import write_atomically, write_document
+from legfem.common.command_line import study_edge
+from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.errors import InputError
-from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
+from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
-from legfem.common.markdown import markdown_table
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.leg3d.fascia import SHOWN, layer
 from studies.leg3d.other_code import OtherLeg
 from studies.leg3d.planted import Planted

@@ -11,14 +11,14 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
+from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
-from legfem.common.markdown import markdown_table
+from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.indenter_pose import Pose
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
-from legfem.experiments.posed import Pose
-from legfem.experiments.pressing import PressingTest
-from legfem.geometry.shape_motion import without_layer
+from legfem.geometry.leg_shape_motion import without_layer
 from legfem.mechanics.materials import Hyperelastic, NeoHookean
 from legfem.mechanics.terms import Fascia
 from studies.leg3d.planted import CYLINDER, LEG, MESH, Planted, round_shape
@@ -61,7 +61,7 @@ def membrane(
     )
 
 
-ROWS: dict[str, Callable[[], PressingTest]] = {
+ROWS: dict[str, Callable[[], IndentationTest]] = {
     "layer of 0.6 mm": layer,
     "the same, finer by 1.5": lambda: layer(finer=1.5),
     "0.3 mm, twice as stiff": lambda: layer(2.0),

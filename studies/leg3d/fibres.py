@@ -10,9 +10,9 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
+from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
-from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.experiments.leg_3d import SolidLegSettings

@@ -10,14 +10,14 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
+from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
-from legfem.common.markdown import markdown_table
 from legfem.common.units import kpa_to_mpa
+from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.indenter_pose import Pose
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of
-from legfem.experiments.posed import Pose
-from legfem.experiments.pressing import PressingTest
 from legfem.legs.experiments import spatial_test
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
@@ -66,7 +66,7 @@ def stiffened(test: LegIndentation3D, c10: float, c20: float, fibres: float) -> 
     return replace(test, tissues={**test.tissues, "deep": law}, mechanisms=own)
 
 
-def row(name: str, test: PressingTest, depth: float) -> list[str]:
+def row(name: str, test: IndentationTest, depth: float) -> list[str]:
     """Return what a solution of a test took, how it balances, and its forces."""
     _ = test.pressing
     started = time.process_time()

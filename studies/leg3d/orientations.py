@@ -9,10 +9,9 @@ from pathlib import Path
 from legfem.data.recording import write_recording
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
-from legfem.mechanics.contact import RigidIndenter
-from legfem.mechanics.turned_cylinder import TurnedCylinder
+from legfem.mechanics.contact import RigidIndenter, TurnedCylinder
 from legfem.meshing.idealised_leg import LegMeshSettings
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded, whole_curve
 
 FINE = LegMeshSettings(contact_size=3, depth_size=5, edge_size=2.5, growth=0.4, far_size=14)

@@ -19,7 +19,7 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.jobs.store import Store
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.concealed.other_pressing import OtherPressing, spread
 from studies.concealed.other_tissue import other_law
 from studies.fibrous_specimens.other_muscle import OtherMuscle

@@ -14,9 +14,9 @@ import numpy as np
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data import Recording
+from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.leg_3d import fibres_of
-from legfem.experiments.pressing import PressingTest
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import LegSection
 from legfem.jobs.store import Store
@@ -24,7 +24,7 @@ from legfem.legs.folder import write_subject_folder
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 
 LEG = IdealisedLeg(radius=40.0, bone_radius=12.0, length=70.0, fat=9.0, fascia=0.6, ends="held")
@@ -101,7 +101,7 @@ def round_shape(points: int, levels: int, fibula: bool = False) -> LegShape:
     return LegShape(z, {part: np.tile(xy, (levels, 1, 1)) for part, xy in parts.items()})
 
 
-def whole_curve(test: PressingTest, depth: float, what: str = "the leg in 3D") -> ForceCurve:
+def whole_curve(test: IndentationTest, depth: float, what: str = "the leg in 3D") -> ForceCurve:
     """Return a test's force to a depth (mm).
 
     Raises

@@ -17,8 +17,8 @@ from legfem.jobs.store import Store
 from legfem.legs.experiments import spatial_test
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
-from legfem.mechanics.contact_settings import ContactSettings
-from legfem.solve.force_curve import ForceCurve
+from legfem.mechanics.contact import ContactSettings
+from legfem.solve.path import ForceCurve
 from studies.lab.recording import INSTRUMENT
 from studies.leg3d.meshes import refined, stiffened
 from studies.leg3d.planted import recorded, whole_curve, with_fibres

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_section
 from legfem.geometry.section import LegSection, girth

@@ -19,10 +19,9 @@ from shapely import Polygon
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.cross_sections import Clearances, nested_outlines
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
-from legfem.geometry.shape_checks import check_shape
-from legfem.geometry.shape_smoothing import smoothed
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, shape_of_contours
+from legfem.geometry.leg_shape_from_outlines import smoothed
+from legfem.geometry.section_from_outlines import Clearances, nested_outlines
 from studies.legs.calf import bone_outline, outward_normals, oval
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -13,14 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import outward_normals
+from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.rigid import RigidTransform
-from legfem.geometry.shape_motion import rigidly_moved
-from legfem.imaging.volume import BONE, DEEP, SUPERFICIAL, LabelVolume
+from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.imaging.label_volume import BONE, DEEP, SUPERFICIAL, LabelVolume
 from studies.legs.raster import coverage
 
 PAPER_SPACING = (0.93, 0.93, 1.0)
@@ -82,7 +81,7 @@ def simulated_scan(
     Parameters
     ----------
     shape : LegShape
-        The leg; see `legfem.geometry.shape_motion.displaced` for a deformed one.
+        The leg; see `legfem.geometry.leg_shape_motion.displaced` for a deformed one.
     seed : int
         Of the noise and of where the leg lies in the grid, by a part of a voxel.
     noise : SegmentationNoise, optional

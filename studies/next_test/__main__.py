@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import study_edge
+from legfem.common.command_line import study_edge
 from legfem.common.progress import progress_on
 from legfem.study.options import Jobs, Library, Out
 

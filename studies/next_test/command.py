@@ -10,8 +10,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
-from legfem.jobs.resume import finish
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from studies.concealed.running import asked, case_folders, diagnoses

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import json_types
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import json_types, markdown_table
 from studies.lab.rate import Rate
 from studies.next_test.trying import Outcome, Tried
 

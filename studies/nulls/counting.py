@@ -13,8 +13,7 @@ import numpy as np
 from legfem.common.progress import Progress, Silent
 from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
-from legfem.jobs.resume import finish
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.legs.subject import Subject
 from studies.lab.conditions import drawn_errors, drawn_misstatement
 from studies.lab.outcomes import said_line

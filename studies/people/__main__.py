@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import study_edge
+from legfem.common.command_line import study_edge
 from legfem.study.options import Jobs, Out
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from legfem.common.command_edge import end_without_a_solution
-from legfem.common.documents import write_atomically, write_document
-from legfem.common.markdown import markdown_table
+from legfem.common.command_line import end_without_a_solution
+from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.population import TABLE, Population

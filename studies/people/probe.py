@@ -21,14 +21,13 @@ from scipy.stats import qmc
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.experiments.axisymmetric import AxisymmetricSettings, Faces, Layer
+from legfem.experiments.axisymmetric import AxisymmetricSettings, Faces, Layer, compress
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
-from legfem.experiments.layers import compress
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 
 STRAINS = np.array([0.02, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.36])
 """Of both layers together, at which solutions are kept."""

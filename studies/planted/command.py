@@ -12,8 +12,7 @@ from legfem.common.documents import write_document
 from legfem.common.progress import progress_on
 from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
-from legfem.jobs.resume import finish
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.legs.schema import SUBJECTS
 from studies.planted.truths import Planted, PlantedTruth, coverage, identify_truth, planted_truths
 

@@ -26,9 +26,9 @@ from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.site_test import measured_curve
 from legfem.legs.subject import Subject
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from studies.lab.synthesis import InstrumentNoise, record_path
 
 C10_KPA = (0.1, 5.0)

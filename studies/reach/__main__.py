@@ -9,9 +9,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from legfem.common.command_edge import end_without_a_solution, study_edge
-from legfem.common.documents import json_types, write_atomically, write_document
-from legfem.common.markdown import markdown_table
+from legfem.common.command_line import end_without_a_solution, study_edge
+from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.study.options import Jobs, Out
 from studies.lab.rate import Rate

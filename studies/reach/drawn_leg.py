@@ -9,8 +9,7 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.experiments.tissues import Tissues
+from legfem.experiments.plane_strain import PlaneStrainIndentation, Tissues
 from legfem.geometry.contours import check_section
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone

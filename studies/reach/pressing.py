@@ -14,7 +14,7 @@ from legfem.common.progress import Progress
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.solve.relaxation import REASON
 from studies.reach.drawn_leg import DrawnLeg, drawn_leg
 

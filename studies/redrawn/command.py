@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
-from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress
 from legfem.diagnose.run import Diagnoser
 from legfem.legs.correction import read_correction

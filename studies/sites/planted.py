@@ -19,7 +19,7 @@ from legfem.geometry.indenter import Indenter
 from legfem.jobs.store import Store
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import SitedLeg, Subject, TissueParameters
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from studies.concealed.other_code import OtherCase, OtherCode
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.legs.calf import Calf, calf_section

@@ -24,7 +24,7 @@ from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation,
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.idealised_leg import Cells, IdealisedLeg, LegMeshSettings, grid_counts
 from legfem.solve.linear import LinearSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from studies.solvers.apart import end_with_starter
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.study.options import Jobs
 
 

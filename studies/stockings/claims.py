@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import pearsonr, spearmanr
 
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
-from legfem.geometry.shape_measures import fat_thickness_around, horizontal_curvature
+from legfem.geometry.leg_shape import fat_thickness_around, horizontal_curvature
 from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells

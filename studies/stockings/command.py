@@ -14,8 +14,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.jobs.key import Contents, key_of
 from legfem.jobs.pool import Workers
-from legfem.jobs.resume import finish
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.stockings.result import StockingSettings
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings import page

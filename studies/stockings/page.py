@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import markdown_table
 from studies.stockings.claims import Correlation, Pressures
 from studies.stockings.recovery import Recovery
 

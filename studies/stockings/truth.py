@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from legfem.common.documents import write_atomically
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.compression import CompressionSettings
+from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.rigid import RigidTransform
 from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells

@@ -18,8 +18,8 @@ from legfem.experiments.indentation_3d import IdealisedLegIndentation, Idealised
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
 from legfem.meshing.idealised_leg import LegMeshSettings
-from legfem.solve.force_curve import ForceCurve
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.path import ForceCurve
+from legfem.solve.settings import StepSettings
 from legfem.study.correction.cases import CorrectionCase, Material
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.worked.example import ExampleRow, WorkedTruth, diagnosed

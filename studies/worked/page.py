@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import markdown_table
 from studies.worked.example import ExampleRow
 
 QUANTITIES = (

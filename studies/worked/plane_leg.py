@@ -20,15 +20,15 @@ from legfem.diagnose.nuisances import MATERIAL_LOG_SD
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
-from legfem.jobs.fingerprint import code_fingerprint
+from legfem.jobs.key import code_fingerprint
 from legfem.legs.correction import TabulatedCorrection
 from legfem.solve.protocol import Protocol
 from legfem.specimens.rig import mechanisms_on_a_rig
 from legfem.study.correction.cases import CorrectionCase
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path as SolvedPath
 
 NOT_OFFERED: Mapping[str, str] = {

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 
 # Where an update's gain is near what is asked of it, rounding says whether factors are made anew.
 settings = PlaneStrainSettings(mesh=COARSE, formulation=sys.argv[1], steps=StepSettings.regular(curve_tolerance=2e-3))

@@ -12,7 +12,7 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.linear import LinearSettings
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
 from legfem.stockings.leg_model import LegModel3D

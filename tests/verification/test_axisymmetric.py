@@ -20,13 +20,12 @@ from legfem.experiments.axisymmetric import (
     CylinderBetweenPlates,
     CylinderCompression,
 )
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Viscoelasticity
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.solve.stepping import press
 
 C10 = 5e-3

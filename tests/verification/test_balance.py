@@ -10,10 +10,10 @@ from making_mechanics import FORMULATIONS, fixed_steps, pressed_block
 
 from legfem.fem.compiled import compiled
 from legfem.fem.system import System
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.terms import Tissue
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 from legfem.solve.stepping import press
 
 

@@ -15,10 +15,10 @@ from making_mechanics import fixed_steps
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 
 MU = 0.01
 RADIUS, EDGE, DEPTH = 5.0, 0.1, 0.02

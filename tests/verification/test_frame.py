@@ -11,9 +11,9 @@ from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 from legfem.solve.stepping import press
 
 RADIUS = 8.0

@@ -11,9 +11,9 @@ import pytest
 from making_mechanics import at_skin, block, contact_pressure, one_tissue, pressed_block
 
 from legfem.fem.system import System
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from legfem.solve.stepping import press
 
 RADIUS = 400.0

@@ -7,7 +7,7 @@ import pytest
 from making_mechanics import COARSE, block, fixed_steps, pressed_block, subject_3
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol

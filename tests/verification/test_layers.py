@@ -14,14 +14,13 @@ from making_mechanics import fixed_steps
 from test_flat_punch import kappa, law
 
 from legfem.common.errors import InputError
-from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer, Layer
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer, Layer, compress
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
-from legfem.experiments.layers import compress
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 
 RADIUS, EDGE, DEPTH = 5.0, 0.1, 0.02
 MU = 0.01

@@ -13,7 +13,7 @@ from making_mechanics import FORMULATIONS, free_of_contact, nodal, one_tissue, r
 from scipy.integrate import solve_bvp
 
 from legfem.fem.system import System
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 
 INNER, OUTER, WIDENED = 10.0, 25.0, 14.0
 C10 = 1e-3

@@ -10,10 +10,9 @@ from making_derivatives import forces, taylor_orders, worst_error
 from making_mechanics import COARSE, block, fixed_steps, free_of_contact, nodal, one_tissue, pressed_block, subject_3
 
 from legfem.common.errors import InputError
-from legfem.experiments.placement import Placement
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import Placement, PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.system import System
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, Yeoh
 from legfem.mechanics.terms import Contraction, Fibres, Prestress, Tissue, Viscoelasticity
 from legfem.solve.newton import NewtonSolver

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from making_mechanics import COARSE, at_skin, subject_3
 
-from legfem.experiments.base import Solved
+from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 
 # Rounding of positions (1e-14 mm) times such a penalty is far above the usual tolerance.
 NO_SLIP = PlaneStrainSettings(

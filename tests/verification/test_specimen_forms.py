@@ -18,11 +18,11 @@ import legfem as lf
 from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderBetweenPlates, CylinderCompression
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.uniaxial import Bar, UniaxialTest
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from legfem.solve.stepping import press
 
 C10 = 5e-3

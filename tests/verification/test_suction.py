@@ -14,9 +14,9 @@ from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer
 from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.mechanics.materials import NeoHookean
+from legfem.meshing.grid import Support
 from legfem.meshing.meridian import MeridianMeshSettings, supports
-from legfem.meshing.support import Support
-from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.settings import NewtonSettings
 
 MU = 0.01
 

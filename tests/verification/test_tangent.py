@@ -8,7 +8,7 @@ from making_derivatives import taylor_orders
 from making_mechanics import at_skin, fixed_steps, nodal, pressed_block
 
 from legfem.fem.system import System
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.stepping import press
 

@@ -12,7 +12,7 @@ from legfem.fem.system import System
 from legfem.mechanics.terms import Viscoelasticity
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from legfem.solve.stepping import follow
 
 TISSUES = one_tissue(1e-3, 28.0, C20=0.5e-3)

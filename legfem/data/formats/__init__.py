@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import tempfile
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.data.formats.sheet import Column, Sheet
+from legfem.data.formats.sheet import Column, Sheet, check_size
 from legfem.data.formats.text import read_text
 
 __all__ = ["READERS", "Column", "Sheet", "read_sheets"]
+
+type Reader = Callable[[Path], list[Sheet]]
 
 
 # The libraries of kinds that a command doesn't read take a good part of its start.
@@ -17,6 +21,12 @@ def _workbook(path: Path) -> list[Sheet]:
     from legfem.data.formats.workbook import read_workbook
 
     return read_workbook(path)
+
+
+def _old_workbook(path: Path) -> list[Sheet]:
+    from legfem.data.formats.workbook import read_old_workbook
+
+    return read_old_workbook(path)
 
 
 def _tdms(path: Path) -> list[Sheet]:
@@ -43,14 +53,67 @@ def _hdf5(path: Path) -> list[Sheet]:
     return read_hdf5(path)
 
 
-READERS: dict[str, Callable[[Path], list[Sheet]]] = {
-    **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv"), read_text),
+def _zipped(path: Path) -> list[Sheet]:
+    """Read the one file in an archive, or a workbook without its ending."""
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+        if "[Content_Types].xml" in names:
+            return _workbook(path)
+        files = [one for one in archive.infolist() if not one.is_dir() and not is_litter(Path(one.filename))]
+        if len(files) != 1:
+            raise InputError(path, "file", f"holds {len(files)} files", "unpack it, and look at one of them")
+        check_size(path, files[0].file_size)
+        with tempfile.TemporaryDirectory() as folder:
+            inner = Path(folder) / (Path(files[0].filename).name)
+            inner.write_bytes(archive.read(files[0]))
+            if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
+                raise InputError(path, "file", "holds another archive", "unpack it")
+            try:
+                return read_sheets(inner)
+            except InputError as error:
+                raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
+
+
+def _xls(path: Path) -> list[Sheet]:
+    """Read what is called .xls: a workbook of either kind, or text, which many programs call so."""
+    return (_by_content(path) or read_text)(path)
+
+
+READERS: dict[str, Reader] = {
+    **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
+    ".xls": _xls,
     ".tdms": _tdms,
     ".lvm": _lvm,
     ".mat": _matlab,
     **dict.fromkeys((".h5", ".hdf5"), _hdf5),
+    ".zip": _zipped,
 }
+_BEGIN: dict[bytes, Reader] = {
+    b"\x89HDF": _hdf5,
+    b"TDSm": _tdms,
+    **dict.fromkeys((b"\xd0\xcf\x11\xe0", b"\t\x00\x04\x00", b"\t\x02\x06\x00", b"\t\x04\x06\x00"), _old_workbook),
+    b"MATLAB": _matlab,
+    b"LabVIEW Measurement": _lvm,
+    b"PK\x03\x04": _zipped,
+}
+"""By what a file begins with, where its name doesn't say."""
+
+
+def recording_files(folder: Path) -> list[Path]:
+    """Return the files in a folder that may be recordings, in order; not what systems leave beside them."""
+    return sorted(f for f in folder.glob("*") if f.suffix.lower() in READERS and not is_litter(f))
+
+
+def is_litter(path: Path) -> bool:
+    """Tell whether a file is macOS' double of another (``._x``), hidden, or a lock of an open workbook (``~$x``)."""
+    return path.name.startswith((".", "~$")) or "__MACOSX" in path.parts
+
+
+def _by_content(path: Path) -> Reader | None:
+    with path.open("rb") as file:
+        begin = file.read(32)
+    return next((reader for mark, reader in _BEGIN.items() if begin.startswith(mark)), None)
 
 
 def read_sheets(path: Path) -> list[Sheet]:
@@ -59,27 +122,29 @@ def read_sheets(path: Path) -> list[Sheet]:
     Raises
     ------
     InputError
-        If the file is missing, of no known kind, damaged, or holds no table of numbers.
+        If the file is missing, too large, of no known kind, damaged, or holds no table of numbers.
     """
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(
-            path, "file", f"'{path.suffix}' is no kind that is read", f"export it as one of {', '.join(READERS)}"
-        )
+    ending = path.suffix.lower()
     if not path.is_file():
+        if ending not in READERS and ending:
+            raise _no_kind(path)
         raise InputError(path, "file", "not found", "check the path")
     if path.stat().st_size == 0:
         raise InputError(path, "file", "is empty", "copy or export it again")
+    check_size(path, path.stat().st_size)
+    reader = READERS.get(ending) or _by_content(path)
     try:
-        sheets = reader(path)
+        sheets = (reader or read_text)(path)
     except (InputError, MemoryError):
+        if reader is None and ending:
+            raise _no_kind(path) from None
         raise
     except Exception as error:  # a damaged file: its library raises whatever it meets
         said = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
             path,
             "file",
-            f"can't be read as {path.suffix.lower()} ({said})",
+            f"can't be read as {ending or 'what it begins as'} ({said})",
             "it is damaged or of another kind: copy or export it again",
         ) from error
     if not sheets:
@@ -90,3 +155,8 @@ def read_sheets(path: Path) -> list[Sheet]:
             "export time, displacement and force, each with its name",
         )
     return sheets
+
+
+def _no_kind(path: Path) -> InputError:
+    kinds = f"export it as one of {', '.join(READERS)}"
+    return InputError(path, "file", f"'{path.suffix}' is no kind that is read", kinds)

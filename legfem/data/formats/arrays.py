@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,10 @@ from typing import Any
 import h5py
 import numpy as np
 from pymatreader import read_mat
+from scipy.io import whosmat
 
 from legfem.data.formats.labview import check_lengths
-from legfem.data.formats.sheet import FEWEST_ROWS, Column, Sheet, name_and_unit
+from legfem.data.formats.sheet import FEWEST_ROWS, Column, Sheet, check_size, name_and_unit
 
 _NAMES = ("columns", "colheaders", "headers", "labels", "names")
 """What the names of a matrix' columns are called; ``importdata`` of MATLAB says colheaders."""
@@ -27,6 +29,11 @@ def read_matlab(path: Path) -> list[Sheet]:
     ``force`` may stand in its name (``force_N``), in ``force_unit`` or in
     ``units.force``.
     """
+    if not h5py.is_hdf5(path):
+        check_size(path, sum(8 * math.prod(shape) for _, shape, _ in whosmat(path)))
+    else:
+        with h5py.File(path) as file:
+            _check_datasets(path, file)
     return _sheets_of(path, "", read_mat(str(path)))
 
 
@@ -38,6 +45,7 @@ def read_hdf5(path: Path) -> list[Sheet]:
     """
     sheets = []
     with h5py.File(path) as file:
+        _check_datasets(path, file)
         groups: list[Any] = [file]
         file.visititems(lambda _, item: groups.append(item) if _is_group(item) else None)
         for group in groups:
@@ -56,6 +64,12 @@ def read_hdf5(path: Path) -> list[Sheet]:
                     arrays[name] = (item[()], item.attrs.get("unit", item.attrs.get("units")))
             sheets += _sheet(path, group.name.strip("/"), arrays)
     return sheets
+
+
+def _check_datasets(path: Path, file: h5py.File) -> None:
+    sizes: list[int] = []
+    file.visititems(lambda _, item: sizes.append(item.nbytes) if isinstance(item, h5py.Dataset) else None)
+    check_size(path, sum(sizes))
 
 
 def _is_group(item: object) -> bool:

@@ -59,10 +59,11 @@ def read_lvm(path: Path) -> list[Sheet]:
         elif label != "Comment":
             columns.append(_column(label, next(units, None), values[:, k]))
     clocks = [c for c in columns if c.name == "X_Value"]
-    if len(clocks) > 1:
+    if any(not np.array_equal(c.values, clocks[0].values) for c in clocks[1:]):
         raise InputError(path, "X_Columns", "every channel has a time of its own", "save one time for all")
     if clocks:
-        return [Sheet("", tuple(columns))]
+        same = (f"{len(clocks)} channels have a time of their own, all the same",) if len(clocks) > 1 else ()
+        return [Sheet("", (clocks[0], *(c for c in columns if c.name != "X_Value")), same)]
     step = float(np.atleast_1d(segment["Delta_X"])[0])
     remark = f"the time is counted in the header's Delta_X of {step:g} s"
     return [Sheet("", (_clock(step, len(values)), *columns), (remark,))]

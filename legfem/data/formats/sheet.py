@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -37,9 +37,19 @@ _UNITS = {
         10.0: "cm",
         1000.0: "m meter metre",
         1e-3: "um µm micron microns",
+        1e-6: "nm nanometer nanometers nanometre",
         25.4: "in inch inches",
     },
-    "force": {1.0: "n newton newtons", 1e-3: "mn", 1e3: "kn", _G: "kgf kp", 1e-3 * _G: "gf p", 4.4482216152605: "lbf"},
+    "force": {
+        1.0: "n newton newtons",
+        1e-3: "mn",
+        1e-6: "µn un",
+        1e-9: "nn",
+        1e3: "kn",
+        _G: "kgf kp",
+        1e-3 * _G: "gf p",
+        4.4482216152605: "lbf",
+    },
     "pressure": {
         1.0: "mpa",
         1e-3: "kpa",
@@ -51,8 +61,8 @@ _UNITS = {
     },
 }
 _OTHERS = """
-% - v mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm gpa mm/mm nm
-n.m n·m n/mm² n/mm2 cycles cycle count g kg lb strain
+% - v mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm gpa mm/mm
+n.m n·m n*m kn·mm kn.mm n·mm n.mm µm/s um/s nm/s n/mm² n/mm2 cycles cycle count g kg lb strain
 """
 _KNOWN = {
     name: Unit(quantity, factor)  # type: ignore[arg-type]
@@ -67,14 +77,29 @@ OWN: dict[Quantity, str] = {"time": "s", "displacement": "mm", "force": "N", "pr
 def unit_named(name: str) -> Unit | None:
     """Return a unit by its name; None for one that isn't known.
 
-    Capitals count in mN and MN only: nobody measures soft tissue in meganewtons, so the latter
-    isn't known.
+    Capitals count in mN and MN, nm and Nm: nobody measures soft tissue in meganewtons, so that
+    isn't known, and a newton metre is no length.
     """
     plain = name.strip().replace("μ", "µ")
+    if plain in ("Nm", "NM"):
+        return Unit(None, 1.0)
     return None if plain == "MN" else _KNOWN.get(plain.lower())
 
 
 FEWEST_ROWS = 8
+MOST_BYTES = 200_000_000
+"""An hour of a test at 1 kHz, as text, has half as many."""
+_ROWS_TRIED, _MOSTLY = 40, 0.9
+"""Rows in the middle that tell which columns are numbers, and the share of them that is."""
+WORDS: dict[Quantity, str] = {
+    "time": r"time|zeit|temps|tiempo|tempo|^t$|x_value",
+    "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth"
+    r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|^d$|^z$",
+    "force": r"force|load|kraft|last|fuerza|forza|^f[xyz]?$",
+}
+"""By which columns are named."""
+CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
+THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
 
 type Cell = str | float | None
 
@@ -111,6 +136,23 @@ class Sheet:
     """What was found out about the file rather than read in it."""
 
 
+def check_size(path: Path, size: int) -> None:
+    """Check how many bytes are to be read.
+
+    Raises
+    ------
+    InputError
+        If they are more than a recording has.
+    """
+    if size > MOST_BYTES:
+        raise InputError(
+            path,
+            "file",
+            f"holds {size / 1e6:,.0f} MB once unpacked; at most {MOST_BYTES / 1e6:g} MB are read",
+            "export the test alone, sampled less finely",
+        )
+
+
 def name_and_unit(label: str) -> tuple[str, str | None]:
     """Part a column's label, such as ``Load (N)``, ``Kraft [N]`` or ``force_N``."""
     label = " ".join(label.split())
@@ -126,83 +168,160 @@ def name_and_unit(label: str) -> tuple[str, str | None]:
 def sheet_of_rows(path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks: tuple[str, ...] = ()) -> Sheet | None:
     """Return the table in rows of cells, numbers as floats; None where there is none.
 
-    The numbers begin at the first of three rows of numbers of one width; above them stand the
-    columns' names, and between the two may stand a row of units. Nothing but numbers may follow.
+    What is number in the middle of the table are its columns; others, empty or of text, are passed over. The numbers
+    begin at the first of three rows that have all of them, and end at the last that has one; what stands below is
+    passed over too. Above are the columns' names, and perhaps a row of units and what else a program writes there.
 
     Raises
     ------
     InputError
-        If there are no names above the numbers, or anything else between or after the numbers.
+        If there are no names above the numbers, or anything else between the numbers.
     """
-    start = _first_of_numbers(rows)
+    kept = [k for k, row in enumerate(rows) if _width(row)]
+    middle = [rows[k] for k in kept[len(kept) // 2 :][:_ROWS_TRIED]]
+    width = max(map(_width, middle), default=0)
+    filled = [sum(isinstance(_at(row, k), float) for row in middle) for k in range(width)]
+    columns = [k for k, count in enumerate(filled) if count >= _MOSTLY * len(middle)]
+    start = _first_of_numbers(rows, kept, columns)
     if start is None:
         return None
-    width = _width(rows[start])
+    # A sample with a cell that is no number, before three whole ones, is none of the heading's.
+    while (before := [k for k in kept if k < start]) and _mostly_numbers(rows[before[-1]], columns):
+        start = before[-1]
+    end = next(k for k in reversed(kept) if any(isinstance(_at(rows[k], c), float) for c in columns)) + 1
     where = f"{name}, " if name else ""
-    for number, row in enumerate(rows[start:], start + 1):
-        _check_row(path, f"{where}line {number}", row, width)
-    numbers = [row[:width] for row in rows[start:] if _width(row)]
-    labels, units = _labels(rows[:start], width)
-    if labels is None:
+    try:
+        for number in (k for k in kept if start <= k < end):
+            _check_row(path, f"{where}line {number + 1}", rows[number], columns, width)
+    except InputError:
+        if name and len(columns) < width:
+            return None  # a report's table, beside the recording's
+        raise
+    values = np.array([[rows[k][c] for c in columns] for k in kept if start <= k < end], dtype=np.float64)
+    titles, units = _titles(rows[:start], columns)
+    if titles is None:
         raise InputError(
             path,
             f"{where}line {start + 1}",
-            f"no row with the names of {width} columns stands above the numbers",
+            f"no row with the names of {len(columns)} columns stands above the numbers",
             "give each column a name with its unit, such as Time (s)",
         )
-    values = np.array(numbers, dtype=np.float64)
-    columns = []
-    for k, label in enumerate(labels):
-        column, unit = name_and_unit(label)
-        columns.append(Column(column, units[k] if units else unit, values[:, k]))
-    return Sheet(name, tuple(columns), remarks)
+    found = []
+    for k, c in enumerate(columns):
+        column, unit = name_and_unit(_text(_at(titles, c)))
+        found.append(Column(column, units[k] if units else unit, values[:, k]))
+    passed = {}
+    for c in set(range(width)) - set(columns):
+        cell = next((one for row in middle if (one := _text(_at(row, c)))), "")
+        if cell:
+            passed[_text(_at(titles, c))] = cell
+    if not name:
+        _check_passed(path, passed, found)
+    below = sum(k >= end for k in kept)
+    told = [f"{len(passed)} columns without numbers are passed over: {', '.join(map(repr, passed))}"] if passed else []
+    told += [f"{below} lines below the numbers are passed over"] if below else []
+    return Sheet(name, tuple(found), (*remarks, *told))
 
 
-def _first_of_numbers(rows: Sequence[Sequence[Cell]]) -> int | None:
-    kept = [k for k, row in enumerate(rows) if _width(row)]
-    for a, b, c in zip(kept, kept[1:], kept[2:], strict=False):
-        widths = {_width(rows[k]) for k in (a, b, c)}
-        if len(widths) == 1 and widths.pop() >= 2 and all(_all_numbers(rows[k]) for k in (a, b, c)):
-            return a
+def why_no_number(cell: str) -> tuple[str, str] | None:
+    """Return what keeps a cell from being a number, and how to mend it; None for anything else."""
+    clock, grouped = CLOCK.search(cell), THOUSANDS.fullmatch(cell)
+    if clock is not None:
+        return f"its times are a clock's ('{clock[0]}')", "export time in seconds since the start"
+    if grouped is not None:
+        return f"its numbers have thousands' separators ('{grouped[0]}')", "export them without"
     return None
 
 
-def _check_row(path: Path, where: str, row: Sequence[Cell], width: int) -> None:
-    if _width(row) == 0:
-        return
-    strange = next((c for c in row[: _width(row)] if not isinstance(c, float)), None)
-    if _width(row) != width or strange is not None:
+def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]) -> None:
+    """Check that no quantity is in a column of text alone."""
+    for quantity, words in WORDS.items():
+        texts = [title for title in passed if re.search(words, title, re.IGNORECASE)]
+        numbers = [c for c in found if re.search(words, c.name, re.IGNORECASE) or measures(c, quantity)]
+        if texts and not numbers:
+            cell = passed[texts[0]]
+            problem, remedy = why_no_number(cell) or (f"holds '{cell[:40]}'", "export it as numbers")
+            raise InputError(path, f"column '{texts[0]}'", problem, remedy)
+
+
+def measures(column: Column, quantity: Quantity) -> bool:
+    """Tell whether a column's unit is one of a quantity."""
+    unit = unit_named(column.unit) if column.unit else None
+    return unit is not None and unit.quantity == quantity
+
+
+def _first_of_numbers(rows: Sequence[Sequence[Cell]], kept: Sequence[int], columns: Sequence[int]) -> int | None:
+    if len(columns) < 2:
+        return None
+    whole = [all(isinstance(_at(rows[k], c), float) for c in columns) for k in kept]
+    return next((kept[i] for i in range(len(kept) - 2) if all(whole[i : i + 3])), None)
+
+
+def _mostly_numbers(row: Sequence[Cell], columns: Sequence[int]) -> bool:
+    numbers = [isinstance(_at(row, c), float) for c in columns]
+    return numbers[0] and sum(numbers) > 0.5 * len(columns)
+
+
+def _at(row: Sequence[Cell], k: int) -> Cell:
+    return row[k] if k < len(row) else None
+
+
+def _check_row(path: Path, where: str, row: Sequence[Cell], columns: Sequence[int], width: int) -> None:
+    cells = [_at(row, c) for c in columns]
+    strange = next((c for c in cells if not isinstance(c, float)), None)
+    if _width(row) > width or not all(isinstance(c, float) for c in cells):
         found = f"'{str(strange)[:40]}'" if strange not in (None, "") else f"{_width(row)} cells"
         if strange in (None, "") and _width(row) == width:
             found = "an empty cell"
         raise InputError(
             path,
             where,
-            f"{found} where {width} numbers are needed",
+            f"{found} where {len(columns)} numbers are needed",
             "keep one trial a file, and take out what is no number",
         )
-    if not np.isfinite(row[:width]).all():  # type: ignore[arg-type]
+    if not np.isfinite(cells).all():  # type: ignore[arg-type]
         raise InputError(path, where, "a number isn't finite", "take the row out, or record again")
 
 
-def _labels(above: Sequence[Sequence[Cell]], width: int) -> tuple[list[str] | None, list[str | None] | None]:
-    """Return names and, where they have a row of their own, units."""
-    full = [row for row in above if _width(row) == width and not _all_numbers(row)]
-    if not full:
+def _text(cell: Cell) -> str:
+    return str(cell or "").strip()
+
+
+def _titles(
+    above: Sequence[Sequence[Cell]], columns: Sequence[int]
+) -> tuple[Sequence[Cell] | None, list[str | None] | None]:
+    """Return the row of names and, where they have a row of their own, the columns' units.
+
+    Of several rows that are wide enough the names are the one most of whose cells name a quantity or a unit.
+    """
+    rows = [
+        row for row in above if _width(row) > columns[-1] and not all(isinstance(_at(row, c), float) for c in columns)
+    ]
+    if not rows:
         return None, None
-    last = [str(cell or "").strip() for cell in full[-1][:width]]
-    bare = [text.strip("()[]<> ") for text in last]
-    if len(full) > 1 and any(bare) and all(not t or unit_named(t) is not None for t in bare):
-        names = [str(cell or "").strip() for cell in full[-2][:width]]
-        return names, [text or None for text in bare]
-    return last, None
+    full = [[_text(_at(row, c)) for c in columns] for row in rows]
+    units = next((k for k in reversed(range(1, len(full))) if _are_units(full[k])), None)
+    below = full[:units] if units is not None else full
+    scores = [sum(map(_names_something, cells)) for cells in below]
+    named = len(below) - 1 - int(np.argmax(scores[::-1]))
+    own = None if units is None else [text.strip("()[]<> ") or None for text in full[units]]
+    return rows[named], own
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Tell whether a row holds units: most of what it holds are known."""
+    bare = [text.strip("()[]<> ") for text in cells if text]
+    return sum(unit_named(text) is not None for text in bare) > 0.5 * len(bare)
+
+
+def _names_something(label: str) -> bool:
+    name, unit = name_and_unit(label)
+    if unit is not None and name and unit_named(unit) is not None:
+        return True
+    return any(re.search(words, label, re.IGNORECASE) for words in WORDS.values())
 
 
 def _width(row: Sequence[Cell]) -> int:
     """Return the number of cells without empty ones at the end."""
     filled = [k for k, cell in enumerate(row) if cell not in (None, "")]
     return filled[-1] + 1 if filled else 0
-
-
-def _all_numbers(row: Sequence[Cell]) -> bool:
-    return all(isinstance(cell, float) for cell in row[: _width(row)])

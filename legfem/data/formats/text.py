@@ -14,7 +14,7 @@ import re
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.data.formats.sheet import FEWEST_ROWS, Cell, Sheet, sheet_of_rows
+from legfem.data.formats.sheet import FEWEST_ROWS, THOUSANDS, Cell, Sheet, sheet_of_rows, why_no_number
 
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
 _NUMBER = {
@@ -22,8 +22,8 @@ _NUMBER = {
 }
 _COMMENT = re.compile(r"^\s*[#%]+\s?")
 """Before a line of names, as NumPy and gnuplot write it."""
-_CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
+_QUOTED_THOUSANDS = re.compile(rf'"\s*({THOUSANDS.pattern})\s*"')
+_BARE_THOUSANDS = re.compile(r'(?<![\d."])\d{1,3}(,\d{3})+\.\d+(?![\d"])')
 _LINES_TRIED = 40
 
 
@@ -36,15 +36,47 @@ def read_text(path: Path) -> list[Sheet]:
         If it is no text, or no table of numbers, or one that can be read in two ways.
     """
     text, encoding = _decoded(path)
-    lines = [_COMMENT.sub("", line) for line in text.splitlines()]
+    lines, grouped = [], 0
+    for line in text.splitlines():
+        # In quotes, and with a decimal mark of the other kind, there is but one way to read them.
+        plain, count = _QUOTED_THOUSANDS.subn(_without_thousands, _COMMENT.sub("", line))
+        lines.append(plain)
+        grouped += count
+    _check_thousands(path, lines)
     delimiter, decimal = _dialect(path, lines)
     rows = [[_cell(c, decimal) for c in cells] for cells in _parted(lines, delimiter)]
-    remarks = (
+    remarks: tuple[str, ...] = (
         f"text in {encoding}, columns parted by {_DELIMITERS[delimiter]}, decimals by "
         f"{'points' if decimal == '.' else 'commas'}: so the numbers are complete",
     )
+    if grouped:
+        remarks += (f"{grouped} numbers in quotes have thousands' separators, which are taken out",)
     found = sheet_of_rows(path, "", rows, remarks)
     return [] if found is None else [found]
+
+
+def _without_thousands(found: re.Match[str]) -> str:
+    text = found[1]
+    return f'"{text.replace("," if text.rfind(".") > text.rfind(",") else ".", "")}"'
+
+
+def _check_thousands(path: Path, lines: list[str]) -> None:
+    """Refuse thousands' separators that part one number into two cells."""
+    cells = _parted(lines, ",")
+    narrow = min((len(row) for row in cells if len(row) > 1 and _are_numbers(row, ".")), default=0)
+    found = [
+        (k, one[0])
+        for k, line in enumerate(lines)
+        if len(cells[k]) > narrow > 0 and _are_numbers(cells[k], ".")
+        for one in _BARE_THOUSANDS.finditer(line)
+    ]
+    if found:
+        raise InputError(
+            path,
+            f"line {found[0][0] + 1}",
+            f"'{found[0][1]}' has a thousands' separator without quotes ({len(found)} such numbers)",
+            "export numbers without thousands' separators, or in quotes",
+        )
 
 
 def _decoded(path: Path) -> tuple[str, str]:
@@ -78,10 +110,11 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
         if decimal != delimiter or any('"' in line for line in tried)
         if len(widths := _widths(tried, delimiter, decimal)) == 1
     ]
-    fits = [fit for fit in fits if fit[2] >= 2]
+    fits = [fit for fit in fits if fit[2] >= 2] or _with_other_columns(tried)
     if len(filled) < FEWEST_ROWS or not fits:
         ragged = any(len(_widths(tried, d, ".")) > 1 for d in "\t;,|")
-        problem, remedy = _no_numbers(tried) or (
+        cells = [cell for d in "\t;," for row in _parted(tried, d) for cell in row]
+        problem, remedy = next(filter(None, map(why_no_number, cells)), None) or (
             "its rows have different numbers of cells"
             if ragged and len(filled) >= FEWEST_ROWS
             else "holds no table of numbers",
@@ -98,16 +131,26 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
     return best[0][0], best[0][1]
 
 
-def _no_numbers(lines: list[str]) -> tuple[str, str] | None:
-    """Return what keeps cells from being numbers, and how to mend it; None for anything else."""
-    cells = [cell for d in "\t;," for row in _parted(lines, d) for cell in row]
-    clock = next((found[0] for cell in cells if (found := _CLOCK.search(cell))), None)
-    if clock is not None:
-        return f"its times are a clock's ('{clock}')", "export time in seconds since the start"
-    grouped = next((cell for cell in cells if _THOUSANDS.fullmatch(cell)), None)
-    if grouped is not None:
-        return f"its numbers have thousands' separators ('{grouped}')", "export them without"
-    return None
+def _with_other_columns(lines: list[str]) -> list[tuple[str, str, int]]:
+    """Return the dialects in which two columns or more are numbers, of those the ones with most numbers a cell."""
+    found: list[tuple[float, tuple[str, str, int]]] = []
+    for delimiter in set(_DELIMITERS) - {" "}:
+        rows = _parted(lines, delimiter)
+        width = max(map(len, rows))
+        for decimal in ".,":
+            numbers = [
+                sum(k < len(row) and _NUMBER[decimal].fullmatch(row[k]) is not None for row in rows)
+                for k in range(width)
+            ]
+            columns = sum(count == len(rows) for count in numbers)
+            if columns >= 2 and decimal != delimiter:
+                found.append((columns / width, (delimiter, decimal, width)))
+    most = max((share for share, _ in found), default=0.0)
+    return [fit for share, fit in found if share == most]
+
+
+def _are_numbers(cells: list[str], decimal: str) -> bool:
+    return all(_NUMBER[decimal].fullmatch(cell) for cell in cells)
 
 
 def _widths(lines: list[str], delimiter: str, decimal: str) -> set[int]:
@@ -116,8 +159,7 @@ def _widths(lines: list[str], delimiter: str, decimal: str) -> set[int]:
     for cells in _parted(lines, delimiter):
         while cells and not cells[-1].strip():
             cells.pop()
-        numbers = all(_NUMBER[decimal].fullmatch(cell) for cell in cells)
-        widths.add(len(cells) if numbers else 0)
+        widths.add(len(cells) if _are_numbers(cells, decimal) else 0)
     return widths
 
 

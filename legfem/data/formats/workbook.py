@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import zipfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import xlrd
 from openpyxl import load_workbook
 
-from legfem.data.formats.sheet import Cell, Sheet, sheet_of_rows
+from legfem.data.formats.sheet import Cell, Sheet, check_size, sheet_of_rows
 
 _NUMBER = re.compile(r"\s*[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?\s*")
 _IN_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}[.,]\d{3}\s*")
@@ -16,11 +18,21 @@ _IN_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}[.,]\d{3}\s*")
 
 def read_workbook(path: Path) -> list[Sheet]:
     """Read the tables of a workbook's sheets; sheets without one are passed over."""
+    with zipfile.ZipFile(path) as archive:
+        check_size(path, sum(one.file_size for one in archive.infolist()))
     book = load_workbook(path, read_only=True, data_only=True)
     try:
         found = [_table(path, page.title, page.iter_rows(values_only=True)) for page in book.worksheets]
     finally:
         book.close()
+    return [sheet for sheet in found if sheet is not None]
+
+
+def read_old_workbook(path: Path) -> list[Sheet]:
+    """Read the tables of a workbook as Excel wrote them up to 2003."""
+    with xlrd.open_workbook(path, on_demand=True) as book:
+        pages = [(page.name, [page.row_values(k) for k in range(page.nrows)]) for page in book.sheets()]
+    found = [_table(path, name, rows) for name, rows in pages]
     return [sheet for sheet in found if sheet is not None]
 
 

@@ -19,10 +19,10 @@ from legfem.diagnose.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
-    from legfem.experiments.tissues import Tissues
+    from legfem.experiments.plane_strain import Tissues
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
-    from legfem.mechanics.contact_settings import TangentialName
+    from legfem.mechanics.contact import TangentialName
     from legfem.mechanics.materials import Hyperelastic
     from legfem.mechanics.model import Formulation
 

@@ -9,7 +9,7 @@ from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, s
 from legfem.inverse.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.mechanics.contact_settings import TangentialName
+    from legfem.mechanics.contact import TangentialName
 
 
 @dataclass(frozen=True)

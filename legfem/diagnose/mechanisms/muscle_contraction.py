@@ -17,7 +17,7 @@ class MuscleContraction(Mechanism):
     """The muscle tenses from a moment on, in every trial: a smooth switch of its stiffness.
 
     An elastic leg's force at a displacement follows from the stiffness then, so no history is
-    needed; `legfem.mechanics.terms.contraction` is the same thing in the finite-element model.
+    needed; `legfem.mechanics.terms.muscle` is the same thing in the finite-element model.
     """
 
     name: ClassVar[str] = "muscle-contraction"

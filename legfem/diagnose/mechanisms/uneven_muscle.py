@@ -75,7 +75,7 @@ class UnevenMuscle(TissueMechanism):
     def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the muscle's excess of stiffness at the lattice's places."""
         from legfem.geometry.section import first_crossing
-        from legfem.mechanics.terms.uneven_stiffness import UnevenStiffness
+        from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
         from legfem.meshing.section import first_touch
 
         travel, radius = leg.indenter.direction, leg.indenter.radius

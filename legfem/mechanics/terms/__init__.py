@@ -6,18 +6,14 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 """
 
 from legfem.mechanics.terms.bone_springs import BoneSprings
-from legfem.mechanics.terms.contraction import Contraction
+from legfem.mechanics.terms.contact import NormalContact, TangentialContact
 from legfem.mechanics.terms.drainage import Drainage
-from legfem.mechanics.terms.fascia import Fascia
-from legfem.mechanics.terms.fibres import Fibres
-from legfem.mechanics.terms.normal_contact import NormalContact
+from legfem.mechanics.terms.fascia import Fascia, Prestress
+from legfem.mechanics.terms.muscle import Contraction, Fibres
+from legfem.mechanics.terms.nonuniform_stiffness import StiffnessGradient, UnevenStiffness
 from legfem.mechanics.terms.pressure_stabilisation import PressureStabilisation
-from legfem.mechanics.terms.prestress import Prestress
 from legfem.mechanics.terms.skin_pressure import SkinPressure
-from legfem.mechanics.terms.stiffness_gradient import StiffnessGradient
-from legfem.mechanics.terms.tangential_contact import TangentialContact
 from legfem.mechanics.terms.tissue import Tissue
-from legfem.mechanics.terms.uneven_stiffness import UnevenStiffness
 from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
 from legfem.mechanics.terms.volume_loss import VolumeLoss
 

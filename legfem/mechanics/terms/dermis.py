@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.common.checks import check_positive
+from legfem.common.errors import check_positive
 from legfem.mechanics.integration_domain import Skin
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.model import Memoryless

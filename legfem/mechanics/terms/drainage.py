@@ -9,8 +9,7 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
 from legfem.mechanics.materials import Hyperelastic

@@ -9,7 +9,7 @@ import numpy as np
 from legfem.common.documents import write_document
 from legfem.common.progress import progress_on
 from legfem.common.units import kpa_to_mpa
-from legfem.experiments.tissues import Tissues
+from legfem.experiments.plane_strain import Tissues
 from legfem.legs.experiments import tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS

@@ -9,15 +9,14 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.pressing import solved_once
-from legfem.experiments.tissues import Tissues
+from legfem.experiments.indentation import solve_once
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.solve.report import SolveReport
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 
 DEPTHS = np.array([2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 WINDOWS = ((0.0, 5.0), (5.0, 20.0), (20.0, 30.0))
@@ -99,7 +98,7 @@ def study_convergence(
     tasks = [(PlaneStrainIndentation(section, indenter, tissues, settings), depth) for settings in variants.values()]
     progress.stage("simulating on refined meshes", len(tasks))
     curves, reports = [], []
-    with Workers(solved_once, None, jobs) as workers:
+    with Workers(solve_once, None, jobs) as workers:
         for label, solved in zip(variants, workers.in_order(tasks), strict=True):
             report = solved.report
             if not report.complete:

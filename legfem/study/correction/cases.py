@@ -18,9 +18,9 @@ from legfem.jobs.store import Store
 from legfem.mechanics.integration_domain import Skin
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres, NormalContact
-from legfem.mechanics.terms.fibres import USUAL_EXTENSION
+from legfem.mechanics.terms.muscle import USUAL_EXTENSION
 from legfem.meshing.idealised_leg import IdealisedLeg
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ from legfem.report.page import (
 from legfem.report.render.html import rendered
 from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, save, styled
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.tables import SHOWN, Cells
 

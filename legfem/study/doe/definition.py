@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from legfem.common.errors import InputError
-from legfem.common.toml_file import read_toml
+from legfem.common.input_files import read_toml
 from legfem.data.folder import RESOURCES
 from legfem.study.doe.factors import PARAMETERS, UNITS, Coding, Factor
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import markdown_table
 from legfem.report.render.text import bullets, fill
 from legfem.report.words import ORIGINS
 from legfem.study.doe import tables

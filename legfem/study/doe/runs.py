@@ -13,8 +13,7 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.jobs.pool import Workers
 from legfem.jobs.ranks import take_in
-from legfem.jobs.resume import finish
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.study.doe.definition import Definition
 from legfem.study.doe.factors import model_values
 from legfem.study.doe.metrics import metrics_in

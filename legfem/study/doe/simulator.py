@@ -11,15 +11,14 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.jobs.fingerprint import code_fingerprint
+from legfem.jobs.key import code_fingerprint
 from legfem.legs.experiments import tissues_of
 from legfem.legs.subject import Subject
-from legfem.solve.force_curve import ForceCurve
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.path import ForceCurve
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 if TYPE_CHECKING:
-    from legfem.experiments.tissues import Tissues
+    from legfem.experiments.plane_strain import Tissues
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
 

@@ -1,0 +1,220 @@
+"""What every command does: its common options, its exit status, and one line for a user's mistake."""
+
+from __future__ import annotations
+
+import errno
+import io
+import logging
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, nullcontext, redirect_stdout
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from legfem.common.errors import InputError, UnsolvedError
+
+_OPTION = "-no_signal_handler"
+
+
+def ignore_broken_pipes() -> None:
+    """Keep PETSc from ending the program where a reader has left, loaded or yet to be."""
+    if threading.current_thread() is threading.main_thread() and hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    # PETSc takes the signals as it is loaded, but for this.
+    given = os.environ.get("PETSC_OPTIONS", "")
+    if _OPTION not in given.split():
+        os.environ["PETSC_OPTIONS"] = f"{given} {_OPTION}".strip()
+
+
+BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
+
+
+@contextmanager
+def command_edge(resume: str = "run the same command again to go on", quiet: bool = False) -> Iterator[None]:
+    """Turn a user's mistake, Ctrl-C and what the machine lacks into a line and an exit status.
+
+    Parameters
+    ----------
+    resume : str
+        How to go on after Ctrl-C or a kill.
+    quiet : bool
+        Whether messages that warn of nothing are left out.
+    """
+    _show_messages(logging.WARNING if quiet else logging.INFO)
+    ignore_broken_pipes()
+    try:
+        yield
+    except InputError as error:
+        print(error, file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except UnsolvedError as error:
+        print(f"nothing was solved: {' '.join(str(error).split())}", file=sys.stderr)
+        raise typer.Exit(FAILED) from None
+    except KeyboardInterrupt:
+        print(f"interrupted: {resume}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    except BrokenProcessPool:
+        print(
+            f"a worker process was ended from outside (out of memory?): {resume}; --jobs 1 takes the least memory",
+            file=sys.stderr,
+        )
+        raise typer.Exit(FAILED) from None
+    except MemoryError:
+        print(
+            "memory: there is not enough for this input; are its lengths in mm? Else ask for fewer "
+            "elements, or --jobs 1",
+            file=sys.stderr,
+        )
+        raise typer.Exit(BAD_INPUT) from None
+    except RecursionError:
+        print("input: something in it is nested too deeply; flatten it", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except OSError as error:
+        # A pipe whose reader has left is the shell's business.
+        if error.errno == errno.EPIPE:
+            raise
+        where = error.filename or "file"
+        print(f"{where}: {error.strerror or error}; {_FREED}, and {resume}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+
+
+_FREED = "free the disk or give a place that can be read and written"
+
+
+@contextmanager
+def work_edge(
+    jobs: int | None = None, resume: str = "run the same command again to go on", quiet: bool = False
+) -> Iterator[int]:
+    """Yield a number of processes on the first rank alone, with `command_edge` around it.
+
+    Parameters
+    ----------
+    jobs : int, optional
+        What the user gave; all usable cores by default, one process where there are ranks.
+    resume, quiet
+        See `command_edge`.
+    """
+    with command_edge(resume, quiet):
+        yield process_count(jobs, leave_to_first_rank())
+
+
+@contextmanager
+def study_edge(
+    name: str,
+    out: Path | None,
+    jobs: int | None = None,
+    resume: str = "run the same command again to go on",
+    quiet: bool = False,
+) -> Iterator[tuple[Path, int]]:
+    """Yield a study's folder and number of processes, with `command_edge` around it.
+
+    Parameters
+    ----------
+    name : str
+        Of the folder in ``results`` if none is given.
+    out : Path, optional
+        What the user gave.
+    jobs : int, optional
+        See `work_edge`.
+    resume, quiet
+        See `command_edge`.
+    """
+    with work_edge(jobs, resume, quiet) as processes:
+        folder = out or Path("results") / name
+        check_out_folder(folder)
+        yield folder, processes
+
+
+def end_without_a_solution(what: str) -> NoReturn:
+    """End a command of whose work nothing was solved: what did, is in its report."""
+    print(f"{what}: nothing was solved, see the report", file=sys.stderr)
+    raise typer.Exit(FAILED)
+
+
+class _Stderr(logging.Handler):
+    """Writes lines to what is stderr at that time: a progress bar puts itself in between."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line."""
+        print(self.format(record), file=sys.stderr, flush=True)
+
+
+def _show_messages(level: int) -> None:
+    """Show legfem's messages of a level and above."""
+    log = logging.getLogger("legfem")
+    if not log.handlers:
+        log.addHandler(_Stderr())
+    log.setLevel(level)
+
+
+def leave_to_first_rank() -> int:
+    """Return the number of MPI ranks, and end all but the first: one process does the work."""
+    from mpi4py import MPI
+
+    ranks = int(MPI.COMM_WORLD.size)
+    if ranks > 1:
+        # PETSc starts on all ranks together: the first would wait for those that left.
+        import petsc4py.PETSc  # noqa: F401
+    if MPI.COMM_WORLD.rank > 0:
+        raise typer.Exit(0)
+    return ranks
+
+
+def check_out_folder(out: Path) -> None:
+    """Check, without making anything, that results can be written to a folder.
+
+    Raises
+    ------
+    InputError
+        If a file is in the way, or the nearest folder that exists can't be written to.
+    """
+    nearest = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    if not nearest.is_dir():
+        raise InputError("--out", str(out), f"{nearest} is a file", "give a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputError("--out", str(out), f"{nearest} can't be written to", "give a folder of your own")
+
+
+def process_count(jobs: int | None, ranks: int) -> int:
+    """Return the number of processes to use: ``--jobs``, or all usable cores.
+
+    Raises
+    ------
+    InputError
+        If ``jobs`` is below 1.
+    """
+    if jobs is not None and jobs < 1:
+        raise InputError("--jobs", f"{jobs}", "is no number of processes", "give 1 or more")
+    # A rank of mpirun can't start processes that would use MPI too.
+    return 1 if ranks > 1 else jobs or usable_cores()
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress; print only where the results are.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result's JSON, and nothing else, to stdout.")]
+
+
+@contextmanager
+def brief_output(quiet: bool, as_json: bool) -> Iterator[list[Path]]:
+    """Keep to itself what is printed, where that was asked for; print what is listed at the end.
+
+    Yields a list for the paths of the JSON documents that were written. Nothing is printed of work
+    that ends with an exception.
+    """
+    written: list[Path] = []
+    with redirect_stdout(io.StringIO()) if quiet or as_json else nullcontext():
+        yield written
+    for path in written if quiet or as_json else ():
+        print(path.read_text(encoding="utf-8").rstrip() if as_json else f"result: {path}")

@@ -1,0 +1,328 @@
+"""Files that users hand over, read strictly: text, comma-separated tables, and TOML against a schema."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import re
+import stat
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from legfem.common.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def read_text(path: Path, missing: str, remedy: str) -> str:
+    """Return a file's text, without a byte order mark.
+
+    Parameters
+    ----------
+    path : Path
+        The file; what never ends (a pipe, a device) isn't opened.
+    missing : str
+        What to do if it isn't there.
+    remedy : str
+        What to do if it can't be read.
+
+    Raises
+    ------
+    InputError
+        If it is missing, no plain file, or no UTF-8.
+    """
+    try:
+        if stat.S_IFMT(path.stat().st_mode) in (stat.S_IFREG, stat.S_IFDIR):
+            text = path.read_text(encoding="utf-8-sig")
+            if "\0" not in text:
+                return text
+            raise InputError(path, "file", "holds bytes that are no text (NUL)", remedy)
+    except FileNotFoundError:
+        raise InputError(path, "file", "not found", missing) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, "file", f"can't be read ({error})", remedy) from None
+    raise InputError(path, "file", "can't be read (it is a pipe or a device)", remedy)
+
+
+def check_printable(*paths: Path) -> None:
+    """Check that files' names can be shown and written.
+
+    Raises
+    ------
+    InputError
+        For a line's end, another control character, or bytes that are no UTF-8.
+    """
+    for path in paths:
+        if not path.name.isprintable():
+            raise InputError(path, "name", f"{path.name!a} can't be shown", "rename it: letters and digits")
+
+
+_DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d+,\d+\s*$")
+
+
+def read_table(
+    path: Path, columns: Sequence[str], text: Sequence[str] = (), optional: Sequence[str] = ()
+) -> pd.DataFrame:
+    """Read a CSV file whose first line is exactly ``columns``.
+
+    Parameters
+    ----------
+    path : Path
+        The file; UTF-8, with or without a byte-order mark.
+    columns : sequence of str
+        The header, in order; units stand in the names (``force_N``).
+    text : sequence of str
+        Columns that hold text; the others hold finite numbers.
+    optional : sequence of str
+        Columns that may be absent.
+
+    Returns
+    -------
+    DataFrame
+        The rows, numbers as float64; the index is the line number in the file.
+
+    Raises
+    ------
+    InputError
+        For a missing or empty file, a wrong header, semicolons, decimal commas, cells that are
+        missing, not numbers or not finite.
+    """
+    import pandas as pd
+
+    lines = _lines(path)
+    header = lines[0]
+    columns = [c for c in columns if c not in optional or c in re.split(r"[,;\t\s]+", header)]
+    wanted = ",".join(columns)
+    if ";" in header or "\t" in header:
+        raise InputError(
+            path,
+            "header",
+            f"columns are separated by {'tabs' if chr(9) in header else ';'}",
+            f"separate columns by commas and write decimals with points: {wanted}",
+        )
+    try:
+        found = [name.strip() for name in next(csv.reader([header]))]
+        rows = list(csv.reader(lines[1:]))
+    except csv.Error as error:
+        raise InputError(path, "rows", f"can't be split: {error}", f"give rows of {wanted}") from None
+    if found != list(columns):
+        raise InputError(path, "header", *_header_problem(found, columns))
+    numbers = [i + 2 for i, row in enumerate(rows) if any(cell.strip() for cell in row)]
+    if not numbers:
+        raise InputError(path, "rows", "there are none", f"give rows of {wanted}")
+    for n in numbers:
+        _check_width(path, n, rows[n - 2], len(columns), wanted)
+    table = pd.DataFrame(
+        [[cell.strip() for cell in rows[n - 2]] for n in numbers], columns=pd.Index(columns), index=pd.Index(numbers)
+    )
+    for name in columns:
+        if name not in text:
+            table[name] = _numbers(path, table[name])
+    return table
+
+
+def _lines(path: Path) -> list[str]:
+    lines = read_text(path, "check the path", "save it as CSV text").splitlines()
+    if not lines or not lines[0].strip():
+        raise InputError(path, "header", "missing (the first line is empty)", "put the column names in the first line")
+    return lines
+
+
+def _header_problem(found: Sequence[str], columns: Sequence[str]) -> tuple[str, str]:
+    got, want = ",".join(found)[:120], ",".join(columns)
+    if sorted(found) == sorted(columns):
+        return f"columns are in another order ({got})", f"order them as {want}"
+    for name in columns:
+        if name in found:
+            continue
+        quantity = name.partition("_")[0]
+        for other in found:
+            if other not in columns and other.partition("_")[0].lower() == quantity:
+                return (
+                    f"found column '{other}' where '{name}' is needed",
+                    f"convert the values to the unit in '{name}' and name the column so",
+                )
+        near = difflib.get_close_matches(name, [f for f in found if f not in columns], n=1)
+        hint = f" (found '{near[0]}')" if near else ""
+        return f"column '{name}' is missing{hint}", f"the first line must be {want}"
+    extra = next(f for f in found if f not in columns or found.count(f) > 1)
+    return f"column '{extra}' is not expected", f"the first line must be {want}"
+
+
+def _check_width(path: Path, line: int, row: list[str], width: int, wanted: str) -> None:
+    if len(row) == width:
+        return
+    if len(row) > width:
+        raise InputError(
+            path,
+            f"line {line}",
+            f"{len(row)} cells where {width} are needed (decimal commas?)",
+            f"write decimals with points; the columns are {wanted}",
+        )
+    raise InputError(
+        path,
+        f"line {line}",
+        f"{len(row)} cells where {width} are needed",
+        f"complete or remove the row; the columns are {wanted}",
+    )
+
+
+def _numbers(path: Path, column: pd.Series[str]) -> pd.Series[float]:
+    import pandas as pd
+
+    values = pd.to_numeric(column, errors="coerce").astype(np.float64)
+    bad = ~np.isfinite(values.to_numpy())
+    if not bad.any():
+        return values
+    line = column.index[int(np.argmax(bad))]
+    cell = column.loc[line]
+    field = f"{column.name}, line {line}"
+    others = f" (and {int(bad.sum()) - 1} more)" if bad.sum() > 1 else ""
+    if _DECIMAL_COMMA.match(cell):
+        raise InputError(path, field, f"'{cell}' has a decimal comma{others}", "write decimals with points")
+    if cell.lower() in ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf"):
+        raise InputError(path, field, f"'{cell}' is not a finite number{others}", "remove the row or record it again")
+    raise InputError(path, field, f"'{cell[:40]}' is not a number{others}", "write a number")
+
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Text = Annotated[str, Field(min_length=1)]
+Title = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f\x7f]*$", max_length=500)]
+"""Of one line: it is shown on terminals and pages."""
+PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$", max_length=100)]
+"""Of a file or folder too: results are written under it, and must not leave their folder."""
+
+
+class FileTable(BaseModel):
+    """A table of a file: no unknown keys, no conversion of types."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
+    alternatives: ClassVar[tuple[str, ...]] = ()
+    """Tables in it of which one is given."""
+
+
+def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> File:
+    """Read and check a TOML file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    schema : type
+        Of its content.
+    holder : str
+        What should hold the file, for the error where it is missing.
+
+    Raises
+    ------
+    InputError
+        For a missing file, TOML that can't be parsed, and keys that are unknown, missing or
+        have impossible values. An unknown key is named with the nearest known one.
+    """
+    return checked(path, read_toml(path, holder), schema)
+
+
+def read_toml(path: Path, holder: str) -> dict[str, Any]:
+    """Return what a TOML file holds, unchecked.
+
+    Raises
+    ------
+    InputError
+        For a missing file, and TOML that can't be parsed.
+    """
+    try:
+        return tomllib.loads(read_text(path, f"{holder} holds {path.name}", "save it as UTF-8"))
+    except ValueError as error:  # of the syntax, or a number of thousands of digits
+        raise InputError(
+            path, "TOML", str(error), "correct the syntax (texts in quotes, decimals with points)"
+        ) from None
+    except RecursionError:
+        raise InputError(path, "TOML", "is nested too deeply", "flatten it") from None
+
+
+def checked[File: BaseModel](path: Path, content: object, schema: type[File]) -> File:
+    """Return what a TOML file holds as a schema has it.
+
+    Raises
+    ------
+    InputError
+        For keys that are unknown, missing or have impossible values.
+    """
+    try:
+        return schema.model_validate(content)
+    except ValidationError as error:
+        raise _in_words(path, error, schema) from None
+
+
+def trouble(key: str, problem: str, remedy: str) -> PydanticCustomError:
+    """Return an error that a validator raises for one of its table's keys."""
+    return PydanticCustomError("legfem", "{problem}", {"key": key, "problem": problem, "remedy": remedy})
+
+
+def _in_words(path: Path, error: ValidationError, schema: type[BaseModel]) -> InputError:
+    # A misspelt key shows up twice, as unknown and as missing: the first says more.
+    details = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+    first = details[0]
+    # Where a value may be one of several types, the location ends in the type's name.
+    keys = [str(part) for part in first["loc"]]
+    context: dict[str, Any] = first.get("ctx") or {}
+    if first["type"] == "legfem":
+        return InputError(path, ".".join([*keys, context["key"]]), context["problem"], context["remedy"])
+    problem, remedy = _explain(first, keys, context, schema)
+    return InputError(path, ".".join(keys), problem, remedy)
+
+
+def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], schema: type[BaseModel]) -> tuple[str, str]:
+    given = error["input"]
+    match error["type"]:
+        case "extra_forbidden":
+            known = _known_keys(keys[:-1], schema)
+            near = difflib.get_close_matches(keys[-1], known, n=1, cutoff=0.5)
+            return "unknown key", (f"did you mean '{near[0]}'?" if near else f"known keys here: {', '.join(known)}")
+        case "missing":
+            return "missing", "add it"
+        case "greater_than" | "greater_than_equal" | "less_than_equal":
+            bounds = {"gt": "above", "ge": "at least", "le": "at most"}
+            words = " and ".join(f"{w} {context[k]:g}" for k, w in bounds.items() if k in context)
+            unit = keys[-1].rpartition("_")[2]
+            return f"{given} is out of range", f"give a value {words}, in {unit}"
+        case "float_type" | "finite_number":
+            return f"{given!r} is not a finite number", "write a number without quotes"
+        case "literal_error":
+            near = difflib.get_close_matches(str(given), _choices(context), n=1)
+            return f"unknown value {given!r}", (f"did you mean '{near[0]}'?" if near else f"use {context['expected']}")
+        case "string_pattern_mismatch" if context["pattern"].startswith("^[^"):
+            return f"{given!r} holds a line's end or another control character", "take it out"
+        case "string_pattern_mismatch":
+            return f"{given!r} is no plain name", (
+                "begin with a letter or digit, and use these, dots, dashes, underscores and spaces"
+            )
+        case "too_short" | "too_long":
+            return f"{given!r} has the wrong length", "write [x, y]"
+        case _:
+            return f"{error['msg']} (given {given!r})", "correct it"
+
+
+def _choices(context: dict[str, Any]) -> list[str]:
+    return [word.strip("' ") for word in str(context["expected"]).replace(" or ", ",").split(",")]
+
+
+def _known_keys(keys: list[str], schema: type[BaseModel]) -> list[str]:
+    model = schema
+    for key in keys:
+        # In an array of tables the number of the table stands between.
+        if key.isdigit():
+            continue
+        annotation = model.model_fields[key].annotation
+        candidates = [annotation, *get_args(annotation)]
+        model = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
+    return list(model.model_fields)

@@ -1,0 +1,239 @@
+"""What presses a leg in 3D, and how it stands there."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from legfem.common.errors import check_positive
+from legfem.common.units import FloatArray
+from legfem.experiments.indentation_3d import Cylinder
+from legfem.mechanics.contact import RigidBall, RigidIndenter, TurnedCylinder
+
+_OUTLINE = 13
+"""Points of an indenter's outline, along its axis."""
+
+
+@dataclass(frozen=True)
+class Punch(Cylinder):
+    """A flat-ended cylinder that is pressed with its end."""
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A rigid ball.
+
+    Parameters
+    ----------
+    radius : float
+        mm.
+    """
+
+    radius: float = 15.0
+
+    def __post_init__(self) -> None:
+        """Check the size."""
+        check_positive(self, "radius")
+
+
+type Indenting = Cylinder | Punch | Ball
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a cylinder, a ball or a punch is pressed, square to the leg's axis.
+
+    Parameters
+    ----------
+    aim : (float, float)
+        A point on its line of travel (mm).
+    level : float
+        Of its middle (mm).
+    direction_deg : float
+        Of its travel, from +x counter-clockwise.
+    axis_deg : float
+        By which a cylinder is turned about its travel, right-handed: 0 lies along the leg, 90
+        across it.
+    """
+
+    aim: tuple[float, float]
+    level: float
+    direction_deg: float
+    axis_deg: float = 0.0
+
+    @property
+    def direction(self) -> FloatArray:
+        """Of the travel: a unit vector (3,)."""
+        angle = math.radians(self.direction_deg)
+        return np.array([math.cos(angle), math.sin(angle), 0.0])
+
+    @property
+    def frame(self) -> FloatArray:
+        """Unit vectors (3, 3): of a cylinder's axis, square to it and the travel, of the travel."""
+        travel, up = self.direction, np.array([0.0, 0.0, 1.0])
+        turn = math.radians(self.axis_deg)
+        axis = math.cos(turn) * up + math.sin(turn) * np.cross(travel, up)
+        return np.array([axis, np.cross(travel, axis), travel])
+
+
+@dataclass(frozen=True)
+class IndenterInPose[Kind: Indenting](ABC):
+    """An indenter in its pose.
+
+    Parameters
+    ----------
+    given
+        Its sizes.
+    pose
+        Where it stands.
+    """
+
+    given: Kind
+    pose: Pose
+
+    @property
+    def axis(self) -> FloatArray:
+        """Of its symmetry: a unit vector (3,)."""
+        return np.asarray(self.pose.frame[0])
+
+    @property
+    @abstractmethod
+    def shape(self) -> RigidIndenter:
+        """Its signed distance."""
+
+    @property
+    @abstractmethod
+    def reach(self) -> float:
+        """How far up and down along the leg it reaches from its middle (mm)."""
+
+    @property
+    @abstractmethod
+    def contact(self) -> tuple[float, float]:
+        """How far ahead of its middle it touches a flat body, and half that line's length (mm)."""
+
+    @abstractmethod
+    def ahead(self, beside: FloatArray) -> FloatArray:
+        """Return how far ahead of its middle the surface lies (mm), NaN where there is none.
+
+        Parameters
+        ----------
+        beside : (..., 2) array
+            Offsets (mm) along the first two directions of the pose's frame.
+        """
+
+    @abstractmethod
+    def profile(self) -> FloatArray:
+        """Return heights along the axis and the radii there (n, 2), mm: its outline."""
+
+
+class CylinderInPose(IndenterInPose[Cylinder]):
+    """A cylinder that is pressed with its side."""
+
+    @property
+    def shape(self) -> RigidIndenter:
+        """Its signed distance."""
+        if self.axis[2] == 1.0:
+            return self.given.shape(3)
+        return _turned(self.given, self.axis)
+
+    @property
+    def reach(self) -> float:
+        """How far up and down along the leg it reaches from its middle (mm)."""
+        upright = abs(float(self.axis[2]))
+        lying = math.sqrt(max(1 - upright**2, 0.0))
+        return self.given.length / 2 * upright + self.given.radius * lying
+
+    @property
+    def contact(self) -> tuple[float, float]:
+        """How far ahead of its middle it touches a flat body, and half that line's length (mm)."""
+        return self.given.radius, self.given.length / 2
+
+    def ahead(self, beside: FloatArray) -> FloatArray:
+        """Return how far ahead of its middle the surface lies (mm), NaN where there is none."""
+        size = self.given
+        past = _over(np.abs(beside[..., 0]), size.length / 2 - size.edge_radius)
+        # Towards the ends the rounding makes it thinner.
+        radius = size.radius - size.edge_radius + _root(size.edge_radius**2 - past**2)
+        return _root(radius**2 - beside[..., 1] ** 2)
+
+    def profile(self) -> FloatArray:
+        """Return heights along the axis and the radii there (n, 2), mm: its outline."""
+        half = self.given.length / 2
+        heights = np.concatenate([[-half], np.linspace(-half, half, _OUTLINE), [half]])
+        radii = np.full(len(heights), self.given.radius)
+        radii[[0, -1]] = 0.0
+        return np.column_stack([heights, radii])
+
+
+class PunchInPose(CylinderInPose):
+    """A cylinder that is pressed with its end."""
+
+    @property
+    def axis(self) -> FloatArray:
+        """Of its symmetry, which is its travel: a unit vector (3,)."""
+        return self.pose.direction
+
+    @property
+    def contact(self) -> tuple[float, float]:
+        """How far ahead of its middle it touches a flat body, and half that line's length (mm)."""
+        return self.given.length / 2, 0.0
+
+    def ahead(self, beside: FloatArray) -> FloatArray:
+        """Return how far ahead of its middle the surface lies (mm), NaN where there is none."""
+        size = self.given
+        past = _over(np.linalg.norm(beside, axis=-1), size.radius - size.edge_radius)
+        return size.length / 2 - size.edge_radius + _root(size.edge_radius**2 - past**2)
+
+
+class BallInPose(IndenterInPose[Ball]):
+    """A ball."""
+
+    @property
+    def shape(self) -> RigidIndenter:
+        """Its signed distance."""
+        return RigidBall(self.given.radius)
+
+    @property
+    def reach(self) -> float:
+        """How far up and down along the leg it reaches from its middle (mm)."""
+        return self.given.radius
+
+    @property
+    def contact(self) -> tuple[float, float]:
+        """How far ahead of its middle it touches a flat body, and half that line's length (mm)."""
+        return self.given.radius, 0.0
+
+    def ahead(self, beside: FloatArray) -> FloatArray:
+        """Return how far ahead of its middle the surface lies (mm), NaN where there is none."""
+        return _root(self.given.radius**2 - np.sum(beside**2, axis=-1))
+
+    def profile(self) -> FloatArray:
+        """Return heights along the axis and the radii there (n, 2), mm: its outline."""
+        turn = np.linspace(-np.pi / 2, np.pi / 2, _OUTLINE)
+        return self.given.radius * np.column_stack([np.sin(turn), np.cos(turn)])
+
+
+def in_pose(given: Indenting, pose: Pose) -> IndenterInPose[Any]:
+    """Return an indenter in a pose."""
+    if isinstance(given, Ball):
+        return BallInPose(given, pose)
+    if isinstance(given, Punch):
+        return PunchInPose(given, pose)
+    return CylinderInPose(given, pose)
+
+
+def _turned(size: Cylinder, axis: FloatArray) -> TurnedCylinder:
+    x, y, z = map(float, axis)
+    return TurnedCylinder(size.radius, size.length / 2, size.edge_radius, x, y, z)
+
+
+def _over(value: FloatArray, limit: float) -> FloatArray:
+    return np.asarray(np.maximum(value - limit, 0.0))
+
+
+def _root(value: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.where(value >= 0, value, np.nan)))

@@ -1,0 +1,205 @@
+"""Planes that cut a leg, with coordinates of their own, and rigid motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
+
+_ACROSS = np.cos(np.deg2rad(45.0))
+_SQUARE = np.sin(np.deg2rad(10.0))
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class CuttingPlane:
+    """A plane across a leg.
+
+    Its coordinates are lengths along `axes`: across a leg along z they are x and y.
+
+    Parameters
+    ----------
+    point : (3,) array
+        On the plane, mm.
+    normal : (3,) array
+        Of any length; upwards (towards +z).
+    """
+
+    point: FloatArray
+    normal: FloatArray
+
+    def __post_init__(self) -> None:
+        """Copy, and give the normal its length and direction."""
+        normal = np.asarray(self.normal, dtype=np.float64)
+        unit = normal / np.linalg.norm(normal)
+        object.__setattr__(self, "normal", frozen_array(unit if unit[2] >= 0 else -unit))
+        object.__setattr__(self, "point", frozen_array(self.point))
+
+    @staticmethod
+    def at_level(level: float) -> CuttingPlane:
+        """Return the plane z = level (mm)."""
+        return CuttingPlane(level * _UP, _UP)
+
+    @staticmethod
+    def of_cylinder(position: FloatArray, direction: FloatArray, axis: FloatArray | None, source: str) -> CuttingPlane:
+        """Return the plane in which a cylinder travels: through its position, across its axis.
+
+        Parameters
+        ----------
+        position : (3,) array
+            On the line of travel, mm.
+        direction : (3,) array
+            Of travel.
+        axis : (3,) array, optional
+            Of the cylinder; without it the plane holds the horizontal that is square to the travel.
+        source : str
+            What errors name as the file.
+
+        Raises
+        ------
+        InputError
+            If the plane doesn't lie across the leg.
+        """
+        travel = direction / np.linalg.norm(direction)
+        along = _UP if axis is None else axis / np.linalg.norm(axis)
+        normal = along - (along @ travel) * travel
+        length = float(np.linalg.norm(normal))
+        if length < 1e-6 or abs(normal[2]) / length < _ACROSS:
+            raise InputError(
+                source,
+                "indenter.direction",
+                "the plane of travel doesn't lie across the leg (z)",
+                "give the direction of travel, and the cylinder's axis along the leg",
+            )
+        return CuttingPlane(position, normal)
+
+    @property
+    def axes(self) -> FloatArray:
+        """Two unit vectors in the plane, (2, 3): the first is x laid into it."""
+        first = np.array([1.0, 0.0, 0.0]) - self.normal[0] * self.normal
+        first /= np.linalg.norm(first)
+        return np.stack([first, np.cross(self.normal, first)])
+
+    @property
+    def is_level(self) -> bool:
+        """Whether it lies square to z."""
+        return bool(self.normal[2] > 1 - 1e-12)
+
+    def height(self, points: FloatArray) -> FloatArray:
+        """Return the distances of points (..., 3) above the plane, mm."""
+        above: FloatArray = (points - self.point) @ self.normal
+        return above
+
+    def flat(self, points: FloatArray) -> FloatArray:
+        """Return the coordinates (..., 2) of points (..., 3) in the plane, mm."""
+        within: FloatArray = points @ self.axes.T
+        return within
+
+    def levels(self, low: FloatArray, high: FloatArray) -> tuple[float, float]:
+        """Return the lowest and highest z of the plane over a rectangle of x and y, mm."""
+        corners = np.array([[x, y, 0.0] for x in (low[0], high[0]) for y in (low[1], high[1])])
+        z = -self.height(corners) / self.normal[2]
+        return float(z.min()), float(z.max())
+
+    def __str__(self) -> str:
+        """Say where it lies."""
+        x, y, z = self.point
+        if self.is_level:
+            return f"level {z:g} mm"
+        tilt = float(np.degrees(np.arccos(self.normal[2])))
+        return f"plane through ({x:.1f}, {y:.1f}, {z:.1f}) mm, tilted by {tilt:.1f} degrees"
+
+
+def turn_about_travel(direction: FloatArray, axis: FloatArray, source: str) -> float:
+    """Return by how much a cylinder is turned about its travel, from standing as upright as it can.
+
+    Parameters
+    ----------
+    direction : (3,) array
+        Of travel.
+    axis : (3,) array
+        Of the cylinder.
+    source : str
+        What errors name as the file.
+
+    Returns
+    -------
+    float
+        Degrees, right-handed, from -90 to 90.
+
+    Raises
+    ------
+    InputError
+        If the axis isn't square to the travel.
+    """
+    travel, along = direction / np.linalg.norm(direction), axis / np.linalg.norm(axis)
+    if abs(along @ travel) > _SQUARE:
+        angle = np.degrees(np.arccos(np.clip(along @ travel, -1, 1)))
+        raise InputError(
+            source,
+            "indenter.axis",
+            f"stands at {angle:.0f} degrees to the direction",
+            "a cylinder travels square to its axis: correct axis or direction",
+        )
+    upright = _UP - (_UP @ travel) * travel
+    turn = float(np.degrees(np.arctan2(along @ np.cross(travel, upright), along @ upright)))
+    return (turn + 90.0) % 180.0 - 90.0
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTransform:
+    """x -> R x + t.
+
+    Parameters
+    ----------
+    rotation : (3, 3) array
+        R, a rotation.
+    translation : (3,) array
+        t, mm.
+
+    Raises
+    ------
+    InputError
+        If R is no rotation.
+    """
+
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    translation: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        """Copy and check."""
+        for name in ("rotation", "translation"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        R, t = self.rotation, self.translation
+        if R.shape != (3, 3) or t.shape != (3,) or not np.isfinite(t).all():
+            raise InputError(
+                "transform",
+                "shape",
+                "is not a 3 x 3 rotation and a translation of 3 lengths (mm)",
+                "give R and t of x -> R x + t",
+            )
+        if not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0:
+            raise InputError("transform", "rotation", "is not a rotation", "give an orthogonal matrix, det 1")
+
+    @staticmethod
+    def of_angles(degrees: tuple[float, float, float], translation: FloatArray) -> RigidTransform:
+        """Return turns about the fixed axes x, y and z, in this order, then a translation (mm)."""
+        turn = Rotation.from_euler("xyz", degrees, degrees=True).as_matrix()
+        return RigidTransform(turn, np.asarray(translation, dtype=np.float64))
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Return moved points, (..., 3), mm."""
+        moved: FloatArray = points @ self.rotation.T + self.translation
+        return moved
+
+    def inverse(self) -> RigidTransform:
+        """Return the motion back."""
+        return RigidTransform(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def after(self, first: RigidTransform) -> RigidTransform:
+        """Return the motion that does ``first`` and then this one."""
+        return RigidTransform(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)

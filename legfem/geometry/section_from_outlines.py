@@ -1,0 +1,305 @@
+"""From outlines of a leg's segmented parts at a level to a section that can be meshed.
+
+There are outlines of the skin, the muscle's hull, tibia and fibula, as sections of segmented
+surfaces give them. These have no fascia, and the hull may meet the tibia, leave it outside (at the
+shin), or be in pieces, muscle by muscle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from shapely import GEOSException, Polygon, make_valid, union_all
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.geometry.contours import MOST_POINTS, MUSCLE_HULL, Loops, check_girth, check_section
+from legfem.geometry.curve import resample_closed_curve
+from legfem.geometry.section import PARTS, LegSection
+
+SURFACES = ("skin", MUSCLE_HULL, "tibia", "fibula")
+_INSIDE = 0.8
+"""Share of a part's area that lies in the skin; outlines of two scans cross by some mm."""
+_BARE, _TOUCHING = 0.5, 0.2
+"""Share of the skin without fat, beyond which it is no skin; and how near the hull is then (mm)."""
+BRIDGE = 10.0
+"""Radius (mm) over which separate muscles are joined: gaps of twice that are spanned."""
+_SPECK = 0.02
+"""Of the largest piece's area; smaller ones are no muscle."""
+
+
+@dataclass(frozen=True)
+class Clearances:
+    """Room that the parts of a section keep, so that it can be meshed; mm."""
+
+    bone_to_fascia: float = 1.2
+    """Between a bone and the fascia's inner face."""
+    fascia_to_skin: float = 1.8
+    """Least thickness of the fat; more where the fascia is thicker than this."""
+    between_bones: float = 1.2
+    """Between two bones; the second is cut back there."""
+    fascia_bridge: float = 10.0
+    """Radius over which the fascia spans furrows of the hull, as a taut sheet does."""
+    corner: float = 4.0
+    """Least radius of the fascia's outward corners."""
+    spacing: float = 1.5
+    """Between the contours' points."""
+    smoothing: float = 0.1
+    """Root-mean-square distance that the smoothed contours may keep from the surfaces."""
+
+    def fat(self, fascia_thickness: float) -> float:
+        """Return the least thickness of the fat over a fascia (mm)."""
+        return max(self.fascia_to_skin, 1.5 * fascia_thickness)
+
+
+def polygons_of(loops: Loops, path: Path, where: str) -> dict[str, Polygon]:
+    """Return the outline of every part at a level: its largest, the muscles' joined.
+
+    Raises
+    ------
+    InputError
+        If a part is missing.
+    """
+    named = {MUSCLE_HULL if part == "hull" else part: pieces for part, pieces in loops.items()}
+    outlines = {}
+    for part in SURFACES:
+        if part not in named:
+            raise InputError(path, part, f"missing at {where}", "choose another level or add the outline")
+        pieces = [_polygon(path, part, points) for points in named[part]]
+        outlines[part] = (
+            joined(pieces, path, where) if part == MUSCLE_HULL else max(pieces, key=lambda piece: piece.area)
+        )
+    return outlines
+
+
+def joined(pieces: Sequence[Polygon], source: str | Path, where: str, bridge: float = BRIDGE) -> Polygon:
+    """Return the hull of muscles that were segmented apart from each other.
+
+    Where they touch nothing is moved; else the hull spans their gaps, as a taut sheet does.
+
+    Raises
+    ------
+    InputError
+        If they are too far apart for that.
+    """
+    least = _SPECK * max(piece.area for piece in pieces)
+    muscles = union_all([piece for piece in pieces if piece.area > least])
+    if not isinstance(muscles, Polygon):
+        muscles = _closed(muscles, bridge)
+        apart = [p for p in getattr(muscles, "geoms", [muscles]) if p.area > least]
+        if len(apart) > 1:
+            raise InputError(
+                source,
+                MUSCLE_HULL,
+                f"is in {len(apart)} pieces at {where}, more than {2 * bridge:g} mm apart",
+                "segment what lies between them as muscle too",
+            )
+    return largest_polygon(muscles, source, MUSCLE_HULL)
+
+
+def section_from_outlines(
+    outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path, clearances: Clearances | None = None
+) -> LegSection:
+    """Make a leg section of outlines of skin, muscle hull, tibia and fibula.
+
+    The fascia's outer face is the hull joined with the bones and their clearance, its furrows
+    bridged, kept off the skin. A bone that stands too close to the skin (the tibia at the shin)
+    is cut back there.
+
+    Parameters
+    ----------
+    outlines : mapping of Polygon
+        Keys ``skin``, ``muscle_hull``, ``tibia``, ``fibula``; mm.
+    fascia_thickness : float
+        mm.
+    source : str or Path
+        What errors name as the file.
+    clearances : Clearances, optional
+        Room to keep between the parts.
+
+    Raises
+    ------
+    InputError
+        If the outlines don't allow a section with these clearances.
+    """
+    room = clearances or Clearances()
+    if not fascia_thickness > 0:
+        raise InputError(
+            source, "fascia_thickness_mm", f"{fascia_thickness:g} is not positive", "give it in mm (0.2-1.0 is usual)"
+        )
+    parts = nested_outlines(outlines, fascia_thickness, source, room)
+    section = LegSection(
+        skin=_ring(parts["skin"]),
+        fascia=_ring(parts["muscle_hull"]),
+        tibia=_ring(parts["tibia"]),
+        fibula=_ring(parts["fibula"]),
+        fascia_thickness=fascia_thickness,
+    )
+    check_section(section, source)
+    _check_clearances(section, room.bone_to_fascia, room.fat(fascia_thickness), source)
+    return section
+
+
+def nested_outlines(
+    outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path, room: Clearances
+) -> dict[str, Polygon]:
+    """Return smoothed outlines that nest with clearances: bones in the muscle's hull in the skin.
+
+    Parameters
+    ----------
+    outlines : mapping of Polygon
+        ``skin``, ``muscle_hull`` and the bones, mm.
+    fascia_thickness : float
+        Of the layer that is to lie inwards of the hull's outline, mm; 0 without one.
+    source : str or Path
+        What errors name as the file.
+    room : Clearances
+        Room to keep between the parts.
+
+    Raises
+    ------
+    InputError
+        If nothing is left of a part, or outlines cross themselves.
+    """
+    try:
+        return _nested(outlines, fascia_thickness, source, room)
+    except GEOSException as error:
+        raise InputError(
+            source, "x_mm, y_mm", f"an outline crosses itself ({error})", "give points in order around each part"
+        ) from None
+
+
+def _nested(
+    outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path, room: Clearances
+) -> dict[str, Polygon]:
+    outlines = {part: _thinned(outline) for part, outline in outlines.items()}
+    _check_order(outlines, source)
+    fat = room.fat(fascia_thickness)
+    skin = _smooth(outlines["skin"], room)
+    # Smoothing moves the contours by some tenths of a mm: keep that much in hand.
+    slack = 3 * room.smoothing
+    bones: dict[str, Polygon] = {}
+    sheath = outlines["muscle_hull"]
+    around = room.bone_to_fascia + fascia_thickness + slack
+    apart = room.between_bones + slack
+    for bone in (part for part in outlines if part not in ("skin", "muscle_hull")):
+        inside = skin.buffer(-(fat + slack + around))
+        for other in bones.values():
+            # Near the knee and the ankle the fibula meets the tibia.
+            if other.distance(outlines[bone]) < apart:
+                inside = inside - other.buffer(apart)
+        bones[bone] = _smooth(largest_polygon(_opened(outlines[bone] & inside, 1.0), source, bone), room)
+        sheath = sheath | bones[bone].buffer(around)
+    sheath = largest_polygon(_closed(sheath, room.fascia_bridge), source, "muscle_hull")
+    sheath = largest_polygon(_opened(sheath, room.corner) & skin.buffer(-(fat + slack)), source, "muscle_hull")
+    # Bones may stick out of the hull's rounded corners; and cutting made new corners.
+    for bone in bones.values():
+        sheath = sheath | bone.buffer(around)
+    hull = _smooth(largest_polygon(_closed(sheath, room.corner), source, "muscle_hull"), room)
+    return {"skin": skin, "muscle_hull": hull, **bones}
+
+
+def _check_fat(outlines: Mapping[str, Polygon], source: str | Path) -> None:
+    """Check that the skin isn't the muscles' own surface: fat isn't to be invented."""
+    skin, hull = outlines["skin"].exterior, outlines[MUSCLE_HULL].buffer(_TOUCHING)
+    bare = float((skin & hull).length / skin.length)
+    if bare > _BARE:
+        raise InputError(
+            source,
+            "skin",
+            f"lies on the muscles' hull along {100 * bare:.0f} % of its length",
+            "give the skin's outline, outside the fat: a scan without it can't be used",
+        )
+
+
+def _check_order(outlines: Mapping[str, Polygon], source: str | Path) -> None:
+    """Check what nesting would hide: a part's size, and which lies in which."""
+    skin, hull = outlines["skin"], outlines["muscle_hull"]
+    check_girth(float(skin.exterior.length), source)
+    _check_fat(outlines, source)
+    for part, outline in outlines.items():
+        if part != "skin" and (outline & skin).area < _INSIDE * outline.area:
+            raise InputError(source, part, "lies outside the skin", f"are skin and {part} exchanged?")
+        if part not in ("skin", "muscle_hull") and outline.area > hull.area:
+            raise InputError(source, part, "is larger than the muscle's hull", f"are muscle_hull and {part} exchanged?")
+
+
+def facing_point(section: LegSection, direction: FloatArray) -> FloatArray:
+    """Return where the skin lies furthest against a direction of travel; (2,), mm.
+
+    In the middle of what lies 3 mm behind it at most: of a round back alone the noise of a scan
+    moves the furthest point by millimetres sideways.
+    """
+    before = -section.skin @ direction
+    near = section.skin[before > before.max() - 3.0]
+    point: FloatArray = near.mean(axis=0)
+    return point + (point @ -direction - before.max()) * direction
+
+
+def _check_clearances(section: LegSection, bone: float, fat: float, source: str | Path) -> None:
+    fascia = section.polygon("fascia").exterior
+    found = {f"fascia to {part}": fascia.distance(section.polygon(part).exterior) for part in PARTS if part != "fascia"}
+    wanted = {
+        "fascia to skin": fat,
+        "fascia to tibia": bone + section.fascia_thickness,
+        "fascia to fibula": bone + section.fascia_thickness,
+    }
+    for gap, least in wanted.items():
+        if found[gap] < 0.9 * least:
+            raise InputError(
+                source,
+                gap,
+                f"{found[gap]:.2f} mm left where {least:.2f} are needed",
+                "choose another level or correct the outlines",
+            )
+
+
+def _polygon(path: Path, part: str, points: FloatArray) -> Polygon:
+    if len(points) < 4:
+        raise InputError(path, part, f"{len(points)} points are too few", "give a closed outline")
+    return largest_polygon(make_valid(Polygon(points)), path, part)
+
+
+def largest_polygon(shape: object, source: str | Path, part: str) -> Polygon:
+    """Return the largest of a geometry's polygons, without its holes.
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    """
+    pieces = [p for p in getattr(shape, "geoms", [shape]) if isinstance(p, Polygon) and p.area > 0]
+    if not pieces:
+        raise InputError(
+            source,
+            part,
+            "nothing is left of it inside the leg with the clearances",
+            "choose another level or correct the outlines",
+        )
+    return Polygon(max(pieces, key=lambda piece: piece.area).exterior)
+
+
+def _thinned(outline: Polygon) -> Polygon:
+    """Return an outline without points closer than any mesh's, which only cost time."""
+    ring = _ring(outline)
+    return outline if len(ring) <= MOST_POINTS else Polygon(ring[:: 1 + len(ring) // MOST_POINTS])
+
+
+def _opened(shape: Polygon, radius: float) -> Polygon:
+    return shape.buffer(-radius).buffer(radius)
+
+
+def _closed(shape: Polygon, radius: float) -> Polygon:
+    return shape.buffer(radius).buffer(-radius)
+
+
+def _smooth(shape: Polygon, room: Clearances) -> Polygon:
+    fine = resample_closed_curve(_ring(shape), room.spacing / 2)
+    return Polygon(resample_closed_curve(fine, room.spacing, room.smoothing))
+
+
+def _ring(polygon: Polygon) -> FloatArray:
+    return np.asarray(polygon.exterior.coords, dtype=np.float64)[:-1]

@@ -1,0 +1,319 @@
+"""Whether the labels of a volume are a leg's: bone inside muscle inside fat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.ndimage import affine_transform, binary_dilation
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
+
+_SHEAR = 1e-3
+_HALF = 0.5
+
+
+def along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
+    """Return labels resampled on a grid along the coordinates' axes, and its affine (4, 4).
+
+    Every label's share is interpolated linearly, and the largest wins, so that outlines move by a
+    small part of a voxel. Only levels remain at which no tissue lies at the old grid's ends: beyond
+    them nothing is known of the leg.
+
+    Parameters
+    ----------
+    array
+        Labels, (n_1, n_2, n_3), 0 in the background.
+    affine
+        The array's indices to mm; its axes are nearest to x, y and z in this order, and point
+        their way.
+    source
+        What errors name as the file.
+
+    Raises
+    ------
+    InputError
+        If the grid is sheared, or nowhere holds the leg's whole section.
+    """
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
+    cosines = affine[:3, :3] / spacing
+    if np.abs(cosines.T @ cosines - np.eye(3)).max() > _SHEAR:
+        raise InputError(
+            source,
+            "affine",
+            "the grid is sheared: its axes aren't square to each other",
+            "resample the volume along the scanner's axes",
+        )
+    ends = np.array(np.meshgrid(*([0, n - 1] for n in array.shape), indexing="ij")).reshape(3, -1)
+    corners = affine[:3, :3] @ ends + affine[:3, 3:]
+    origin = corners.min(axis=1)
+    shape = tuple(np.ceil((corners.max(axis=1) - origin) / spacing).astype(int) + 1)
+    back = np.linalg.inv(affine[:3, :3])
+    matrix, offset = back * spacing, back @ (origin - affine[:3, 3])
+
+    def moved(values: NDArray[np.generic], outside: float) -> NDArray[np.float32]:
+        return np.asarray(
+            affine_transform(
+                values.astype(np.float32), matrix, offset, shape, np.float32, 1, "constant", outside, prefilter=False
+            )
+        )
+
+    best = np.zeros(shape, dtype=np.float32)
+    found = np.zeros(shape, dtype=array.dtype)
+    for label in np.unique(array):
+        share = moved(array == label, float(label == 0))
+        larger = share > best
+        best[larger], found[larger] = share[larger], label
+    outside = moved(np.ones(array.shape), 0.0) < _HALF
+    cut = (binary_dilation(outside, iterations=2) & (found > 0)).any(axis=(0, 1))
+    first, last = _longest(~cut & (found > 0).any(axis=(0, 1)))
+    if last - first < 2:
+        raise InputError(
+            source,
+            "affine",
+            "the grid is oblique, and no level holds the leg's whole section",
+            "scan or label more of the leg",
+        )
+    straight = np.diag([*spacing, 1.0])
+    straight[:3, 3] = origin
+    straight[2, 3] += first * spacing[2]
+    return np.ascontiguousarray(found[:, :, first:last]), straight
+
+
+def _longest(kept: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return the first number, and the one after the last, of the longest run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], kept.astype(int), [0]])))
+    runs = edges.reshape(-1, 2)
+    if not len(runs):
+        return 0, 0
+    first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
+    return int(first), int(last)
+
+
+BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
+TISSUES = {"superficial": SUPERFICIAL, "deep": DEEP, "bone": BONE}
+_SQUARE = 1e-3  # of a direction's cosine
+
+
+@dataclass(frozen=True, eq=False)
+class LabelVolume:
+    """Labels on a regular grid whose axes are those of the coordinates.
+
+    Parameters
+    ----------
+    labels : (n_x, n_y, n_z) array of uint8
+        `BACKGROUND`, `SUPERFICIAL`, `DEEP` or `BONE`; both bones share a label.
+    spacing : (3,) array
+        Between voxels' centres, mm.
+    origin : (3,) array
+        Centre of the voxel [0, 0, 0], mm.
+    source : str
+        What errors name as the file.
+    transform : bool
+        Whether the file states where the volume lies; else its spacing may be lost too.
+    """
+
+    labels: NDArray[np.uint8]
+    spacing: FloatArray
+    origin: FloatArray
+    source: str = "volume"
+    transform: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the labels."""
+        for name in ("spacing", "origin"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        if self.labels.ndim != 3:
+            raise InputError(self.source, "shape", f"is {self.labels.ndim}-dimensional", "give one volume")
+        if not (self.spacing > 0).all():
+            raise InputError(self.source, "spacing", "is not positive", "correct the header")
+        present = np.bincount(self.labels.ravel(), minlength=4)
+        for name, label in TISSUES.items():
+            if not present[label]:
+                raise InputError(
+                    self.source,
+                    "labels",
+                    f"no voxel is labelled {label} ({name})",
+                    "segment fat and skin: without them the leg's surface isn't known"
+                    if label == SUPERFICIAL
+                    else "segment it, or say which label it has",
+                )
+        if len(present) > 4 and present[4:].any():
+            other = 4 + int(np.argmax(present[4:] > 0))
+            raise InputError(
+                self.source,
+                "labels",
+                f"{present[other]} voxels are labelled {other}, which is "
+                "none of " + ", ".join(f"{v} ({k})" for k, v in TISSUES.items()),
+                "say which tissue it is",
+            )
+
+    @property
+    def affine(self) -> FloatArray:
+        """Voxel's numbers to mm, (4, 4)."""
+        affine = np.diag([*self.spacing, 1.0])
+        affine[:3, 3] = self.origin
+        return affine
+
+    @property
+    def levels(self) -> FloatArray:
+        """Level z of every slice, mm."""
+        levels: FloatArray = self.origin[2] + self.spacing[2] * np.arange(self.labels.shape[2])
+        return levels
+
+
+def volume_of_array(
+    array: NDArray[np.integer], affine: FloatArray, source: str, meaning: Mapping[str, int | list[int]] | None = None
+) -> LabelVolume:
+    """Make a volume of labels in any order and orientation along the axes.
+
+    Parameters
+    ----------
+    array : (n_1, n_2, n_3) array of integers
+        Labels.
+    affine : (4, 4) array
+        The array's indices to mm.
+    source : str
+        What errors name as the file.
+    meaning : mapping, optional
+        ``superficial``, ``deep`` and ``bone`` to the labels they have in the array (one or
+        several); 1, 2 and 3 by default.
+
+    Raises
+    ------
+    InputError
+        If a label is missing or unknown, or the grid is sheared.
+    """
+    array, affine = _along_axes(array, np.asarray(affine, dtype=np.float64), source)
+    if meaning is None:
+        if array.min(initial=0) < 0 or array.max(initial=0) > 255:
+            raise InputError(
+                source,
+                "labels",
+                f"range from {array.min()} to {array.max()}",
+                "give a label volume, not an image; 0 background, 1 superficial, 2 deep, 3 bone",
+            )
+        labels = array.astype(np.uint8)
+    else:
+        _check_meaning(meaning, source)
+        labels = np.full(array.shape, 255, dtype=np.uint8)
+        labels[array == 0] = BACKGROUND
+        for name, given in meaning.items():
+            labels[np.isin(array, given)] = TISSUES[name]
+        if (labels == 255).any():
+            raise InputError(
+                source, "labels", f"{array[labels == 255][0]} has no meaning given", "say which tissue it is"
+            )
+    return LabelVolume(labels, np.diag(affine)[:3], affine[:3, 3], source)
+
+
+def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
+    """Check that two volumes are of one size, where one of them states no transform.
+
+    Raises
+    ------
+    InputError
+        If their spacing differs.
+    """
+    if first.transform and second.transform:
+        return
+    if not np.allclose(first.spacing, second.spacing, rtol=1e-3):
+        given = [" x ".join(f"{s:.4g}" for s in v.spacing) for v in (first, second)]
+        raise InputError(
+            second.source,
+            "spacing",
+            f"{given[1]} mm, but {given[0]} mm in {first.source}, and a header states no transform",
+            "save the volumes with their transforms, or correct the spacing",
+        )
+
+
+def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
+    """Permute and flip an array so that its affine is diagonal and positive.
+
+    One that is turned otherwise is resampled; see `legfem.imaging.label_volume`.
+    """
+    if array.ndim != 3 or affine.shape != (4, 4):
+        raise InputError(source, "shape", f"{array.shape} is not a volume's", "give one volume")
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
+    if not (spacing > 0).all() or not np.isfinite(affine).all():
+        raise InputError(source, "affine", "is singular", "correct the header")
+    cosines = affine[:3, :3] / spacing
+    order = [int(np.argmax(np.abs(cosines[axis]))) for axis in range(3)]
+    aligned = np.abs(cosines[range(3), order])
+    if len(set(order)) < 3:
+        raise InputError(
+            source,
+            "affine",
+            "the grid's axes can't be told apart: it is sheared, or turned by 45 degrees",
+            "resample the volume along the scanner's axes",
+        )
+    array = array.transpose(order)
+    columns = affine[:3, order].copy()
+    origin = affine[:3, 3].copy()
+    for axis in range(3):
+        if columns[axis, axis] < 0:
+            origin += columns[:, axis] * (array.shape[axis] - 1)
+            array = np.flip(array, axis)
+            columns[:, axis] *= -1
+    if (aligned < 1 - _SQUARE).any():
+        turned = np.eye(4)
+        turned[:3, :3], turned[:3, 3] = columns, origin
+        return along_axes(array, turned, source)
+    straight = np.diag([*spacing[order], 1.0])
+    straight[:3, 3] = origin
+    return np.ascontiguousarray(array), straight
+
+
+def _check_meaning(meaning: Mapping[str, int | list[int]], source: str) -> None:
+    for name in meaning:
+        if name not in TISSUES:
+            raise InputError(source, "labels", f"unknown tissue '{name}'", f"tissues are {', '.join(TISSUES)}")
+    for name in TISSUES:
+        if name not in meaning:
+            raise InputError(source, "labels", f"{name} has no label given", "give one")
+
+
+_IN_PLANE: NDArray[np.bool_] = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)[:, :, None]
+
+
+def check_anatomy(volume: LabelVolume) -> None:
+    """Check that the fat is outermost and the bones are less than the muscle.
+
+    Raises
+    ------
+    InputError
+        If another label than the fat's touches the air most, or there is more bone than muscle.
+    """
+    air = volume.labels == BACKGROUND
+    at_air = volume.labels[ndimage.binary_dilation(air, _IN_PLANE) & ~air]
+    names = {label: name for name, label in TISSUES.items()}
+    outermost = names[int(np.argmax(np.bincount(at_air, minlength=4)[1:])) + 1]
+    if outermost != "superficial":
+        raise InputError(
+            volume.source,
+            "labels",
+            f"what is labelled {outermost} lies outermost, where fat is",
+            f"exchange superficial and {outermost} under [labels]",
+        )
+    bone, deep = (int((volume.labels == label).sum()) for label in (BONE, DEEP))
+    if bone > deep:
+        raise InputError(
+            volume.source,
+            "labels",
+            f"there is more bone ({bone} voxels) than muscle ({deep})",
+            "exchange deep and bone under [labels]",
+        )
+
+
+def cropped(volume: LabelVolume, low: float, high: float) -> LabelVolume:
+    """Return the slices between two levels (mm); the whole volume if there are none."""
+    kept = np.flatnonzero((volume.levels >= low) & (volume.levels <= high))
+    if len(kept) < 2:
+        return volume
+    first, last = int(kept[0]), int(kept[-1])
+    origin = volume.origin + np.array([0.0, 0.0, first * volume.spacing[2]])
+    return LabelVolume(volume.labels[:, :, first : last + 1], volume.spacing, origin, volume.source, volume.transform)

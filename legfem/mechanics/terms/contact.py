@@ -1,0 +1,114 @@
+"""What the indenter does to the skin: pressure, and traction along the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import ufl
+
+from legfem.mechanics.contact import PressureLaw, RigidIndenter, TangentialLaw
+from legfem.mechanics.integration_domain import Skin, named_parameters
+from legfem.mechanics.kinematics import Expr
+from legfem.mechanics.model import Memoryless
+
+
+@dataclass(frozen=True)
+class NormalContact(Memoryless):
+    """Pressure of the rigid indenter on the skin."""
+
+    indenter: RigidIndenter
+    law: PressureLaw
+    name: str = "contact"
+    domain: Literal["skin"] = "skin"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Numbers of the indenter and of the law."""
+        return {**named_parameters("indenter", self.indenter), **named_parameters(self.name, self.law)}
+
+    def pressure(self, skin: Skin) -> Expr:
+        """Return the pressure (MPa)."""
+        indenter = skin.symbols.of("indenter", self.indenter)
+        law = skin.symbols.of(self.name, self.law)
+        return law.pressure(-indenter.gap(skin.relative_position))
+
+    def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
+        """Return the work of the pressure along the indenter's normal."""
+        indenter = skin.symbols.of("indenter", self.indenter)
+        normal = indenter.normal(skin.relative_position)
+        return -self.pressure(skin) * ufl.dot(normal, skin.variation) * skin.measure
+
+
+@dataclass(frozen=True)
+class TangentialContact:
+    r"""Traction along the indenter's surface, from the slip since a point touched.
+
+    The history of a skin point is its anchor :math:`a`, the place on the indenter where it touched,
+    and whether it touches. A point that comes into contact within a step is anchored where its gap
+    passed the onset, by linear interpolation over the step: the traction grows from zero and F(d)
+    is smooth. What the point slides between its touch and the end of that step isn't held: an error
+    of first order in the step, about 1e-4 of a leg's force at steps of 1 mm.
+
+    A point that lifts off lets its traction go over the range of gaps from zero to the pressure's
+    onset: cut off at once, the traction would jump, and where points lift off under shear (at the
+    cylinder's ends) there would be no equilibrium to find.
+    """
+
+    normal: NormalContact
+    law: TangentialLaw
+    name: str = "friction"
+    domain: Literal["skin"] = "skin"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Numbers of the law."""
+        return named_parameters(self.name, self.law)
+
+    def history(self, skin: Skin) -> dict[str, tuple[int, ...]]:
+        """Return the anchor (mm, relative to the indenter) and the mark of contact."""
+        return {"anchor": (skin.dimension,), "touching": ()}
+
+    def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
+        """Return the work of the tangential traction."""
+        return ufl.dot(self._traction(skin, history), skin.variation) * skin.measure
+
+    def updated(self, skin: Skin, history: Mapping[str, Any]) -> dict[str, Expr]:
+        """Return the anchors, moved where the law let them slip, and the marks of contact."""
+        law = skin.symbols.of(self.name, self.law)
+        touching, slip, anchor = self._slip(skin, history)
+        traction = law.traction(slip, self.normal.pressure(skin))
+        slipped = slip - traction / law.stiffness if hasattr(law, "stiffness") else slip
+        return {"anchor": anchor + slipped, "touching": ufl.conditional(touching, 1.0, 0.0)}
+
+    def slip(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
+        """Return the slip (mm) of touching points, zero elsewhere."""
+        touching, slip, _ = self._slip(skin, history)
+        return ufl.conditional(touching, 1.0, 0.0) * slip
+
+    def _traction(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
+        law = skin.symbols.of(self.name, self.law)
+        _, slip, _ = self._slip(skin, history)
+        return law.traction(self._hold(skin) * slip, self.normal.pressure(skin))
+
+    def _hold(self, skin: Skin) -> Expr:
+        """Return the share of the slip that is held: 0 from the onset outwards, 1 without a gap."""
+        indenter = skin.symbols.of("indenter", self.normal.indenter)
+        onset = skin.symbols.of(self.normal.name, self.normal.law).onset
+        share = 1 - indenter.gap(skin.relative_position) / onset
+        return ufl.max_value(0, ufl.min_value(1, share))
+
+    def _slip(self, skin: Skin, history: Mapping[str, Any]) -> tuple[Expr, Expr, Expr]:
+        indenter = skin.symbols.of("indenter", self.normal.indenter)
+        onset = skin.symbols.of(self.normal.name, self.normal.law).onset
+        now, before = skin.relative_position, skin.relative_position_before
+        gap, gap_before = indenter.gap(now), indenter.gap(before)
+        touching = ufl.lt(gap, onset)
+        closing = ufl.max_value(gap_before - gap, 1e-12)
+        entry = ufl.max_value(0, ufl.min_value(1, (gap_before - onset) / closing))
+        fresh = before + entry * (now - before)
+        anchor = ufl.conditional(ufl.gt(history["touching"], 0.5), history["anchor"], fresh)
+        slip = now - anchor
+        normal = indenter.normal(now)
+        return touching, slip - normal * ufl.dot(normal, slip), anchor

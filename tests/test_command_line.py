@@ -1,0 +1,69 @@
+"""What the machine lacks ends a command in one line with exit status 2."""
+
+from __future__ import annotations
+
+import errno
+import subprocess
+import sys
+
+import pytest
+import typer
+
+from legfem.common.command_line import BAD_INPUT, command_edge
+from legfem.common.errors import InputError
+from legfem.common.input_files import FileTable, parse_toml
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device", "out/result.json"), "out/result.json: No"),
+        (PermissionError(errno.EACCES, "Permission denied", "x"), "x: Permission denied"),
+        (MemoryError(), "not enough"),
+        (RecursionError(), "nested too deeply"),
+        (InputError("a", "b", "c", "d"), "a: b: c; d"),
+    ],
+)
+def test_what_the_machine_lacks_is_one_line(capsys, error, words):
+    with pytest.raises(typer.Exit) as left, command_edge():
+        raise error
+    said = capsys.readouterr().err
+    assert left.value.exit_code == BAD_INPUT
+    assert words in said and said.count("\n") == 1
+
+
+def test_a_reader_that_left_is_not_a_full_disk():
+    with pytest.raises(BrokenPipeError), command_edge():
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+
+@pytest.mark.parametrize("loaded", ["before", "inside"])
+def test_a_reader_that_leaves_after_petsc_was_loaded_ends_a_command_quietly(loaded):
+    petsc = {loaded: "import petsc4py.PETSc"}
+    work = f"""
+from legfem.common.command_line import command_edge
+{petsc.get("before", "")}
+try:
+    with command_edge():
+        {petsc.get("inside", "")}
+        input()
+        print("x" * 100_000, flush=True)
+except BrokenPipeError:
+    raise SystemExit(7)
+"""
+    command = [sys.executable, "-c", work]
+    ends = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with subprocess.Popen(command, text=True, **ends) as process:
+        process.stdout.close()
+        process.stdin.write("now\n")
+        process.stdin.close()
+        said = process.stderr.read()
+    assert process.returncode == 7, said
+    assert "PETSC" not in said
+
+
+def test_a_deeply_nested_toml_is_refused(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text("a = " + "[" * 100_000)
+    with pytest.raises(InputError, match="nested too deeply"):
+        parse_toml(path, FileTable, "a folder")
