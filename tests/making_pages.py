@@ -23,6 +23,7 @@ from making_specimens import write_bars
 from making_stocking import COARSE, laws, short_leg
 
 from legfem.common.progress import Silent
+from legfem.data import segment
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
 from legfem.data.reader import propose, recording_of
@@ -257,7 +258,7 @@ def looked(folder: Path) -> WebPage:
         sheets = read_sheets(path)
         proposal = propose(path, sheets)
         read = recording_of(path, sheets, proposal.channels)
-        seen.append(Looked(read, proposal, quality_of(read)))
+        seen.append(Looked(read, proposal, quality_of(segment(read))))
     return look_web_page(seen, recordings_toml(seen[0].proposal.channels), "the text", COMMAND)
 
 
