@@ -24,6 +24,7 @@ from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_o
 from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
 from legfem.report.render.text import plain_page
 from legfem.report.words import number, probability
+from legfem.report.write import PAGE_FILES
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
@@ -208,7 +209,7 @@ def test_report_lists_every_file_it_writes(found, subject, tmp_path, verdict):
     wanted |= set() if verdict == "consistent" else {"signatures"}
     pictures = {f"{name}.png" for name in wanted}
     small = {f"{name}.svg" for name in wanted - {"section", "recording", "signatures"}}
-    assert written == {"report.txt", "report.html"} | pictures | small
+    assert written == set(PAGE_FILES) | pictures | small
     assert all(name in path.read_text() for name in written - {"report.txt"})
     for name in wanted:
         picture = imread(path.parent / f"{name}.png")

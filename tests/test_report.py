@@ -117,7 +117,7 @@ def test_comparison_does_not_praise_a_parameter_that_the_data_do_not_need(both):
     alike = replace(neo, goodness=replace(neo.goodness, chi_square=poly.goodness.chi_square + 0.5))
     assert "its additional parameter is not needed" in comparison([alike, poly])[-1]
     limit = replace(poly, cost=neo.cost, neo_hookean_limit=True)
-    assert "fit alike" in comparison([neo, limit])[-1]
+    assert "fit equally well" in comparison([neo, limit])[-1]
 
 
 def test_report_survives_numbers_that_are_missing(both, subject):

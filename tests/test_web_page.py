@@ -83,7 +83,7 @@ def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subj
 def test_a_law_that_does_not_fit_is_not_praised(subject, both):
     page = leg_page(both[:1])
     assert page.headline.tone == "wrong"
-    assert "don't rely on it" in dict(page.headline.answers)["What it does to C10"]
+    assert "don't rely on it" in dict(page.headline.answers)["Effect on C10"]
     assert "legfem diagnose" in dict(page.headline.answers)["What to do"]
     unsure = replace(both[1].estimates["deep.C20"], identifiability="weakly identifiable")
     poly = replace(both[1], estimates={**both[1].estimates, "deep.C20": unsure})
@@ -107,7 +107,7 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
     html = rendered(diagnosis_web_page(found, subject, plan))
     page, answers = read(html), dict(diagnosis_web_page(found, subject).headline.answers)
     assert len(html.encode()) < MOST_BYTES
-    asked = ["Problems found", "How sure", "What it does to C10", "What to do"]
+    asked = ["Problems found", "How sure", "Effect on C10", "What to do"]
     assert [question for question in answers if question != QUESTION] == asked
     assert (QUESTION in answers) == (verdict != "unexplained")
     assert all(answers.values())

@@ -27,6 +27,7 @@ from legfem.report.render.html import embedded, rendered
 from legfem.report.specimens import specimen_page
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.web.stocking_leg import by_height, inward, stretch_round
+from legfem.report.write import PAGE_FILES
 from legfem.study.correction.web_page import correction_web_page
 from legfem.study.doe.advice import not_seen, shares, to_measure
 from legfem.study.doe.web_page import study_web_page
@@ -76,7 +77,7 @@ def test_the_command_of_a_plan_writes_its_page(tmp_path, monkeypatch):
     asked = ["--subject-dir", str(leg), "--depth", "12", "--out", str(out), "--jobs", "1"]
     done = CliRunner().invoke(app, [*asked, "--library", str(tmp_path / "library")])
     assert done.exit_code == 0, done.output
-    assert {p.name for p in out.iterdir()} == {"plan.json", "report.txt", "report.html"}
+    assert {p.name for p in out.iterdir()} == {"plan.json", *PAGE_FILES}
     assert f"page:   {out / 'report.html'}" in done.output
     words = read((out / "report.html").read_text(encoding="utf-8")).words
     assert "12 mm" in words and (out / "report.txt").read_text()[:20] in words

@@ -44,7 +44,7 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
         [
             ("Problems found", _wrong(found)),
             ("How sure", _sure(found)),
-            ("What it does to C10", _stiffness(found)),
+            ("Effect on C10", _stiffness(found)),
             ("What to do", _to_do(found, plan)),
             *_high_or_low(found, tissue),
         ],

@@ -180,7 +180,7 @@ def _headline(chosen: LegFit) -> web.Headline:
             *([("How stiff", f"{_values(chosen)}.")] if _several(chosen) or not sound else []),
             ("How sure", estimates.how_sure(chosen.estimates)),
             (
-                "What it does to C10",
+                "Effect on C10",
                 f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is "
                 f"missing."
                 if tone == "wrong"

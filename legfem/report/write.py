@@ -10,11 +10,14 @@ from legfem.report.folder import REPORT, ReportFile
 from legfem.report.page import PAGE, WebPage, listed
 from legfem.report.render.html import rendered
 from legfem.report.render.markdown import MARKDOWN, markdown_page
-from legfem.report.render.table import write_tables
+from legfem.report.render.table import CSV, WORKBOOK, write_tables
 from legfem.report.render.text import plain_page
 
 if TYPE_CHECKING:
     import pandas as pd
+
+PAGE_FILES = (REPORT, PAGE, MARKDOWN, CSV, WORKBOOK)
+"""Files that `write_page` writes."""
 
 
 def write_page(

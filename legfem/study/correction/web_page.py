@@ -82,7 +82,7 @@ def _headline(given: Calibration, found: Calibrated) -> web.Headline:
                 f"P is {P:+.3f} ± {sd:.3f} there (standard deviation: mesh, the leg's length, first contact).",
             ),
             (
-                "What it does to C10",
+                "Effect on C10",
                 (
                     "Next to nothing"
                     if share == "0 %"
