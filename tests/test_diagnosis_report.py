@@ -13,15 +13,15 @@ from making_diagnosis import problem_of, ramps
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
-from legfem.diagnose.document import document
-from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
-from legfem.diagnose.windows import runs
+from legfem.inverse.location import runs
 from legfem.legs.loading import load_subject
 from legfem.report import diagnosis_folder as report
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_of
+from legfem.report.diagnosis_document import document
 from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
+from legfem.report.diagnosis_sentences import next_experiments, percent, verdict_sentence
 from legfem.report.render.text import plain_page
 from legfem.report.words import number, probability
 from legfem.report.write import PAGE_FILES

@@ -44,14 +44,14 @@ def plan(
     with work_edge(jobs, resume, quiet) as processes:
         from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
-        from legfem.diagnose.document import versions
-        from legfem.diagnose.leg import library_folder
-        from legfem.diagnose.run import Diagnoser
         from legfem.legs.correction import read_correction
         from legfem.legs.correction_of_leg import REFERENCE
+        from legfem.legs.diagnosis import Diagnoser
         from legfem.legs.loading import load_subject
+        from legfem.legs.plan import Expected, plan_before
         from legfem.legs.plausibility import doubts_about
-        from legfem.plan.run import Expected, plan_before
+        from legfem.legs.variants import library_folder
+        from legfem.report.diagnosis_document import versions
         from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
         from legfem.report.page import command_line
         from legfem.report.plan import RANKED, SHOWN, plan_document, plan_web_page

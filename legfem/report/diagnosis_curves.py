@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation, Statement
-from legfem.diagnose.windows import runs
+from legfem.inverse.explanation import Explanation, Statement
+from legfem.inverse.location import runs
+from legfem.inverse.verdict import Diagnosis
 from legfem.report.page import Curves, Line
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
 

@@ -12,12 +12,11 @@ from matplotlib.patches import Patch
 
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import HOLD
-from legfem.diagnose.diagnosis import SOUND, Diagnosis
-from legfem.diagnose.explanation import Explanation, Statement
-from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.score import Signature
-from legfem.diagnose.sentences import percent
-from legfem.diagnose.stations import Stations
+from legfem.inverse.explanation import Explanation, Statement
+from legfem.inverse.location import Signature
+from legfem.inverse.mechanism import null_of
+from legfem.inverse.stations import Stations
+from legfem.inverse.verdict import SOUND, Diagnosis
 from legfem.report.diagnosis_curves import (
     BASE_COLOUR,
     BASE_NAME,
@@ -29,6 +28,7 @@ from legfem.report.diagnosis_curves import (
     shown_models,
     statement_name,
 )
+from legfem.report.diagnosis_sentences import percent
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 from legfem.report.words import number, probability
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from legfem.common.documents import json_types, write_document
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded, document, parameters
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import model_name
+from legfem.report.diagnosis_document import Recorded, document, parameters
 from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure

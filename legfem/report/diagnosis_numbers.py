@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from legfem.data.recording import Origin
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.held_out import HeldOut
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.remains import explained_share
-from legfem.diagnose.sentences import percent
 from legfem.geometry.section import girth
+from legfem.inverse.cross_validation import HeldOut
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.mechanism import null_of
+from legfem.inverse.verdict import Diagnosis, explained_share
+from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis_curves import (
@@ -24,6 +21,8 @@ from legfem.report.diagnosis_curves import (
     shown_models,
     statement_name,
 )
+from legfem.report.diagnosis_document import Recorded
+from legfem.report.diagnosis_sentences import percent
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Known, Provenance
 from legfem.report.words import number, short_probability

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from legfem.common.doubts import Doubt, doubt_lines
-from legfem.diagnose.sentences import percent
 from legfem.geometry.section import girth
+from legfem.inverse.plan import DesignValue, DesignValue
+from legfem.legs.plan import Expected
 from legfem.legs.subject import Subject
-from legfem.plan.reckon import Reckoned
-from legfem.plan.run import Expected
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import plain
+from legfem.report.diagnosis_sentences import percent
 from legfem.report.leg import options_of
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.section import still_section
@@ -27,17 +27,17 @@ NOTE = (
 )
 
 
-def effects_of(ranked: Sequence[Reckoned]) -> list[str]:
+def effects_of(ranked: Sequence[DesignValue]) -> list[str]:
     """Return the names of the effects that were weighed."""
     return sorted({a for one in ranked for a, _ in one.chances if a != NOTHING})
 
 
-def plan_lines(ranked: Sequence[Reckoned]) -> list[str]:
+def plan_lines(ranked: Sequence[DesignValue]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
     return [f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates" for one in ranked]
 
 
-def plan_document(ranked: Sequence[Reckoned], subject: str) -> dict[str, Any]:
+def plan_document(ranked: Sequence[DesignValue], subject: str) -> dict[str, Any]:
     """Return the plan as JSON types."""
     return {
         "schema": SCHEMA,
@@ -66,7 +66,7 @@ _NOT_WEIGHED = (
 
 
 def plan_web_page(
-    ranked: Sequence[Reckoned],
+    ranked: Sequence[DesignValue],
     subject: Subject,
     expected: Expected,
     doubts: Sequence[Doubt],
@@ -110,11 +110,11 @@ def plan_web_page(
     )
 
 
-def _shown(one: Reckoned, names: Sequence[str], low: float, high: float) -> list[str]:
+def _shown(one: DesignValue, names: Sequence[str], low: float, high: float) -> list[str]:
     return [plain(name) for name in names if low <= one.chances[name, NOTHING] <= high]
 
 
-def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.Headline:
+def _headline(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.Headline:
     heading = "What to test"
     if not ranked:
         return web.Headline(
@@ -152,18 +152,18 @@ def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.Headline:
     )
 
 
-def _never(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
+def _never(ranked: Sequence[DesignValue], names: Sequence[str]) -> list[str]:
     return [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
 
 
-def _warnings(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
+def _warnings(ranked: Sequence[DesignValue], names: Sequence[str]) -> list[str]:
     unseen = _never(ranked, names)
     if not unseen:
         return []
     return [f"No test shows {', '.join(unseen)} with a chance of 20 % or more."]
 
 
-def _tests(ranked: Sequence[Reckoned]) -> Bars:
+def _tests(ranked: Sequence[DesignValue]) -> Bars:
     return Bars(
         "Chance that the test identifies the cause, whichever it is",
         ("test", "chance"),
@@ -175,7 +175,7 @@ def _tests(ranked: Sequence[Reckoned]) -> Bars:
     )
 
 
-def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.WebTable:
+def _chances(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.WebTable:
     return web.WebTable(
         "Chance that a test detects an effect; tests by their rank",
         ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
@@ -183,7 +183,7 @@ def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.WebTable:
     )
 
 
-def _next(ranked: Sequence[Reckoned], subject: Subject) -> list[str]:
+def _next(ranked: Sequence[DesignValue], subject: Subject) -> list[str]:
     folder = options_of(subject)
     return [
         *(f"Test {k}: {one.design.name}." for k, one in enumerate(ranked[:3], 1)),

@@ -13,9 +13,9 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import HOLD, LOADING
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.fit import Fit
-from legfem.diagnose.stations import Stations
+from legfem.inverse.linearised import LinearisedFit
+from legfem.inverse.stations import Stations
+from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis_curves import (
     BASE_COLOUR,
     BASE_NAME,
@@ -134,7 +134,7 @@ def _draw_residual(
     found: Diagnosis,
     number: int,
     segment: int,
-    fits: Sequence[tuple[Fit, str, str]],
+    fits: Sequence[tuple[LinearisedFit, str, str]],
     places: Sequence[Place],
 ) -> None:
     stations = found.observed.protocols[number]
