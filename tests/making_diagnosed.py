@@ -10,12 +10,11 @@ from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, obser
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.library_build import shown_mechanisms
-from legfem.diagnose.nuisances import Accuracy
-from legfem.diagnose.observations import Observations
-from legfem.diagnose.run import diagnose_body
 from legfem.inverse.laws import LawName
+from legfem.inverse.observations import Observations
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
+from legfem.legs.nuisances import Accuracy
 
 BASE = {"C10": 1.0, "C20": 0.6}
 UNANSWERED = (

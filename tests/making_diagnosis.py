@@ -9,20 +9,20 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, segment_all
-from legfem.diagnose.fit import Fit, Problem, fit
-from legfem.diagnose.library import NuisanceChanges
-from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
-from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.predict import Predictor
-from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import Variants
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.errors import error_model
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.predictor import Predictor
+from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
 from legfem.legs.experiments import tissues_of
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.variants import LegVariants
 from legfem.solve.protocol import Protocol
 
 SOUGHT = tuple(
@@ -82,7 +82,7 @@ class ClosedForm:
         They differ from mechanism to mechanism, but for those of a stiffer and of a tense fascia.
         """
         x = observed.displacement / 20
-        if isinstance(mechanism, Viscoelasticity):
+        if isinstance(mechanism, TissueRelaxation):
             change = np.empty(len(x))
             for number, stations in enumerate(observed.protocols):
                 here = observed.protocol == number
@@ -182,7 +182,7 @@ def problem_of(
     effects: Mapping[str, float] | None = None,
     seed: int = 0,
     extra: FloatArray | None = None,
-) -> tuple[Problem, Fit]:
+) -> tuple[LinearisedProblem, LinearisedFit]:
     """Return a problem whose errors are known, and its base fit.
 
     Parameters
@@ -199,7 +199,7 @@ def problem_of(
     observed, predictor = observations(recordings)
     force = predictor({**TRUTH, **(effects or {})}, mechanisms_in(effects or {}))
     seen = noisy(observed, force if extra is None else force + extra, seed)
-    problem = Problem(replace(predictor, observed=seen), error_model(seen, NOISE, force))
+    problem = LinearisedProblem(replace(predictor, observed=seen), error_model(seen, NOISE, force))
     return problem, fit(problem, (), {"C10": 0.7, "C20": 0.4})
 
 
@@ -209,8 +209,8 @@ def mechanisms_in(effects: Mapping[str, float]) -> tuple[Mechanism, ...]:
     return tuple(mechanism_named(name) for name in names)
 
 
-def coarse_leg() -> Variants:
+def coarse_leg() -> LegVariants:
     """Return subject 3's leg on a mesh coarse enough for tests."""
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings(mesh=PlaneStrainSettings().mesh.refined(0.4))
-    return Variants(subject.section, subject.indenter, tissues_of(subject), settings)
+    return LegVariants(subject.section, subject.indenter, tissues_of(subject), settings)

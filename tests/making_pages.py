@@ -26,7 +26,6 @@ from legfem.common.progress import Silent
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
 from legfem.data.reader import propose, recording_of
-from legfem.diagnose.document import versions
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.indenter_pose import Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
@@ -36,6 +35,7 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
 from legfem.inverse.search_log import SearchLog
+from legfem.inverse.plan import DesignValue
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
@@ -43,6 +43,7 @@ from legfem.legs.details import Confirmation, SpatialEvidence
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.film_3d import LegState, PressedLeg, seen
 from legfem.legs.loading import load_subject
+from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
@@ -50,6 +51,7 @@ from legfem.plan.designs import designs
 from legfem.plan.reckon import Reckoned
 from legfem.plan.run import Expected
 from legfem.report.leg import leg_page
+from legfem.report.diagnosis_document import versions
 from legfem.report.look import recordings_toml
 from legfem.report.specimens import specimen_page
 from legfem.report.web.diagnosis import diagnosis_web_page
@@ -131,10 +133,10 @@ def diagnosis(folder: Path) -> WebPage:
     return diagnosis_web_page(found, subject, (), COMMAND, pressed=pressed(subject))
 
 
-def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[Reckoned]:
+def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[DesignValue]:
     """Tests that tell a stiff fascia and a gain with these chances."""
     return [
-        Reckoned(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
+        DesignValue(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
         for design, (a, b) in zip(designs(20.0, 0.5, 30.0), chances, strict=False)
     ]
 

@@ -10,10 +10,10 @@ import pytest
 from making_diagnosis import GRID, problem_of, ramps
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.about_solutions import base_about_solution, refitted_about_solutions
-from legfem.diagnose.fit import Problem, fit
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.predict import Responses
+from legfem.inverse.explain import base_about_solution, refitted_about_solutions
+from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.predictor import Responses
+from legfem.legs.mechanisms import mechanism_named
 
 SUPPORT = mechanism_named("support-compliance")
 
@@ -35,7 +35,7 @@ class Folding:
         return self.responses.curve(c10, c20) * (1 + share * np.tanh(GRID - 12.0).clip(0.0))
 
 
-def supported() -> Problem:
+def supported() -> LinearisedProblem:
     """Return recordings of a leg on a spring, which are fitted with it."""
     return problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)[0]
 

@@ -25,7 +25,9 @@ from legfem.common.progress import Lines, Reached, reached
 from legfem.diagnose.document import document
 from legfem.inverse.document import fit_document
 from legfem.legs.document import LegDocument
+from legfem.identify.document import result_document
 from legfem.legs.loading import load_subject
+from legfem.report.diagnosis_document import document
 from legfem.report.words import number
 
 

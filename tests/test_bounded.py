@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from legfem.inverse.bounded import within
+from legfem.inverse.posterior import within
 
 MEAN = np.array([0.3, -0.4, 1.0])
 COVARIANCE = np.array([[1.0, 0.6, -0.3], [0.6, 0.8, 0.1], [-0.3, 0.1, 0.5]])

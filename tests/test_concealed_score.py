@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_SINGLE
+from legfem.inverse.explain import PRIOR_NONE, PRIOR_SINGLE
 from studies.concealed.cases import make_cases
 from studies.concealed.page import cases_page, figure, page, scored_document
 from studies.concealed.reliability import Explained, at_base_rates

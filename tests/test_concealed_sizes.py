@@ -11,7 +11,7 @@ from making_sealed import square_truths
 
 from legfem.common.errors import InputError
 from legfem.data import segment_all
-from legfem.diagnose.observations import observe
+from legfem.inverse.observations import observe
 from studies.concealed.cases import make_cases
 from studies.concealed.change import change_at_stations, recorded, recorded_change
 from studies.concealed.making import key_of_case

@@ -10,12 +10,11 @@ import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
-from legfem.diagnose.library_build import build_library, rounded
-from legfem.diagnose.library_tasks import CHANGES_AT
-from legfem.diagnose.mechanisms import Solution, mechanism_named
-from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.intervals import NUMERICAL_ERROR
+from legfem.inverse.library_build import CHANGES_AT, build_library, rounded
+from legfem.inverse.responses import PLAIN, SolvedResponses
+from legfem.legs.mechanisms import Solution, mechanism_named
 from legfem.mechanics.terms.dermis import Dermis
 
 DEPTH, STIFFNESS = 6.0, 0.08

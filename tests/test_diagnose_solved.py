@@ -10,22 +10,21 @@ from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
-from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.models import Stopped
-from legfem.diagnose.nuisances import displaced_geometries
-from legfem.diagnose.observations import observe
-from legfem.diagnose.predict import Predictor
-from legfem.diagnose.run import ruled_out_of
-from legfem.diagnose.solved import PLAIN, NotKeptError, SolvedResponses
-from legfem.diagnose.variants import Variants
+from legfem.inverse.library_build import build_library, rounded
+from legfem.inverse.mechanism import null_of
+from legfem.inverse.observations import observe
+from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses, Stopped
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import ruled_out_of, shown_mechanisms
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.mechanisms.end_effects import EndEffects
+from legfem.legs.nuisances import displaced_geometries
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.variants import LegVariants
 from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0
@@ -40,7 +39,7 @@ def variants():
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()
     coarse = PlaneStrainSettings(mesh=settings.mesh.refined(0.4))
-    return Variants(subject.section, subject.indenter, tissues_of(subject), coarse)
+    return LegVariants(subject.section, subject.indenter, tissues_of(subject), coarse)
 
 
 @pytest.fixture(scope="module")

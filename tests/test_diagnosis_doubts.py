@@ -10,8 +10,8 @@ from making import write_subject
 from making_diagnosed import BASE, diagnosed, diagnosed_of
 from making_diagnosis import INSTRUMENT, noisy, observations, ramps
 
-from legfem.diagnose.doubts import doubts_of
 from legfem.inverse.trial_noise import estimate_noise
+from legfem.legs.diagnosis import doubts_of
 from legfem.legs.loading import load_subject
 
 

@@ -13,12 +13,12 @@ from making_diagnosis import problem_of, ramps
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
-from legfem.diagnose.document import document
-from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
-from legfem.diagnose.windows import runs
+from legfem.inverse.location import runs
 from legfem.legs.loading import load_subject
 from legfem.report import diagnosis as report
 from legfem.report import diagnosis_tables as tables
+from legfem.report.diagnosis_document import document
+from legfem.report.diagnosis_sentences import next_experiments, percent, verdict_sentence
 from legfem.report.diagnosis_style import REPAIRED_COLOUR, model_name
 from legfem.report.located import places_of
 from legfem.report.ranking_figure import ranking_figure

@@ -14,13 +14,13 @@ from making_diagnosis import noisy, observations, ramps
 from making_identification import AnalyticLeg, identify, pressed_leg
 
 from legfem.common.errors import InputError
-from legfem.diagnose.nuisances import DRAWN
-from legfem.diagnose.run import accuracy_of
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.parameter import Prior
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.diagnosis import accuracy_of
 from legfem.legs.elastography import FibreRatio, ShearModulus, elastography_priors
 from legfem.legs.loading import load_subject
+from legfem.legs.nuisances import DRAWN
 from legfem.legs.plausibility import doubts_about
 from legfem.report.web.diagnosis import waves_say
 

@@ -10,8 +10,9 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
+from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, ErrorModel
-from legfem.inverse.evidence import Evidence, Linearised, Unknown, probabilities
+from legfem.inverse.evidence import Evidence, Linearisation, probabilities
 from legfem.inverse.posterior import Posterior
 from legfem.inverse.trial_noise import Noise
 
@@ -20,7 +21,7 @@ ALONG = np.linspace(0.0, 1.0, N)
 FORCE = 2.0 + 10 * ALONG**2
 TRIAL = np.arange(N) % 2
 WIDE = np.full(2, 60.0)
-NONE = Unknown(None, 0.0, 0.0)
+NONE = Discrepancy(None, 0.0, 0.0)
 
 
 def errors_of(white: float = 0.05, known: int = 2) -> ErrorModel:
@@ -39,20 +40,20 @@ def errors_of(white: float = 0.05, known: int = 2) -> ErrorModel:
     )
 
 
-def about(departure=(0.0, 0.0), low=-WIDE, high=WIDE, seed: int = 0) -> Linearised:
+def about(departure=(0.0, 0.0), low=-WIDE, high=WIDE, seed: int = 0) -> Linearisation:
     """Return a model that is linear in two parameters, about any departures of them."""
     generator = np.random.default_rng(seed)
     jacobian = np.column_stack([0.3 * ALONG, 0.2 * ALONG**3])
     observed = jacobian @ [0.8, -0.5] + 0.06 * generator.normal(size=N)
     at = np.array(departure)
-    return Linearised(observed - jacobian @ at, jacobian, at, np.array(low), np.array(high))
+    return Linearisation(observed - jacobian @ at, jacobian, at, np.array(low), np.array(high))
 
 
-def ripple(size: float) -> Unknown:
+def ripple(size: float) -> Discrepancy:
     """Return an error of unknown shape, a third as probable as none."""
     apart = np.subtract.outer(ALONG, ALONG) / 0.15
     covariance = (size * FORCE.max()) ** 2 * np.exp(-0.5 * apart**2)
-    return Unknown(covariance, size, float(np.log(1 / 3)))
+    return Discrepancy(covariance, size, float(np.log(1 / 3)))
 
 
 def log_shares(count: int) -> np.ndarray:
@@ -61,7 +62,7 @@ def log_shares(count: int) -> np.ndarray:
     return steps - logsumexp(steps)
 
 
-def in_full(errors: ErrorModel, given: Linearised, unknowns: list[Unknown]) -> float:
+def in_full(errors: ErrorModel, given: Linearisation, unknowns: list[Discrepancy]) -> float:
     """Return the evidence by the densities of all sizes, nothing factorised, no bounds."""
     model = given.jacobian @ given.jacobian.T
     logs = []
@@ -77,7 +78,7 @@ def in_full(errors: ErrorModel, given: Linearised, unknowns: list[Unknown]) -> f
     return float(logsumexp(logs))
 
 
-def of(errors: ErrorModel, given: Linearised, unknowns: list[Unknown]) -> Posterior:
+def of(errors: ErrorModel, given: Linearisation, unknowns: list[Discrepancy]) -> Posterior:
     return Evidence(errors, unknowns).of(given)
 
 
@@ -100,10 +101,10 @@ def test_evidence_is_the_likelihood_s_integral_over_a_parameter_within_its_bound
     errors = errors_of()
     low, high = np.array([-0.2, -60.0]), np.array([0.9, 60.0])
     given = about(low=low, high=high)
-    alone = Linearised(given.residual, given.jacobian[:, :1], given.departure[:1], low[:1], high[:1])
+    alone = Linearisation(given.residual, given.jacobian[:, :1], given.departure[:1], low[:1], high[:1])
     fine = np.linspace(low[0], high[0], 201)
     evidence = Evidence(errors, [NONE])
-    without = Linearised(given.residual, np.zeros((N, 1)), np.zeros(1), np.array([-60.0]), np.array([60.0]))
+    without = Linearisation(given.residual, np.zeros((N, 1)), np.zeros(1), np.array([-60.0]), np.array([60.0]))
     # A parameter that changes nothing is the likelihood at a point of the other.
     at = [evidence.of(replace(without, residual=given.residual - z * given.jacobian[:, 0])) for z in fine]
     prior = norm.logpdf(fine) - np.log(norm.cdf(high[0]) - norm.cdf(low[0]))
@@ -181,7 +182,7 @@ def test_means_are_the_truth_s_where_data_are_many_and_intervals_hold_it_in_95_o
         sizes = generator.choice(GAIN_SDS, p=np.exp(log_shares(len(GAIN_SDS))))
         zero = generator.choice(errors.zero_sds, p=np.exp(log_shares(len(ZERO_FACTORS))))
         drawn = replace(errors, gain_sd=float(sizes), zero_sd=float(zero)).draw(1, generator)[0]
-        given = Linearised(jacobian @ truth + drawn, jacobian, np.zeros(2), -WIDE, WIDE)
+        given = Linearisation(jacobian @ truth + drawn, jacobian, np.zeros(2), -WIDE, WIDE)
         found = evidence.of(given)
         steps.append((found.mean - truth) / np.sqrt(np.diag(found.covariance)))
     inside = np.mean(np.abs(steps) < 1.96)
@@ -208,7 +209,7 @@ def test_effects_of_what_is_not_known_are_found_in_standard_deviations():
     """Small other errors: an effect of the fat of two standard deviations is seen as such."""
     errors = errors_of(white=0.002)
     errors = replace(errors, dense=0.002**2 * np.eye(N))
-    given = Linearised(2.0 * errors.known[:, 1], np.zeros((N, 1)), np.zeros(1), -WIDE[:1], WIDE[:1])
+    given = Linearisation(2.0 * errors.known[:, 1], np.zeros((N, 1)), np.zeros(1), -WIDE[:1], WIDE[:1])
     found = of(errors, given, [NONE])
     assert found.effects[1] == pytest.approx(2.0, abs=0.1)
     assert abs(found.effects[0]) < 0.3

@@ -9,20 +9,18 @@ import pytest
 from making_diagnosis import GRID, SOUGHT, TRUTH, fat, noisy, one_at_each_rate, problem_of, ramps
 from scipy.stats import norm
 
-from legfem.diagnose import explain as explain_module
-from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import CONFIRMED_FROM, explain
-from legfem.diagnose.explanation import HELD, Explained
-from legfem.diagnose.fit import Fit, Problem, fit
-from legfem.diagnose.library import NuisanceChanges
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
-from legfem.diagnose.strength import gained_by_width
-from legfem.diagnose.touch import posterior_of
-from legfem.diagnose.unknown import unknown_errors
-from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN
+from legfem.inverse import explain as explain_module
+from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import Evidence
+from legfem.inverse.explain import CONFIRMED_FROM, PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN, explain
+from legfem.inverse.explanation import HELD, Explained
+from legfem.inverse.laplace import contact_posterior, gain_of_widths
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
 
 
 @pytest.mark.parametrize(
@@ -160,7 +158,7 @@ def test_a_pair_that_adds_nothing_takes_the_solution_of_its_one_mechanism():
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)
     asked = []
 
-    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+    def confirm(given: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit, bool]:
         asked.append(fitted.names)
         shifted = given.corrected(0.002 * fitted.prediction)
         return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
@@ -177,7 +175,7 @@ def test_a_pair_that_is_more_than_either_takes_a_solution_of_its_own():
     problem, base = problem_of(ramps(), effects, seed=4)
     asked = []
 
-    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+    def confirm(given: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit, bool]:
         asked.append(frozenset(fitted.names))
         shifted = given.corrected(0.002 * fitted.prediction)
         return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
@@ -189,11 +187,11 @@ def test_a_pair_that_is_more_than_either_takes_a_solution_of_its_own():
 
 def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
     """The emulator may be off by more than what tells two mechanisms apart."""
-    monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
+    monkeypatch.setattr("legfem.inverse.explain.PAIRS_OF", 1)
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)
     wave = 0.3 * np.sin(2 * problem.predictor.observed.displacement)
 
-    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+    def confirm(given: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit, bool]:
         shifted = given.corrected(wave if "support-compliance" in fitted.names else 0.0 * wave)
         return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
 
@@ -210,7 +208,7 @@ def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
 
 def test_all_that_may_be_what_was_left_out_is_tried_in_pairs_with_all(monkeypatch):
     """Pairs that explain no more count for their mechanism: fewer would be held against it."""
-    monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
+    monkeypatch.setattr("legfem.inverse.explain.PAIRS_OF", 1)
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.003}, seed=3)
     found = explain(problem, base, SOUGHT).every
     likely = [e.names[0] for e in found if len(e.names) == 1 and e.probability > CONFIRMED_FROM]
@@ -246,7 +244,7 @@ def test_fat_is_named_only_beyond_what_is_known_of_it(factor, named):
     effects = [(one.name, one.force) for one in nuisance_effects(known, observed, force, Accuracy())]
     seen = noisy(observed.with_force(force), force, 3)
     errors = error_model(seen, problem.errors.noise, force, effects)
-    problem = Problem(replace(predictor, observed=seen), errors)
+    problem = LinearisedProblem(replace(predictor, observed=seen), errors)
     base = fit(problem, (), TRUTH)
     explained = explain(problem, base, [*SOUGHT, mechanism])
     assert (explained.every[0].names == (mechanism.name,)) == named
@@ -286,7 +284,7 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
     seen = []
     monkeypatch.setattr(
         explain_module,
-        "integrated",
+        "integrate_strength",
         lambda own, fitted, posterior, of: seen.append((own, fitted, of.keywords)) or posterior,
     )
     weighed = [e for e in explain(problem, base, SOUGHT).every if e.whole]
@@ -295,8 +293,11 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
         (one,) = (e for e in weighed if e.fit is fitted)
         assert keywords["shares"] == one.shares
         assert (own is one.problem) is (one.fit_alone is None)
-        again = posterior_of(
-            Evidence(problem.errors, unknown_errors(observed, base.prediction)), fitted, observed, list(one.shares)
+        again = contact_posterior(
+            Evidence(problem.errors, possible_discrepancies(observed, base.prediction)),
+            fitted,
+            observed,
+            list(one.shares),
         )
-        of_any_width = again.log_evidence + gained_by_width(fitted, again)
+        of_any_width = again.log_evidence + gain_of_widths(fitted, again)
         assert of_any_width == pytest.approx(one.posterior.log_evidence)

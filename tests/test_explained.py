@@ -12,19 +12,17 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from legfem.diagnose.averaged import averaged_interval, untried_pairs
-from legfem.diagnose.explain import explain
-from legfem.diagnose.explanation import INEXACT, Explained, Explanation, gain_over, singles_of
-from legfem.diagnose.fit import fit
-from legfem.diagnose.limits import limits_of
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.predict import onset_name
-from legfem.diagnose.remains import explained_share, remains_of
-from legfem.diagnose.strength import gained_by_width
-from legfem.diagnose.told import told_of
-from legfem.diagnose.unknown import unknown_errors
+from legfem.inverse.averaging import averaged_interval, untried_pairs
+from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
-from legfem.inverse.mixture import Mixture
+from legfem.inverse.explain import explain
+from legfem.inverse.explanation import INEXACT, Explained, Explanation, gain_over, singles_of
+from legfem.inverse.laplace import gain_of_widths, laplace_posterior
+from legfem.inverse.linearised import fit
+from legfem.inverse.posterior import Mixture
+from legfem.inverse.predictor import onset_name
+from legfem.inverse.verdict import explained_share, limits_of, residual_intervals
+from legfem.legs.mechanisms import mechanism_named
 
 
 def explanation(like: Explanation, mean: float, sd: float, probability: float) -> Explanation:
@@ -66,12 +64,12 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     singles = singles_of(found.every)
     pairs = {pair.names: pair for pair in untried_pairs(found, "C10")}
     assert len(pairs) == 6
-    evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
+    evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     names = next(names for names in pairs if set(names) == {"force-drift", "preconditioning"})
     one, other = (singles[name,] for name in names)
     joint = fit(problem, [*one.fit.mechanisms, *other.fit.mechanisms], base.values)
-    told, k = told_of(problem, evidence, joint, one.shares), joint.free.index("C10")
-    told = replace(told, log_evidence=told.log_evidence + gained_by_width(joint, told))
+    told, k = laplace_posterior(problem, evidence, joint, one.shares), joint.free.index("C10")
+    told = replace(told, log_evidence=told.log_evidence + gain_of_widths(joint, told))
     summed = one.posterior.log_evidence + gain_over(other, found.base)
     assert told.log_evidence == pytest.approx(summed, abs=0.5)
     mean, variance = pairs[names].distribution.moments
@@ -124,7 +122,7 @@ def test_what_remains_beside_a_right_name_is_told_with_trial_and_place():
     found = diagnosed_of(observed.with_force(observed.force + extra), ("support-compliance", "force-drift"))
     model = next(e for e in found.explained.every if e.names == ("support-compliance",))
     assert model.in_part
-    left = remains_of(found, model)
+    left = residual_intervals(found, model)
     assert left == sorted(left, key=lambda r: -abs(r.size_N))
     first = left[0]
     assert (first.trial, first.phase) == ("trial1", "loading")
@@ -154,7 +152,7 @@ def test_nothing_remains_beside_an_explanation_that_suits():
     for unknown, in_part in ((INEXACT, False), (INEXACT + 0.1, False), (0.8, True), (1.0, True)):
         posterior = replace(model.posterior, unknown=unknown)
         assert replace(model, posterior=posterior).in_part is in_part  # no coin's toss
-    assert remains_of(found, model) == []
+    assert residual_intervals(found, model) == []
     assert explained_share(found, model) > 0.9
     assert explained_share(found, found.alone) == pytest.approx(0.0, abs=1e-9)
 

@@ -13,6 +13,7 @@ from making_identification import DEPTH, identify, pressed_leg
 from making_results import law_document
 
 from legfem.diagnose.mechanisms import mechanism_named
+from legfem.identify.document import result_document
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import (
     FIBRES,
@@ -25,6 +26,7 @@ from legfem.legs.correction_of_leg import (
 )
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.solver_3d import fibre_errors
 from legfem.report.leg import leg_page
 from legfem.report.text import plain_page

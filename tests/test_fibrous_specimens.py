@@ -12,13 +12,13 @@ from making_specimens import record
 
 import legfem as lf
 from legfem.common.errors import InputError
-from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.models import Stopped
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.uniaxial import Bar
 from legfem.inverse.parse_parameters import Written
+from legfem.inverse.responses import Stopped
+from legfem.legs.mechanisms import Solution
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres

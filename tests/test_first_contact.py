@@ -8,9 +8,9 @@ from making_diagnosed import diagnosed_of
 from making_diagnosis import INSTRUMENT, TRUTH, pressed
 
 from legfem.data import segment_all
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.observations import observe
-from legfem.diagnose.predict import onset_name
+from legfem.inverse.observations import observe
+from legfem.inverse.predictor import onset_name
+from legfem.inverse.verdict import Diagnosis
 
 SOUGHT = ("preconditioning", "support-compliance", "force-drift", "fascia-stiffness")
 

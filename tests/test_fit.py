@@ -10,14 +10,15 @@ import pytest
 from making_diagnosis import TRUTH, ClosedForm, noisy, one_at_each_rate, problem_of, ramps, two_rates
 from scipy.stats import truncnorm
 
-from legfem.diagnose.fit import Problem, fit
-from legfem.diagnose.held_out import folds_of, held_out
-from legfem.diagnose.mechanisms import Mechanism, mechanism_named
-from legfem.diagnose.mechanisms.base import strength
-from legfem.diagnose.predict import onset_name
+from legfem.inverse.cross_validation import folds_of, held_out
+from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import error_model
-from legfem.inverse.evidence import Evidence, Unknown
+from legfem.inverse.evidence import Evidence
+from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.mechanism import strength
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.predictor import onset_name
+from legfem.legs.mechanisms import Mechanism, mechanism_named
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def dragged():
     problem, base = problem_of(ramps(), seed=7)
     observed = problem.predictor.observed
     loaded = observed.with_force(observed.force + Drag().added_force({"size": 0.4, "share": 0.5}, observed))
-    problem = Problem(replace(problem.predictor, observed=loaded), problem.errors)
+    problem = LinearisedProblem(replace(problem.predictor, observed=loaded), problem.errors)
     return problem, fit(problem, [Drag()], base.values)
 
 
@@ -59,7 +60,7 @@ def test_what_is_known_beforehand_holds_a_parameter_that_the_data_do_not_see(dra
 def test_an_unseen_parameter_costs_no_evidence(dragged):
     """Nor is more known of it than beforehand: its prior, between its bounds."""
     problem, found = dragged
-    evidence = Evidence(problem.errors, [Unknown(None, 0.0, 0.0)])
+    evidence = Evidence(problem.errors, [Discrepancy(None, 0.0, 0.0)])
     given = found.linearised
     seen = np.array(found.free) != "drag.unseen"
     without = replace(
@@ -103,7 +104,7 @@ def test_a_search_begins_on_both_sides_of_a_hill():
     force = predictor({**TRUTH, "compressibility.factor": 25.0}, [mechanism])
     seen = noisy(predictor.observed, force, 8)
     errors = error_model(seen, problem.errors.noise, force)
-    found = fit(Problem(replace(predictor, observed=seen), errors), [mechanism], base.values)
+    found = fit(LinearisedProblem(replace(predictor, observed=seen), errors), [mechanism], base.values)
     assert found.values["compressibility.factor"] > 12.0, "the near side ends below 5"
     sd = found.sd("compressibility.factor")
     assert found.values["compressibility.factor"] == pytest.approx(25.0, abs=3 * sd)

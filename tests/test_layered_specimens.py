@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 import legfem as lf
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
-from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.models import Stopped
 from legfem.experiments.axisymmetric import BallOnLayer
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.inverse.parse_parameters import Written
+from legfem.inverse.responses import Stopped
+from legfem.legs.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward

@@ -14,21 +14,20 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from legfem.common.errors import InputError
-from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import explain
-from legfem.diagnose.fit import fit
-from legfem.diagnose.measured import measured_strength, measured_strengths
-from legfem.diagnose.mechanisms import mechanism_named, mechanisms
-from legfem.diagnose.mechanisms.base import null_of, prior_of
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy
-from legfem.diagnose.run import accuracy_of
-from legfem.diagnose.sentences import next_experiments
-from legfem.diagnose.told import told_of
-from legfem.diagnose.unknown import unknown_errors
+from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
+from legfem.inverse.explain import explain
+from legfem.inverse.laplace import laplace_posterior
+from legfem.inverse.linearised import fit
+from legfem.inverse.mechanism import null_of, prior_of
+from legfem.legs.diagnosis import accuracy_of, measured_strength, measured_strengths
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import mechanism_named, mechanisms
+from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import MeasuredEffect
+from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.web.diagnosis_headline import headline
 
 DRIFT = mechanism_named("force-drift")
@@ -42,7 +41,7 @@ def reading(mechanism, value, sd):
 @pytest.fixture(scope="module")
 def drifting():
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.002}, seed=2)
-    unknowns = unknown_errors(problem.predictor.observed, base.prediction)
+    unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
     return problem, base, Evidence(problem.errors, unknowns), [u.log_prior for u in unknowns]
 
 
@@ -51,13 +50,13 @@ def test_a_reading_is_what_integrating_the_strength_says(drifting):
     problem, base, evidence, shares = drifting
     read = reading(DRIFT, 0.0035, 0.0007)
     problem = replace(problem, measured=(read,))
-    told = told_of(problem, evidence, fit(problem, [DRIFT], base.values), shares)
+    told = laplace_posterior(problem, evidence, fit(problem, [DRIFT], base.values), shares)
     prior, name = prior_of(DRIFT.parameters[0]), "force-drift.rate"
     z = np.linspace(-1.0, 2.0, 121)
     logs, stiffness = [], []
     for one in z:
         held = fit(problem, [DRIFT], {**base.values, name: prior.value_at(one)}, (name,))
-        given = told_of(problem, evidence, held, shares)
+        given = laplace_posterior(problem, evidence, held, shares)
         logs.append(given.log_evidence + norm.logpdf(one) + np.log(z[1] - z[0]))
         stiffness.append(given.mean[held.free.index("C10")])
     weights = np.exp(np.array(logs) - logsumexp(logs))
@@ -71,10 +70,10 @@ def test_a_reading_is_what_integrating_the_strength_says(drifting):
 
 def test_without_the_effect_a_reading_counts_against_it(drifting):
     problem, base, evidence, shares = drifting
-    plain = told_of(problem, evidence, base, shares).log_evidence
+    plain = laplace_posterior(problem, evidence, base, shares).log_evidence
     for value in (0.0, 0.004):
         read = replace(problem, measured=(reading(DRIFT, value, 0.001),))
-        gained = told_of(read, evidence, base, shares).log_evidence - plain
+        gained = laplace_posterior(read, evidence, base, shares).log_evidence - plain
         in_sds = prior_of(DRIFT.parameters[0]).sd / 0.001
         assert gained == pytest.approx(norm.logpdf(value / 0.001) + np.log(in_sds) - np.log(1.0))
 

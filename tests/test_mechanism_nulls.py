@@ -12,15 +12,15 @@ import pytest
 from making_diagnosis import TRUTH, observations, ramps, two_rates
 from scipy.stats import norm
 
-from legfem.diagnose.library_build import with_correction
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanism_named, mechanisms
-from legfem.diagnose.mechanisms import registry as registered
-from legfem.diagnose.mechanisms.base import null_of, prior_of, strength
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, spectrum
-from legfem.diagnose.predict import onset_name
+from legfem.inverse.mechanism import null_of, prior_of, strength
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.predictor import onset_name
+from legfem.legs import mechanisms as registered
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import with_correction
+from legfem.legs.mechanisms import Mechanism, TissueMechanism, mechanism_named, mechanisms
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, spectrum
 
 EVERY = with_correction(mechanisms(), read_correction(REFERENCE))
 

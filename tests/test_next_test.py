@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from making_sealed import square_truths
 
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.plan.designs import Readings, designs
+from legfem.inverse.plan import DirectReadings
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.plan import designs
 from legfem.solve.protocol import Protocol
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
 from studies.concealed.legs import sealed_leg
@@ -80,9 +81,9 @@ def test_what_a_lab_reads_is_what_the_leg_is():
 def test_readings_err_by_more_than_is_stated_and_only_where_there_is_a_number():
     case = case_of("contact-slip", strength=0.1)
     slip, dermis = (mechanism_named(name) for name in ("contact-slip", "dermis"))
-    assert not can_be_made(Readings((slip,)), case)
-    assert can_be_made(Readings((dermis,)), case)
-    assert not can_be_made(Readings((mechanism_named("viscoelasticity"),)), case)
+    assert not can_be_made(DirectReadings((slip,)), case)
+    assert can_be_made(DirectReadings((dermis,)), case)
+    assert not can_be_made(DirectReadings((mechanism_named("viscoelasticity"),)), case)
     generator = np.random.default_rng(3)
     drawn = [readings_of([mechanism_named("indenter-tilt")], case, LEG, generator)[0] for _ in range(400)]
     off = np.array([one.value for one in drawn]) - read("indenter-tilt", case)

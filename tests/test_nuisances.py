@@ -10,11 +10,15 @@ from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.explain import explain
-from legfem.diagnose.fit import Cause, variance_degrees
-from legfem.diagnose.library import NuisanceChanges
-from legfem.diagnose.library_build import smoothed
-from legfem.diagnose.nuisances import (
+from legfem.inverse.explain import explain
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.library_build import smoothed
+from legfem.inverse.linearised import Cause, variance_degrees
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import accuracy_of
+from legfem.legs.loading import load_subject
+from legfem.legs.nuisances import (
     AIM_SD_MM,
     CONTOUR_ARC_MM,
     CONTOUR_SD_MM,
@@ -27,10 +31,6 @@ from legfem.diagnose.nuisances import (
     displaced_geometries,
     nuisance_effects,
 )
-from legfem.diagnose.run import accuracy_of
-from legfem.legs.correction import read_correction
-from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import LegAccuracy
 

@@ -7,8 +7,11 @@ import pytest
 from making_diagnosis import INSTRUMENT, pressed
 
 from legfem.data import Recording, segment_all
-from legfem.diagnose.mechanisms import mechanisms
-from legfem.diagnose.observations import Observations, observe
+from legfem.inverse.observations import Observations, observe
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import with_correction
+from legfem.legs.mechanisms import mechanisms
 from legfem.solve.protocol import Protocol
 
 
@@ -25,7 +28,7 @@ def observed(*protocols: Protocol, air: float = -1.0) -> Observations:
 
 def untestable(found: Observations) -> dict[str, str]:
     """Return the mechanisms that can't be shown, and why."""
-    reasons = {m.name: m.untestable(found) for m in mechanisms()}
+    reasons = {m.name: m.untestable(found) for m in with_correction(mechanisms(), read_correction(REFERENCE))}
     return {name: why for name, why in reasons.items() if why is not None}
 
 

@@ -1,11 +1,28 @@
-"""Readings that can't have been: a force that is cut off, told from one that only eases."""
+"""Readings that can't have been, told from those that only look odd."""
 
 from __future__ import annotations
 
+import re
+import shutil
+import time
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from making import press, write_subject
+from making_sites import write_sites
+from making_specimens import write_bars
 
-from legfem.data.plausibility import cut_off
+from legfem.common.errors import InputError
+from legfem.data import Instrument, Recording, segment
+from legfem.data.plausibility import cut_off, trial_doubts
+from legfem.geometry.section import PARTS
+from legfem.geometry.section_from_outlines import polygons_of
+from legfem.legs.loading import load_sites, load_subject
+from legfem.legs.plausibility import doubts_about
+from legfem.mechanics.materials import NeoHookean
+from legfem.specimens.folder import load_specimen
 
 DEPTH, NOISE = 20.0, 0.02
 
@@ -49,3 +66,93 @@ def test_one_value_to_the_last_digit_is_seen_in_few_samples_too():
     force = 0.15 * d * (1 + 0.03 * d)
     assert cut_off(d, np.minimum(force, 0.7 * force[-1])) > 0.1 * DEPTH
     assert cut_off(d, np.minimum(force, force[-2])) == 0.0, "two alike may be chance"
+
+
+def doubted(made: Recording, starts_at_contact: bool = False) -> list[str]:
+    trial = segment(made, Instrument(0.03, 0.02), starts_at_contact)
+    return [f"{doubt.field}: {doubt.problem}" for doubt in trial_doubts(trial)]
+
+
+def made(**changes: float | bool) -> Recording:
+    return press(force_sd=0.03, displacement_sd=0.02, seed=7, **changes)
+
+
+@pytest.mark.parametrize(
+    "whole",
+    [made(), made(unload=True), made(air=2.5, offset=3.0, hold=30.0, unload=True), made(speed=4.0, unload=True)],
+)
+def test_a_recording_in_which_nothing_is_wrong_is_not_doubted(whole: Recording) -> None:
+    assert doubted(whole) == []
+
+
+@pytest.mark.parametrize("offset", [1.4, -2.7])
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_force_that_stands_at_the_first_sample_is_doubted(offset: float, stated: bool) -> None:
+    (line,) = doubted(made(offset=offset), stated)
+    assert "a preload, or a zero that wasn't taken" in line
+    assert float(line.removeprefix("force_N: reads ").split()[0]) == pytest.approx(offset, abs=0.15)
+
+
+def test_a_displacement_that_starts_elsewhere_than_stated_is_doubted_with_both_readings() -> None:
+    one = made(depth=16.0)
+    (line,) = doubted(replace(one, displacement=one.displacement + 3.4), starts_at_contact=True)
+    assert line.startswith("displacement_mm: starts at 3.") and "19.4 mm deep, and would be 16 mm" in line
+    assert doubted(replace(one, displacement=one.displacement + 3.4)) == []
+
+
+@pytest.mark.parametrize("rate", [0.06, -0.05])
+def test_a_force_that_drifts_is_doubted_by_what_is_left_where_it_began(rate: float) -> None:
+    one = made(hold=12.0, unload=True)
+    (line,) = doubted(replace(one, force=one.force + rate * one.time), starts_at_contact=True)
+    said = re.search(r"back where it began than at first \((\S+) N/s\)", line)
+    assert said and float(said[1]) == pytest.approx(rate, abs=0.005)
+
+
+def test_a_force_that_rises_in_a_hold_is_doubted() -> None:
+    one = made(hold=40.0)
+    (line,) = doubted(replace(one, force=one.force + 0.12 * one.time), starts_at_contact=True)
+    assert "while the drive holds, where tissue relaxes: it drifts" in line
+
+
+def test_a_counter_that_is_reset_is_refused_with_its_row() -> None:
+    one = made(depth=18.0)
+    reset = replace(one, displacement=np.where(one.time > 30.0, one.displacement - 4.3, one.displacement))
+    with pytest.raises(
+        InputError, match=r"row 302 of 451: jumps from .* a sensor or a counter that was reset; add 4\."
+    ):
+        doubted(reset)
+
+
+def test_copies_between_the_sites_of_a_leg_are_refused(tmp_path: Path) -> None:
+    folder = write_sites(tmp_path / "leg")
+    first, second = sorted(path for path in (folder / "recordings").iterdir() if path.is_dir())
+    shutil.copy(next(first.glob("*.csv")), second / "again.csv")
+    with pytest.raises(InputError, match=r"is a copy of .*trial1"):
+        load_sites(folder)
+
+
+@pytest.mark.parametrize("pattern", [".", "b\\u0000c"])
+def test_a_pattern_that_names_no_files_is_one_line(tmp_path: Path, pattern: str) -> None:
+    folder = write_bars(tmp_path / "bars", NeoHookean(5e-3, 1.0))
+    toml = folder / "specimen.toml"
+    toml.write_text(toml.read_text() + f'[[specimen]]\nname = "a"\nrecordings = ["{pattern}"]\n')
+    with pytest.raises(InputError, match=r"specimen\.toml: specimen\.recordings: .* is no pattern of files"):
+        load_specimen(folder)
+
+
+def test_a_section_that_is_stretched_is_doubted(tmp_path: Path) -> None:
+    subject = load_subject(write_subject(tmp_path / "leg"))
+    assert not [d for d in doubts_about(subject) if "one way" in d.problem]
+    section = subject.section
+    wide = replace(section, **{name: getattr(section, name) * [1.75, 1.0] for name in (*PARTS,)})
+    lines = [str(d) for d in doubts_about(replace(subject, section=wide, recordings=()))]
+    assert any("longer than any calf is wide; check the image's spacing" in line for line in lines)
+
+
+def test_points_in_no_order_are_refused_at_once(tmp_path: Path) -> None:
+    angle = np.random.default_rng(3).permutation(np.linspace(0, 2 * np.pi, 1500, endpoint=False))
+    points = 58.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    start = time.monotonic()
+    with pytest.raises(InputError, match="skin: its points are in no order"):
+        polygons_of({"skin": [points]}, Path("points.csv"), "level 10 mm")
+    assert time.monotonic() - start < 2.0

@@ -9,9 +9,9 @@ import pytest
 from making_diagnosis import TRUTH, one_at_each_rate, problem_of, ramps
 from scipy.optimize import least_squares
 
-from legfem.diagnose.explain import explain
-from legfem.diagnose.fit import fit
-from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
+from legfem.inverse.explain import explain
+from legfem.inverse.linearised import fit, ordinary_fit
+from legfem.inverse.verdict import ordinary_explanation
 
 
 def with_unknown_outlines(problem):

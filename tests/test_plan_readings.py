@@ -10,14 +10,16 @@ from making import write_subject
 from making_diagnosed import diagnosed
 from scipy.stats import norm
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.mechanisms.base import prior_of
-from legfem.diagnose.nuisances import Accuracy
-from legfem.diagnose.sentences import next_experiments
+from legfem.inverse.mechanism import prior_of
+from legfem.inverse.plan import DISTINGUISHED, Candidate, DesignValue, DirectReadings, evaluate_readings
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.loading import load_subject
 from legfem.plan.designs import Readings
 from legfem.plan.reckon import TOLD_APART, Candidate, Reckoned
 from legfem.plan.reckon_readings import reckon_readings
+from legfem.legs.nuisances import Accuracy
+from legfem.report.diagnosis_sentences import next_experiments
+from legfem.report.plain import plain_page
 from legfem.report.plan import plan_lines
 from legfem.report.text import plain_page
 from legfem.report.web.diagnosis import diagnosis_web_page
@@ -39,13 +41,13 @@ def candidates(found) -> list[Candidate]:
 
 
 @pytest.fixture(scope="module")
-def reckoned(candidates) -> list[Reckoned]:
+def reckoned(candidates) -> list[DesignValue]:
     asked = [m for c in candidates for m in c.fit.mechanisms]
-    return reckon_readings(asked, candidates, Accuracy())
+    return evaluate_readings(asked, candidates, Accuracy())
 
 
-def name_of(one: Reckoned) -> list[str]:
-    assert isinstance(one.design, Readings)
+def name_of(one: DesignValue) -> list[str]:
+    assert isinstance(one.design, DirectReadings)
     return [m.name for m in one.design.mechanisms]
 
 
@@ -63,7 +65,7 @@ def test_a_chance_is_how_often_drawn_readings_tell(candidates, reckoned):
         read = at + sds[0] * drawn
         gains = norm.logpdf(read, at, sds[0]) - norm.logpdf(read, other, sds[1])
         rival = "prestress" if true == stiff.name else stiff.name
-        share = float(np.mean(gains > TOLD_APART))
+        share = float(np.mean(gains > DISTINGUISHED))
         print(true, share, one.chances[true, rival])
         assert one.chances[true, rival] == pytest.approx(share, abs=0.15)
 
@@ -78,7 +80,7 @@ def test_two_readings_are_proposed_only_where_they_tell_more(reckoned):
 def test_what_can_not_be_measured_is_not_proposed(candidates):
     without = replace(candidates[0].fit.mechanisms[0])
     object.__setattr__(without, "measured_sd", None)
-    assert reckon_readings([without], candidates, Accuracy()) == []
+    assert evaluate_readings([without], candidates, Accuracy()) == []
 
 
 def test_a_page_says_what_to_write_into_the_folder(found, reckoned, tmp_path):

@@ -9,12 +9,11 @@ import pytest
 from making_diagnosed import diagnosed
 from making_diagnosis import NOISE
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.nuisances import Accuracy, nuisance_effects
-from legfem.plan import reckon as reckoning
-from legfem.plan.designs import Design
-from legfem.plan.reckon import Candidate, reckon
+from legfem.inverse import plan as reckoning
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.plan import Candidate, Design, evaluate_design
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.nuisances import Accuracy, nuisance_effects
 from legfem.solve.protocol import Protocol
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
@@ -38,7 +37,7 @@ def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int 
     def nuisances(design, blank, force):
         return nuisance_effects(predictor.responses.nuisances, blank, force, Accuracy())
 
-    worth = reckon(Design("again", (RAMP,) * repeats), others, predictor, nuisances, noise, 0.01)
+    worth = evaluate_design(Design("again", (RAMP,) * repeats), others, predictor, nuisances, noise, 0.01)
     assert worth is not None and worth.chance == pytest.approx(min(worth.chances.values()), abs=1)
     assert all(0.0 <= one <= 1.0 for one in worth.chances.values())
     return worth.chance

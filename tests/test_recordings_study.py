@@ -11,8 +11,8 @@ from making import SHARED
 
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording, segment_all
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity, spectrum
-from legfem.diagnose.observations import observe
+from legfem.inverse.observations import observe
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation, spectrum
 from legfem.specimens.folder import load_specimen
 from studies.recordings.command import full_name
 from studies.recordings.curves import DEEPEST, STIFFENING_SHARES, THICKNESSES, ElasticCurves, LayerCurves, layer_curves
@@ -97,7 +97,7 @@ def test_relaxation_is_that_of_a_standard_solid_on_a_ramp():
     motion = motion_of(recording, observed)
     grid = np.linspace(0.1, 6.0, 60)
     curves = ElasticCurves(grid, np.tile(grid, (len(STIFFENING_SHARES), 1)))
-    mechanism = Viscoelasticity()
+    mechanism = TissueRelaxation()
     values = {"ratio": 0.7, "relaxation_time": 4.0, "spread": 1.0}
     responses = SpecimenResponses(curves, motion)
     change = responses.relative_change(mechanism, values, (3.0, 0.0), observed)

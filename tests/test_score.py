@@ -6,8 +6,8 @@ import pytest
 from making_diagnosis import problem_of, ramps
 from scipy.stats import kstest
 
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.score import assess
+from legfem.inverse.location import score_tests
+from legfem.legs.mechanisms import mechanism_named
 
 SOUGHT = [mechanism_named(name) for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")]
 
@@ -16,7 +16,7 @@ def test_p_values_without_effect_are_uniform():
     p_values = []
     for seed in range(50):
         problem, base = problem_of(ramps(), seed=seed)
-        p_values.append(assess(problem, base, SOUGHT, seed).p_value)
+        p_values.append(score_tests(problem, base, SOUGHT, seed).p_value)
     assert kstest(p_values, "uniform").pvalue > 0.01
 
 
@@ -24,7 +24,7 @@ def test_a_local_error_is_found_where_it_is():
     observed = problem_of(ramps())[0].predictor.observed
     bump = 0.15 * ((observed.displacement > 9) & (observed.displacement < 11))
     problem, base = problem_of(ramps(), seed=4, extra=bump)
-    windows = assess(problem, base, SOUGHT).windows
+    windows = score_tests(problem, base, SOUGHT).windows
     edges = [edge for w in windows for edge in w.displacement]
     assert min(abs(edge - 9.0) for edge in edges) < 0.5
     assert windows[0].p_value < 0.01
@@ -42,7 +42,7 @@ def test_a_local_error_is_found_where_it_is():
 def test_a_small_effect_s_sign_is_among_the_strongest(effects):
     """First contact is stated: an onset in all trials isn't hidden by a parameter of each."""
     problem, base = problem_of(ramps(), effects, seed=3)
-    found = assess(problem, base, SOUGHT)
+    found = score_tests(problem, base, SOUGHT)
     name = next(iter(effects)).split(".")[0]
     assert found.score(name).p_value < 0.05
     assert found.p_value < 0.05
@@ -56,6 +56,6 @@ def test_a_small_effect_s_sign_is_among_the_strongest(effects):
 
 def test_the_same_draws_give_the_same_p_values():
     problem, base = problem_of(ramps(), seed=4)
-    one, other = (assess(problem, base, SOUGHT[:2], 3) for _ in range(2))
+    one, other = (score_tests(problem, base, SOUGHT[:2], 3) for _ in range(2))
     assert one.p_value == other.p_value
-    assert one.p_value == pytest.approx(assess(problem, base, SOUGHT[:2], 4).p_value, abs=0.15)
+    assert one.p_value == pytest.approx(score_tests(problem, base, SOUGHT[:2], 4).p_value, abs=0.15)

@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
-from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.models import Models, Stopped
 from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.uniaxial import Bar
+from legfem.inverse.responses import BodyModels, Stopped
+from legfem.legs.mechanisms import Solution
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
 from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
@@ -103,7 +103,7 @@ def test_two_effects_are_named_together(tmp_path: Path) -> None:
 def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
     """Against solutions at that stiffness, and differences of them."""
     c10, c20 = 3.7e-2, 1.9e-2
-    models: Models = SpecimenVariants(sizes, depth)
+    models: BodyModels = SpecimenVariants(sizes, depth)
     at = np.linspace(0.3, 1.0, 5) * depth
     asked = ("deep.C10", "deep.C20", "size.height" if hasattr(sizes, "height") else "deep.D1")
     given = {"deep.C10": c10, "deep.C20": c20}
@@ -129,7 +129,7 @@ def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
 
 
 def test_every_mechanism_is_tested_or_said_why_not() -> None:
-    from legfem.diagnose.mechanisms import mechanisms
+    from legfem.legs.mechanisms import mechanisms
 
     scale = Scale(3.0, 5.0, 10.0, 5.0, 1000.0)
     for sizes in (Bar(10.0, 100.0), CylinderOnBlock(20.0, 40.0, 30.0), BallOnLayer(12.0)):

@@ -12,9 +12,9 @@ import pytest
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
-from legfem.diagnose.run import Diagnoser
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
 from legfem.stockings.result import StockingSettings
 from studies.concealed import running, scoring
 from studies.planted import command as planted

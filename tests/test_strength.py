@@ -10,16 +10,15 @@ import pytest
 from making_diagnosis import ClosedForm, problem_of, ramps
 from scipy.stats import multivariate_normal, norm
 
-from legfem.diagnose.averaged import averaged_interval, widened_by
-from legfem.diagnose.explain import explain
-from legfem.diagnose.fit import fit
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.mechanisms.base import strength
-from legfem.diagnose.mechanisms.force_drift import ForceDrift
-from legfem.diagnose.strength import WIDTHS, gained_by_width, integrated
-from legfem.diagnose.touch import posterior_of
-from legfem.diagnose.unknown import unknown_errors
-from legfem.inverse.evidence import Evidence, Linearised
+from legfem.inverse.averaging import averaged_interval, widened_by
+from legfem.inverse.discrepancy import possible_discrepancies
+from legfem.inverse.evidence import Evidence, Linearisation
+from legfem.inverse.explain import explain
+from legfem.inverse.laplace import WIDTHS, contact_posterior, gain_of_widths, integrate_strength
+from legfem.inverse.linearised import fit
+from legfem.inverse.mechanism import strength
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.mechanisms.force_drift import ForceDrift
 
 NAME = "prestress.tension"
 _DRAWS = 40
@@ -42,7 +41,7 @@ def tense(seed, tension=0.0):
     problem = replace(problem, predictor=predictor)
     base = fit(problem, (), {"C10": 0.9, "C20": 0.7})
     with_it = fit(problem, [mechanism_named("prestress")], {**base.values, NAME: 40.0 + tension})
-    unknowns = unknown_errors(predictor.observed, base.prediction)
+    unknowns = possible_discrepancies(predictor.observed, base.prediction)
     return problem, base, with_it, Evidence(problem.errors, unknowns)
 
 
@@ -51,7 +50,7 @@ def log_likelihood(problem, evidence, values, shares):
     observed = problem.predictor.observed
     residual = observed.force - problem.predictor(values, [mechanism_named("prestress")])
     none = np.zeros(0)
-    return evidence.of(Linearised(residual, np.zeros((len(residual), 0)), none, none, none), shares).log_evidence
+    return evidence.of(Linearisation(residual, np.zeros((len(residual), 0)), none, none, none), shares).log_evidence
 
 
 def inside(fitted):
@@ -73,7 +72,7 @@ def summed(problem, evidence, fitted, shares):
     widths[[0, -1]] /= 2
     for z, width in zip(steps, widths, strict=True):
         held = fit(problem, fitted.mechanisms, {**fitted.values, NAME: prior.value_at(z)}, (NAME,))
-        own = posterior_of(evidence, held, problem.predictor.observed, shares)
+        own = contact_posterior(evidence, held, problem.predictor.observed, shares)
         about = multivariate_normal(own.mean, own.covariance)
         for departure in generator.multivariate_normal(own.mean, own.covariance, _DRAWS):
             log = log_likelihood(problem, evidence, held.moved(departure), shares)
@@ -91,9 +90,9 @@ def summed(problem, evidence, fitted, shares):
 def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_linear(seed):
     problem, _, fitted, evidence = tense(seed)
     shares = [0.0 if f.unknown.covariance is None else -np.inf for f in evidence._factors]
-    conditional = partial(posterior_of, evidence, observed=problem.predictor.observed, shares=shares)
+    conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
     linear = conditional(fitted)
-    found = integrated(problem, fitted, linear, conditional)
+    found = integrate_strength(problem, fitted, linear, conditional)
     total, mean, sd = summed(problem, evidence, fitted, shares)
     k = fitted.free.index("C10")
     assert found.log_evidence == pytest.approx(total, abs=0.1)
@@ -110,12 +109,12 @@ def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_l
 def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
     fitted = fit(problem, [mechanism_named("force-drift")], base.values)
-    evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
+    evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     shares = [0.0 if f.unknown.covariance is None else -np.inf for f in evidence._factors]
-    conditional = partial(posterior_of, evidence, observed=problem.predictor.observed, shares=shares)
+    conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
     linear = conditional(fitted)
-    found = integrated(problem, fitted, linear, conditional)
-    of_any_width = linear.log_evidence + gained_by_width(fitted, linear)
+    found = integrate_strength(problem, fitted, linear, conditional)
+    of_any_width = linear.log_evidence + gain_of_widths(fitted, linear)
     assert found.log_evidence == pytest.approx(of_any_width, abs=0.05)
     sd = np.sqrt(np.diag(linear.covariance))
     np.testing.assert_allclose((found.mean - linear.mean) / sd, 0.0, atol=0.05)
@@ -130,17 +129,17 @@ class VaguerDrift(ForceDrift):
 
 def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monkeypatch):
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
-    evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
+    evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     shares = [0.0 if f.unknown.covariance is None else -np.inf for f in evidence._factors]
-    conditional = partial(posterior_of, evidence, observed=problem.predictor.observed, shares=shares)
+    conditional = partial(contact_posterior, evidence, observed=problem.predictor.observed, shares=shares)
 
     def gap() -> float:
         fits = [fit(problem, [one], base.values) for one in (ForceDrift(), VaguerDrift())]
-        one, other = (integrated(problem, own, conditional(own), conditional).log_evidence for own in fits)
+        one, other = (integrate_strength(problem, own, conditional(own), conditional).log_evidence for own in fits)
         return one - other
 
     of_any_width = gap()
-    monkeypatch.setattr("legfem.diagnose.strength.WIDTHS", {1.0: 1.0})
+    monkeypatch.setattr("legfem.inverse.laplace.WIDTHS", {1.0: 1.0})
     assert 1.5 < gap() < np.log(10) and abs(of_any_width) < 0.6 * gap()
 
 

@@ -7,14 +7,12 @@ import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
-from legfem.diagnose.library_build import build_library, rounded
-from legfem.diagnose.library_tasks import CHANGES_AT
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.models import Stopped
-from legfem.diagnose.predict import Predictor
-from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import Variants
 from legfem.inverse.intervals import NUMERICAL_ERROR
+from legfem.inverse.library_build import CHANGES_AT, build_library, rounded
+from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import SolvedResponses, Stopped
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.variants import LegVariants
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)
@@ -84,14 +82,14 @@ def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
 
 def test_where_springs_stop_the_frame_is_left(variants, solved, monkeypatch):
     """Very soft springs let a leg roll away; a frame's compliance needs no solution."""
-    follow = Variants.follow
+    follow = LegVariants.follow
 
     def stops(self, protocol, deep, solution, *others):
         if solution.variant == SUPPORT.variant:
             return Stopped("it rolls away")
         return follow(self, protocol, deep, solution, *others)
 
-    monkeypatch.setattr(Variants, "follow", stops)
+    monkeypatch.setattr(LegVariants, "follow", stops)
     observed, _ = observations(ramps(1))
     shallow = SolvedResponses(variants, 2.0, None, {"test": 2})
     library = build_library(shallow, shallow, observed, [SUPPORT], 1, Silent(), 0.8, rounded(SOFT[0]))

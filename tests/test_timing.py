@@ -7,9 +7,9 @@ import pytest
 from making_diagnosis import SOUGHT, problem_of, two_rates
 
 from legfem.data.segmentation import LOADING
-from legfem.diagnose.explain import explain
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.mechanisms.timing import moments, shortest_programme
+from legfem.inverse.explain import explain
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.mechanisms.timing import moments, shortest_programme
 
 
 def test_searches_begin_in_a_loading_however_long_the_hold_after_it():

@@ -12,16 +12,17 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from legfem.data import segment_all
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.fit import Problem, fit
-from legfem.diagnose.mechanisms.base import prior_of
-from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.predict import Predictor, detected_onset, onset_name
-from legfem.diagnose.touch import AT_TOUCH, posterior_of
+from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, error_model
-from legfem.inverse.evidence import Evidence, Unknown
+from legfem.inverse.evidence import Evidence
+from legfem.inverse.laplace import STARTS_AT_CONTACT, contact_posterior
+from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.mechanism import prior_of
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.predictor import Predictor, detected_onset, onset_name
+from legfem.inverse.verdict import Diagnosis
 
-ALONE = [Unknown(None, 0.0, 0.0)]
+ALONE = [Discrepancy(None, 0.0, 0.0)]
 
 
 def seen(airs: tuple[float, ...], stated: bool = False) -> Observations:
@@ -30,7 +31,7 @@ def seen(airs: tuple[float, ...], stated: bool = False) -> Observations:
 
 def fitted_to(observed: Observations):
     predictor = Predictor(observed, ClosedForm(GRID), "reduced-polynomial")
-    problem = Problem(predictor, error_model(observed, NOISE, predictor(TRUTH)))
+    problem = LinearisedProblem(predictor, error_model(observed, NOISE, predictor(TRUTH)))
     return Evidence(problem.errors, ALONE), fit(problem, (), TRUTH)
 
 
@@ -38,7 +39,7 @@ def fitted_to(observed: Observations):
 def test_what_is_stated_or_seen_leaves_one_reading(airs, stated):
     observed = seen(airs, stated)
     evidence, fitted = fitted_to(observed)
-    one, other = posterior_of(evidence, fitted, observed, [0.0]), evidence.of(fitted.linearised)
+    one, other = contact_posterior(evidence, fitted, observed, [0.0]), evidence.of(fitted.linearised)
     assert one.log_evidence == other.log_evidence
     np.testing.assert_array_equal(one.mean, other.mean)
 
@@ -76,8 +77,8 @@ def test_where_no_air_is_seen_the_evidence_is_that_of_both_readings():
     ]
     assert detected[-1].sd > 2 * touching[-1].sd
     parts = [in_full(fitted, evidence.errors, priors) for priors in (touching, detected)]
-    expected = np.logaddexp(parts[0] + np.log(AT_TOUCH), parts[1] + np.log(1 - AT_TOUCH))
-    found = posterior_of(evidence, fitted, observed, [0.0])
+    expected = np.logaddexp(parts[0] + np.log(STARTS_AT_CONTACT), parts[1] + np.log(1 - STARTS_AT_CONTACT))
+    found = contact_posterior(evidence, fitted, observed, [0.0])
     # C20 is bounded below by zero, which the densities above leave out.
     k = fitted.free.index("C20")
     sd = np.sqrt(found.covariance[k, k])
@@ -85,7 +86,7 @@ def test_where_no_air_is_seen_the_evidence_is_that_of_both_readings():
     bounded = norm.sf((low - found.mean[k]) / sd) / (norm.cdf(high) - norm.cdf(low))
     assert found.log_evidence == pytest.approx(expected + np.log(bounded), abs=0.05)
     # The expected onset lies between those of the readings, with both one's doubt.
-    mine = posterior_of(evidence, fitted, observed, [0.0])
+    mine = contact_posterior(evidence, fitted, observed, [0.0])
     alone = evidence.of(fitted.linearised)
     j = fitted.free.index(onset_name(0))
     assert mine.covariance[j, j] >= 0.5 * alone.covariance[j, j]

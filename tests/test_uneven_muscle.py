@@ -7,10 +7,10 @@ import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
-from legfem.diagnose.library_build import build_library, rounded
-from legfem.diagnose.mechanisms import Solution, mechanism_named
-from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.inverse.library_build import build_library, rounded
+from legfem.inverse.responses import PLAIN, SolvedResponses
+from legfem.legs.mechanisms import Solution, mechanism_named
 from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
 
 DEPTH = 6.0

@@ -7,12 +7,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from legfem.diagnose.mechanisms import mechanism_named, mechanisms
-from legfem.diagnose.weighing import PRIOR_PAIR, PRIOR_SINGLE, Priors
+from legfem.inverse.explain import PRIOR_PAIR, PRIOR_SINGLE, ExplanationPriors
+from legfem.legs.mechanisms import mechanism_named, mechanisms
 
 
 def test_priors_of_a_kind_add_up_whatever_is_expected():
-    priors = Priors({"a": 1.0, "b": 5.0, "c": 0.5, "d": 1.0})
+    priors = ExplanationPriors({"a": 1.0, "b": 5.0, "c": 0.5, "d": 1.0})
     singles = [np.exp(priors.log_of(name)) for name in priors.expected]
     assert sum(singles) == pytest.approx(PRIOR_SINGLE)
     assert singles[1] == pytest.approx(5 * singles[0])
@@ -24,4 +24,4 @@ def test_priors_of_a_kind_add_up_whatever_is_expected():
 def test_fibres_are_expected_of_muscle_more_than_anything_else_is():
     every = [mechanism_named("muscle-fibres"), *mechanisms()]
     assert max(every, key=lambda m: m.expected).name == "muscle-fibres"
-    assert Priors.among(mechanisms()).log_of("muscle-fibres") > np.log(PRIOR_SINGLE / len(every))
+    assert ExplanationPriors.among(mechanisms()).log_of("muscle-fibres") > np.log(PRIOR_SINGLE / len(every))

@@ -10,10 +10,10 @@ from making_diagnosed import BASE, diagnosed
 from typer.testing import CliRunner
 
 from legfem.data import segment_all
-from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.observations import observe
+from legfem.inverse.observations import observe
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.mechanisms import Solution
 from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
 from legfem.study.correction.cases import CorrectionCase

@@ -18,7 +18,7 @@ from legfem.legs.subject import SitedLeg, Subject
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from legfem.diagnose.diagnosis import Diagnosis
+    from legfem.inverse.verdict import Diagnosis
     from legfem.report.web.page import WebPage
     from legfem.specimens.diagnosis import DiagnosedSpecimen
     from legfem.specimens.folder import SpecimenFolder
@@ -46,7 +46,7 @@ class DiagnosedLeg(Result):
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds."""
-        from legfem.diagnose.document import document
+        from legfem.report.diagnosis_document import document
 
         return document(self.diagnosis, self.subject, self.seed, self.seconds)
 
@@ -105,7 +105,7 @@ class DiagnosedFolder(Result):
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds, by specimen."""
-        from legfem.diagnose.document import document
+        from legfem.report.diagnosis_document import document
 
         return {
             one.id: document(one.diagnosis, one, self.seed, one.seconds)
@@ -220,10 +220,10 @@ def diagnose(
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
-    from legfem.diagnose.leg import library_folder
-    from legfem.diagnose.run import Diagnoser
     from legfem.legs.correction import read_correction
     from legfem.legs.correction_of_leg import REFERENCE
+    from legfem.legs.diagnosis import Diagnoser
+    from legfem.legs.variants import library_folder
     from legfem.specimens.folder import SpecimenFolder
 
     check_whole("seed", seed, 0)

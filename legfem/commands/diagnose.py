@@ -77,15 +77,15 @@ def diagnose(
             raise InputError("--specimen", specimen[0], "is for specimens", "give --specimen-dir")
         from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
-        from legfem.diagnose.document import document
-        from legfem.diagnose.leg import library_folder
-        from legfem.diagnose.run import Diagnoser
         from legfem.legs.correction import read_correction
         from legfem.legs.correction_of_leg import REFERENCE
+        from legfem.legs.diagnosis import Diagnoser
         from legfem.legs.loading import load_subject
+        from legfem.legs.plan import plan_after
         from legfem.legs.plausibility import doubts_about
-        from legfem.plan.run import plan_after
+        from legfem.legs.variants import library_folder
         from legfem.report.diagnosis import write_diagnosis_report
+        from legfem.report.diagnosis_document import document
         from legfem.report.plan import plan_document, plan_lines
         from legfem.report.web.page import command_line
 
@@ -122,7 +122,7 @@ def _run_specimens(
     as_json: bool,
 ) -> None:
     from legfem.commands.options import print_outcome
-    from legfem.diagnose.leg import library_folder
+    from legfem.legs.variants import library_folder
     from legfem.report.specimen_diagnosis import write_specimen_diagnoses
     from legfem.report.web.page import command_line
     from legfem.specimens.diagnosis import diagnose_specimens

@@ -44,15 +44,19 @@ def plan(
     with work_edge(jobs, resume, quiet) as processes:
         from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
-        from legfem.diagnose.document import versions
-        from legfem.diagnose.leg import library_folder
-        from legfem.diagnose.run import Diagnoser
         from legfem.legs.correction import read_correction
         from legfem.legs.correction_of_leg import REFERENCE
+        from legfem.legs.diagnosis import Diagnoser
         from legfem.legs.loading import load_subject
+        from legfem.legs.plan import Expected, plan_before
         from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import Expected, plan_before
         from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
+        from legfem.legs.variants import library_folder
+        from legfem.report.diagnosis_document import versions
+        from legfem.report.in_place import REPORT, made_in_place
+        from legfem.report.listing import NUMBERS, ReportFile
+        from legfem.report.plain import brief, plain_page
         from legfem.report.plan import plan_document
         from legfem.report.text import brief, plain_page
         from legfem.report.web.page import command_line, listed, write_page

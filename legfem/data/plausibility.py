@@ -1,8 +1,9 @@
-"""What readings can't have been: a clock that counts rows, a cell at its limit, a spike, a copy."""
+"""What readings can't have been: a clock that counts rows, a cell at its limit, a spike, an offset, a drift, a copy."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.recording import Recording
-from legfem.data.smoothing import sample_noise
+from legfem.data.segmentation import HOLD, LOADING, Segmentation
+from legfem.data.smoothing import sample_noise, without_outliers
 
 _MANY_ROWS = 200
 """Of loading: with one a second it would take minutes."""
@@ -25,7 +27,143 @@ _SPIKE = 0.15
 """Of the force's range: corners of loadings sampled at 10 Hz have up to 0.07."""
 
 
-def counts_samples(time: FloatArray) -> bool:
+_OFFSET = 0.05
+"""Of the force's rise: what it may read at first touch, or back where it began, or gain in a hold."""
+_STUCK = 0.1
+"""Of it: what a skin that sticks may pull with where the recording began."""
+_OFF_START = 0.05
+"""Of the travel: what a displacement that counts from first touch may start at."""
+_NEAR_START = 0.05
+_JUMP, _LEVEL_FORCE = 0.08, 0.03
+"""Of the travel, and of the force's rise: what a drive doesn't go from one sample to the next, ..."""
+_TIMES_STEP = 12.0
+"""... nor as many times as far as from sample to sample else, while the force stays as it is."""
+
+
+def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield what is unlikely in a recording, whatever was pressed.
+
+    Raises
+    ------
+    InputError
+        For a displacement that jumps.
+    """
+    _refuse_jump(trial)
+    yield from _spike_doubts(trial.source, trial.recording)
+    yield from _start_doubts(trial)
+    yield from _drift_doubts(trial)
+
+
+def loading_doubts(
+    source: str, time: FloatArray, displacement: FloatArray, force: FloatArray, least_level: float = 0.0
+) -> Iterator[Doubt]:
+    """Yield what is unlikely in a loading (n,); ``least_level`` is the share of its way that may be level."""
+    if _counts_samples(time):
+        yield Doubt(
+            source,
+            "time_s",
+            "goes up by exactly 1 from row to row, as a count of samples",
+            "divide it by the sampling rate in Hz, or confirm that there was one a second",
+        )
+    way = cut_off(displacement, force)
+    if way > least_level * float(displacement.max()):
+        yield Doubt(
+            source,
+            "force_N",
+            f"stays at {force.max():.3g} N for the last {way:.2g} mm of loading, as a load cell or an amplifier at "
+            "its limit does",
+            "use a larger range, or remove what lies beyond",
+        )
+
+
+def _refuse_jump(trial: Segmentation) -> None:
+    d, force = without_outliers(trial.recording.displacement), trial.recording.force
+    steps = np.diff(d)
+    far = max(_JUMP * float(np.ptp(d)), _TIMES_STEP * float(np.median(np.abs(steps))), 8.0 * trial.displacement_noise)
+    level = max(_LEVEL_FORCE * float(np.ptp(force)), 5.0 * trial.force_noise)
+    # While nothing is pressed a drive may go back at any speed.
+    pressed = np.minimum(force[1:], force[:-1]) - force.min() > 3.0 * level
+    jumps = np.flatnonzero((np.abs(steps) > far) & (np.abs(np.diff(force)) < level) & pressed)
+    if len(jumps):
+        k = int(jumps[0])
+        raise InputError(
+            trial.source,
+            f"displacement_mm, row {k + 2} of {len(d)}",
+            f"jumps from {d[k]:.4g} to {d[k + 1]:.4g} mm at {trial.recording.time[k + 1]:.4g} s, and the force stays "
+            "as it is: a sensor or a counter that was reset",
+            f"add {d[k] - d[k + 1]:.4g} mm to what follows, or keep the part before it",
+        )
+
+
+def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield doubts about where displacement and force begin."""
+    d, force, contact = trial.smooth, trial.recording.force, trial.contact
+    travel, start = float(d.max() - d[0]), float(d[0])
+    if contact.known and abs(start) > max(_OFF_START * travel, 5.0 * trial.instrument.displacement_sd):
+        deepest = float(d.max())
+        yield Doubt(
+            trial.source,
+            "displacement_mm",
+            f"starts at {start:.3g} mm, where starts_at_contact says that it counts from first touch: the press is "
+            f"taken to be {deepest:.3g} mm deep, and would be {travel:.3g} mm if it touches where it starts",
+            "subtract where it touches, or leave starts_at_contact out",
+        )
+        return
+    if contact.in_air:
+        return
+    first = (d <= start + _NEAR_START * travel) & (np.arange(len(d)) <= trial.deepest)
+    if np.count_nonzero(first) < 2:
+        return
+    # The force at the very start, by the line through what follows.
+    middle = float(np.polyfit(d[first] - start, force[first], 1)[1] if np.ptp(d[first]) > 0 else force[first].mean())
+    at_start = float(np.sign(middle)) * min(abs(middle), abs(float(force[first].mean())))
+    rise = float(np.median(force[d >= start + 0.95 * travel])) - middle
+    noise = max(trial.force_noise / np.sqrt(np.count_nonzero(first)), trial.instrument.force_sd)
+    if abs(at_start) > max(_OFFSET * abs(rise), 5.0 * noise):
+        yield Doubt(
+            trial.source,
+            "force_N",
+            f"reads {at_start:.3g} N before anything is pressed, {100 * abs(at_start / rise):.0f} % of what it rises "
+            "by: a preload, or a zero that wasn't taken",
+            "subtract what the cell reads without load, or record from before first touch",
+        )
+
+
+def _drift_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield doubts about a force that doesn't come back, or that rises while the drive holds."""
+    d, force, time = trial.smooth, trial.recording.force, trial.recording.time
+    near = d <= d[0] + _NEAR_START * float(d.max() - d[0])
+    index = np.arange(len(d))
+    first, back = near & (index < trial.deepest), near & (index > trial.deepest)
+    start = float(np.median(force[first])) if first.any() else float(force[0])
+    rise = float(np.median(force[d >= d[0] + 0.95 * (d.max() - d[0])])) - start
+    least, problem = 5.0 * max(trial.force_noise, trial.instrument.force_sd), ""
+    if np.count_nonzero(back) >= 3:
+        left = float(np.median(force[back])) - start
+        if left > max(_OFFSET * rise, least) or left < -max(_STUCK * rise, least):
+            rate = left / float(np.median(time[back]) - np.median(time[first]) if first.any() else time[-1] - time[0])
+            problem = f"reads {left:+.3g} N more back where it began than at first ({rate:+.2g} N/s)"
+    for before, (a, b) in zip(trial.parts, _spans(trial)[1:], strict=False):
+        few = max(1, (b - a) // 5)
+        gained = float(np.median(force[b - few : b]) - np.median(force[a : a + few]))
+        held = trial.labels[a] == HOLD and before.phase == LOADING
+        if not problem and held and gained > max(_OFFSET * rise, least):
+            problem = f"rises by {gained:.3g} N while the drive holds, where tissue relaxes"
+    if problem:
+        yield Doubt(
+            trial.source,
+            "force_N",
+            f"{problem}: it drifts, and the drift counts as stiffness",
+            "let the load cell warm up, tare it, and take its drift off; python -m legfem.diagnose tells drift apart",
+        )
+
+
+def _spans(trial: Segmentation) -> list[tuple[int, int]]:
+    edges = [0, *(int(k) + 1 for k in np.flatnonzero(trial.labels[1:] != trial.labels[:-1])), len(trial.labels)]
+    return list(pairwise(edges))
+
+
+def _counts_samples(time: FloatArray) -> bool:
     """Return whether times (n,) of a loading seem to be the rows' number."""
     return len(time) > _MANY_ROWS and np.allclose(np.diff(time), 1.0, 0.0, 1e-6)
 
@@ -76,7 +214,7 @@ def _slope(displacement: FloatArray, force: FloatArray) -> float:
     return float(away @ force) / square if square > 0 else 0.0
 
 
-def spike_doubts(source: str, recording: Recording) -> Iterator[Doubt]:
+def _spike_doubts(source: str, recording: Recording) -> Iterator[Doubt]:
     """Yield a doubt about a reading of the force that is far from its neighbours."""
     at = spike(recording.force)
     if at is not None:
@@ -122,10 +260,11 @@ def refuse_copies(other: Recording, recordings: Sequence[Recording]) -> None:
     """
     for one in recordings:
         if _copied(one, other):
+            named = one.trial if one.trial != other.trial or one.source is None else "/".join(one.source.parts[-2:])
             raise InputError(
                 str(other.source or other.trial),
                 "force_N",
-                f"is a copy of {one.trial}: the two have the same noise, which no repeat has",
+                f"is a copy of {named}: the two have the same noise, which no repeat has",
                 "remove one of them; a copy makes the result look surer than it is",
             )
 

@@ -1,1 +1,1 @@
-"""When model and recording differ: where, which physics was left out, and what adding it does."""
+"""The command ``python -m legfem.diagnose``, and the callable ``legfem.diagnose(...)``."""

@@ -27,6 +27,8 @@ _BARE, _TOUCHING = 0.5, 0.2
 """Share of the skin without fat, beyond which it is no skin; and how near the hull is then (mm)."""
 BRIDGE = 10.0
 """Radius (mm) over which separate muscles are joined: gaps of twice that are spanned."""
+_MOST_WINDING = 5.0
+"""Times its hull's that an outline is long: muscles' furrows make it twice as long."""
 _SPECK = 0.02
 """Of the largest piece's area; smaller ones are no muscle."""
 
@@ -153,7 +155,7 @@ def nested_outlines(
     outlines : mapping of Polygon
         ``skin``, ``muscle_hull`` and the bones, mm.
     fascia_thickness : float
-        Of the layer that is to lie inwards of the hull's outline, mm; 0 without one.
+        Thickness of the layer that is to lie inwards of the hull's outline, mm; 0 without one.
     source : str or Path
         What errors name as the file.
     room : Clearances
@@ -260,7 +262,17 @@ def _check_clearances(section: LegSection, bone: float, fat: float, source: str 
 def _polygon(path: Path, part: str, points: FloatArray) -> Polygon:
     if len(points) < 4:
         raise InputError(path, part, f"{len(points)} points are too few", "give a closed outline")
-    return largest_polygon(make_valid(Polygon(points)), path, part)
+    outline = Polygon(points)
+    # Points in no order cross each other at every turn, which takes minutes to part.
+    if outline.length > _MOST_WINDING * outline.convex_hull.length:
+        raise InputError(
+            path,
+            part,
+            f"its points are in no order: the line through them is {outline.length:.0f} mm long, and goes round "
+            f"{outline.convex_hull.length:.0f} mm",
+            "give them one after the other along the outline (column i)",
+        )
+    return largest_polygon(make_valid(outline), path, part)
 
 
 def largest_polygon(shape: object, source: str | Path, part: str) -> Polygon:

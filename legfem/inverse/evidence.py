@@ -1,15 +1,14 @@
-r"""How probable an explanation makes the data, all that is unknown integrated out.
+r"""Evidence of an explanation: the probability of the data by it, its parameters integrated out.
 
-About its fit a prediction is linear in its parameters, and these are normal beforehand; so are the
-effects of what the model doesn't know, of gains and of zeros. With :math:`r` the residual about the
-parameters' expected values and :math:`V` all those effects of one standard deviation,
+About its fit a prediction is linear in its parameters, whose priors are normal; so are the effects of nuisance
+parameters, gains and zeros. With :math:`r` the residual about the priors' centres and :math:`V` the effects of one
+standard deviation of each as columns,
 
 .. math:: \ln Z = -\tfrac12 r^T S^{-1} r - \tfrac12 \ln |2 \pi S|, \quad S = A + V V^T,
 
-summed over what isn't normal: the sizes of gains and zeros, and an error of unknown shape
-(`Unknown`), whose covariance is part of :math:`A`. :math:`A` is factorised once for all
-explanations. C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006),
-section 2.7; M. A. Woodbury, Princeton Statistical Research Group 42 (1950).
+summed over what isn't normal: the sizes of gains and zeros, and the model's discrepancy, whose covariance is part of
+:math:`A`. :math:`A` is factorised once for all explanations. C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for
+Machine Learning (2006), section 2.7; M. A. Woodbury, Princeton Statistical Research Group 42 (1950).
 """
 
 from __future__ import annotations
@@ -23,32 +22,13 @@ from scipy.special import log_ndtr, logsumexp
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
-from legfem.inverse.bounded import within
+from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ErrorModel
-from legfem.inverse.posterior import Posterior
+from legfem.inverse.posterior import Posterior, within
 
 
 @dataclass(frozen=True, eq=False)
-class Unknown:
-    """An error of the model that has no name: smooth, of some size and length.
-
-    Parameters
-    ----------
-    covariance
-        (n, n), N^2; None for no such error.
-    size
-        Its standard deviation over the largest force.
-    log_prior
-        Logarithm of its share among all of them, that of none included.
-    """
-
-    covariance: FloatArray | None
-    size: float
-    log_prior: float
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
+class Linearisation:
     """An explanation about its fit; parameters in standard deviations of what is known beforehand.
 
     Parameters
@@ -72,7 +52,7 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class _Factor:
-    unknown: Unknown
+    unknown: Discrepancy
     lower: FloatArray
     log_det: float
     columns: FloatArray
@@ -90,7 +70,7 @@ class Evidence:
         Errors of unknown shape that are possible, none among them.
     """
 
-    def __init__(self, errors: ErrorModel, unknowns: Sequence[Unknown]) -> None:
+    def __init__(self, errors: ErrorModel, unknowns: Sequence[Discrepancy]) -> None:
         self.errors = errors
         shared = np.hstack([errors.known, errors.gains, errors.zeros])
         self._factors = []
@@ -113,7 +93,7 @@ class Evidence:
             for j, zero in enumerate(errors.zero_sds)
         ]
 
-    def of(self, about: Linearised, log_unknown: Sequence[float] | None = None) -> Posterior:
+    def of(self, about: Linearisation, log_unknown: Sequence[float] | None = None) -> Posterior:
         """Return the evidence of an explanation and what the data say of its parameters.
 
         Parameters
@@ -185,7 +165,7 @@ def _log_normal(number: int, count: int) -> float:
     return float(norm.logpdf(steps[number]) - logsumexp(norm.logpdf(steps)))
 
 
-def _inside(about: Linearised, mean: FloatArray, spread: FloatArray) -> float:
+def _inside(about: Linearisation, mean: FloatArray, spread: FloatArray) -> float:
     """Return how bounds change the evidence: what lies within after, over what did before."""
     sd = np.sqrt(np.diag(spread))
     after = _log_between((about.low - mean) / sd, (about.high - mean) / sd)

@@ -1,17 +1,26 @@
-"""What data say of a model's parameters."""
+"""Posterior distributions of parameters: normal, within bounds, and mixtures of them.
+
+Bounds are taken up by expectation propagation: each by a normal factor with the truncated distribution's own moments,
+one parameter after the other until nothing changes. J. P. Cunningham, P. Hennig, S. Lacoste-Julien, Gaussian
+probabilities and expectation propagation (2011), arXiv:1111.6832.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import t as student_t
+from scipy.stats import truncnorm
 
 from legfem.common.units import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class Strands:
+class MixtureComponents:
     """Distributions of p parameters as m normal ones by weight."""
 
     weights: FloatArray
@@ -42,7 +51,7 @@ class Posterior:
     """(k,): expected effects of what the model doesn't know, in standard deviations."""
     of_unknown: FloatArray
     """(u,): probabilities of the unknown errors, none among them."""
-    strands: Strands | None = None
+    strands: MixtureComponents | None = None
     """The parameters' distributions, where these are no normal ones."""
 
 
@@ -86,3 +95,114 @@ def moments_of(weights: FloatArray, means: FloatArray, covariances: FloatArray) 
 
 def _averaged(weights: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(weights @ np.array(values))
+
+
+_FAR = 99.0
+"""Standard deviations beyond which no quantile lies."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """One parameter's distribution: m Student's t (normal ones of infinite degrees) by weight.
+
+    Parameters
+    ----------
+    weights
+        (m,), of sum one.
+    means, sds
+        (m,).
+    degrees
+        (m,), of freedom.
+    """
+
+    weights: FloatArray
+    means: FloatArray
+    sds: FloatArray
+    degrees: FloatArray
+
+    @classmethod
+    def joined(cls, weights: Sequence[float], every: Sequence[Mixture]) -> Self:
+        """Return the mixture of mixtures, their weights of any sum."""
+        total = sum(weights)
+        return cls(
+            np.concatenate([w / total * m.weights for w, m in zip(weights, every, strict=True)]),
+            *(np.concatenate([getattr(m, name) for m in every]) for name in ("means", "sds", "degrees")),
+        )
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Mean and variance, were all of them normal."""
+        mean = float(self.weights @ self.means)
+        return mean, float(self.weights @ (self.sds**2 + (self.means - mean) ** 2))
+
+    def below(self, value: float) -> float:
+        """Return the probability that the parameter lies below a value."""
+        each = student_t.cdf((value - self.means) / self.sds, self.degrees)
+        return float(self.weights @ each)
+
+    def quantile(self, probability: float) -> float:
+        """Return the value below which the parameter lies with a probability."""
+        low = float((self.means - _FAR * self.sds).min())
+        high = float((self.means + _FAR * self.sds).max())
+        return float(brentq(lambda value: self.below(value) - probability, low, high))
+
+
+_ROUNDS, _CLOSE = 30, 1e-6
+_INSIDE = 6.0
+"""Standard deviations from which a bound cuts nothing off."""
+_TAIL = 20.0
+"""Standard deviations beyond which a tail is exponential."""
+_FLATTEST = 1e-10
+"""Least precision of a factor: where a bound cuts next to nothing, rounding may make it less."""
+
+
+def within(
+    mean: FloatArray, covariance: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the moments of a normal distribution within bounds.
+
+    Parameters
+    ----------
+    mean, covariance
+        (p,) and (p, p): without the bounds.
+    low, high
+        (p,): between which values are possible; infinite where there is no end.
+    """
+    at, spread = mean.copy(), covariance.copy()
+    precision, shift = np.zeros(len(mean)), np.zeros(len(mean))
+    sd = np.sqrt(np.diag(covariance))
+    cut = np.flatnonzero((low > mean - _INSIDE * sd) | (high < mean + _INSIDE * sd))
+    for _ in range(_ROUNDS):
+        before = at.copy()
+        for k in cut:
+            # By rounding: the bounds leave nothing else to know.
+            if spread[k, k] <= 0.0 or spread[k, k] * precision[k] >= 1.0:
+                continue
+            without = 1.0 / (1.0 / spread[k, k] - precision[k])
+            middle = without * (at[k] / spread[k, k] - shift[k])
+            inside, variance = _truncated(middle, without, low[k], high[k])
+            more = max(1.0 / variance - 1.0 / without, _FLATTEST) - precision[k]
+            pull = inside / variance - middle / without - shift[k]
+            column = spread[:, k] / (1.0 + more * spread[k, k])
+            at = at + column * (pull - more * at[k])
+            spread = spread - more * np.outer(column, spread[:, k])
+            precision[k] += more
+            shift[k] += pull
+        if np.all(np.abs(at - before) <= _CLOSE * sd):
+            break
+    return at, spread
+
+
+def _truncated(mean: float, variance: float, low: float, high: float) -> tuple[float, float]:
+    """Return the mean and variance of one normal variable between two ends."""
+    sd = float(np.sqrt(variance))
+    first, last = (low - mean) / sd, (high - mean) / sd
+    if last < -_TAIL:
+        inside, spread = _truncated(0.0, 1.0, -last, -first)
+        return mean - sd * inside, variance * spread
+    if first > _TAIL:
+        # The density falls exponentially there.
+        away = min(1.0 / first, 0.5 * (last - first))
+        return mean + sd * (first + away), variance * away**2
+    own = truncnorm(first, last)
+    return mean + sd * float(own.mean()), variance * float(own.var())

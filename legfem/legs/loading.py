@@ -12,6 +12,7 @@ from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Channels, Instrument, Recording, check_trial, read_samples, seen_instrument
 from legfem.data.formats import recording_files
+from legfem.data.plausibility import refuse_copies
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.elastography import ShearModulus, fibre_ratio
@@ -34,6 +35,9 @@ def load_sites(directory: Path) -> SitedLeg | None:
     if not names:
         return None
     sites = tuple(_site(directory, name) for name in names)
+    for k, site in enumerate(sites):
+        for recording in site.recordings:
+            refuse_copies(recording, [one for before in sites[:k] for one in before.recordings])
     first = sites[0]
     leg_id, title = (
         text.removesuffix(f"{joint}{first.site}") for text, joint in ((first.id, "-"), (first.title, ", "))

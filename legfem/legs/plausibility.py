@@ -31,6 +31,8 @@ _FAR_OUT, _FAR_OUT_MM = 3.0, 1.0
 """Times the points' distance, or mm, that a spike is long."""
 _LANDMARKS_MM = 2.0
 """Of error in the aim, which a diagnosis assumes without a word."""
+_LONGEST = 1.5
+"""Of a section over its width: calves have 1.0 to 1.3, ankles up to 1.4."""
 _MOST_OF_LEG = 0.8
 """Of the leg's thickness along the line of travel: no deeper without a bone either."""
 
@@ -47,6 +49,7 @@ def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
     found = [
         *doubts_about_size(toml, "section.contours", girth(subject.section), subject.section.tibia),
         *ranges.FASCIA_THICKNESS.doubts(toml, "section.fascia_thickness_mm", subject.section.fascia_thickness),
+        *_stretched(toml, subject),
         *(d for part in PARTS for d in _spike(toml, part, getattr(subject.section, part))),
         *_landmarks(toml, subject),
         *_indenter(toml, subject),
@@ -111,6 +114,21 @@ def room_before(subject: Subject) -> float:
         except ValueError:
             continue
     return min(reached)
+
+
+def _stretched(toml: Path, subject: Subject) -> Iterator[Doubt]:
+    """Yield a doubt about a section that is longer one way than any leg is."""
+    box = subject.section.polygon("skin").minimum_rotated_rectangle
+    corners = np.array(box.exterior.coords)
+    narrow, wide = sorted(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1))
+    if wide > _LONGEST * narrow:
+        yield Doubt(
+            str(toml),
+            "section.contours",
+            f"the leg is {wide:.0f} mm one way and {narrow:.0f} mm the other, {wide / narrow:.2g} times: longer than "
+            "any calf is wide",
+            "check the image's spacing along both axes",
+        )
 
 
 def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:

@@ -15,7 +15,7 @@ from legfem.common.units import FloatArray
 from legfem.data import Recording, Segmentation, ranges
 from legfem.data.contact import LEG
 from legfem.data.formats import recording_files
-from legfem.data.plausibility import counts_samples, cut_off, refuse_copies, spike_doubts
+from legfem.data.plausibility import loading_doubts, refuse_copies, trial_doubts
 from legfem.geometry.section import depth_to_bone, fat_thickness, girth
 
 if TYPE_CHECKING:
@@ -145,22 +145,10 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
 def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
     loading = trial.loading
     yield from ranges.SPEED.doubts(trial.source, "time_s", loading.speed, "check that time is in s (not min or ms)")
-    if counts_samples(trial.recording.time[: len(loading.force)]):
-        yield Doubt(
-            trial.source,
-            "time_s",
-            "goes up by exactly 1 from row to row, as a count of samples",
-            "divide it by the sampling rate in Hz, or confirm that there was one a second",
-        )
-    if way := cut_off(loading.displacement, loading.force):
-        yield Doubt(
-            trial.source,
-            "force_N",
-            f"stays at {loading.force.max():.3g} N for the last "
-            f"{way:.2g} mm of loading, as a load cell or an amplifier at its limit does",
-            "use a larger range, or remove what lies beyond",
-        )
-    yield from spike_doubts(trial.source, trial.recording)
+    yield from loading_doubts(
+        trial.source, trial.recording.time[: len(loading.force)], loading.displacement, loading.force
+    )
+    yield from trial_doubts(trial)
     if loading.depth <= _LITTLE_ROOM * room:
         return
     found = Doubt(

@@ -1,1 +1,1 @@
-"""The next experiment, reckoned: which test would tell explanations apart, and how probably."""
+"""The command ``python -m legfem.plan``."""

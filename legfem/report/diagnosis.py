@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.diagnosis_document import Recorded
 from legfem.report.filmed import filmed
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
 from legfem.report.parameter_figure import parameter_figure

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation, Statement
+from legfem.inverse.explanation import Explanation, Statement
+from legfem.inverse.verdict import Diagnosis
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"

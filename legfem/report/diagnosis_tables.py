@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.held_out import HeldOut
-from legfem.diagnose.remains import explained_share
-from legfem.diagnose.sentences import percent
+from legfem.inverse.cross_validation import HeldOut
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.verdict import Diagnosis, explained_share
+from legfem.report.diagnosis_sentences import percent
 from legfem.report.diagnosis_style import BASE_NAME, determined, model_name, plain, statement_name
 from legfem.report.located import Place, places_of
 from legfem.report.words import number, short_probability

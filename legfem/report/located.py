@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.windows import runs
+from legfem.inverse.location import runs
+from legfem.inverse.verdict import Diagnosis
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,8 @@ def recording_name(recording: Recording) -> str:
 def contact_text(quality: Quality) -> str:
     """Return where first contact is seen, in words."""
     contact, digits = quality.trial.contact, _digits(quality)
+    if contact.known:
+        return "at the start, as the folder states"
     if contact.in_air:
         return f"at {contact.displacement:.{digits}f} ± {contact.displacement_error:.{digits}f} mm, after air"
     return f"at the start ({contact.displacement:.{digits}f} mm): no air is seen"

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.mechanisms.base import null_of
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.mechanism import null_of
+from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, determined, plain, shown_models
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 from legfem.report.words import number

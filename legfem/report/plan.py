@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from legfem.diagnose.sentences import percent
-from legfem.plan.reckon import Reckoned
+from legfem.inverse.plan import DesignValue
+from legfem.report.diagnosis_sentences import percent
 
 SCHEMA = 1
 NOTHING = "nothing"
@@ -18,17 +18,17 @@ NOTE = (
 )
 
 
-def effects_of(ranked: Sequence[Reckoned]) -> list[str]:
+def effects_of(ranked: Sequence[DesignValue]) -> list[str]:
     """Return the names of the effects that were weighed."""
     return sorted({a for one in ranked for a, _ in one.chances if a != NOTHING})
 
 
-def plan_lines(ranked: Sequence[Reckoned]) -> list[str]:
+def plan_lines(ranked: Sequence[DesignValue]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
     return [f"{one.design.name}: {percent(one.chance)} chance of telling the candidates apart" for one in ranked]
 
 
-def plan_document(ranked: Sequence[Reckoned], subject: str) -> dict[str, Any]:
+def plan_document(ranked: Sequence[DesignValue], subject: str) -> dict[str, Any]:
     """Return the plan as JSON types."""
     return {
         "schema": SCHEMA,

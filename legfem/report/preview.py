@@ -9,9 +9,10 @@ from pathlib import Path
 from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
-from legfem.data import Scales, segment
+from legfem.common.units import mpa_to_kpa
+from legfem.data import Channel, Scales, Segmentation, segment
 from legfem.data.contact import LEG
-from legfem.data.formats import read_sheets, recording_files
+from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
 from legfem.data.reader import Channels, Proposal, propose, recording_of
 from legfem.geometry.leg_shape import perimeter
@@ -25,7 +26,9 @@ from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.slices_figure import slices_figure
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
+from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.schema import parse_specimen_file
+from legfem.specimens.sizes import opening_of
 from legfem.stockings.loading import LEGS, load_leg
 
 PREVIEW = "preview.json"
@@ -132,8 +135,7 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
     except InputError as error:
         seen = _recordings(recording_files(recordings), out, None)
         return Preview(folder.name, "", str(error), recordings=seen)
-    seen = _recordings(recording_files(recordings), out, channels, site=name)
-    trouble = ""
+    trouble, files = "", recording_files(recordings)
     try:
         subject = load_subject(folder, site=name)
     except InputError as error:
@@ -141,7 +143,8 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
         try:
             subject = load_subject(folder, need_recordings=False, need_instrument=False, site=name)
         except InputError:
-            return Preview(folder.name, "", trouble, recordings=seen)
+            return Preview(folder.name, "", trouble, recordings=_recordings(files, out, channels, site=name))
+    seen = _recordings(files, out, channels, site=name, trials=subject.trials)
     picture = f"section-{name}" if name else "section"
     drawn = save(placement_figure(subject), out, picture)[0].name
     return Preview(
@@ -200,17 +203,23 @@ def _specimen(folder: Path, out: Path) -> Preview:
         channels = parse_specimen_file(folder / FILE).recordings.channels()
     except InputError:
         channels = None  # load_specimen says what is wrong
-    seen = _recordings(recording_files(folder / "recordings"), out, channels, of_specimen=True)
+    files = recording_files(folder / "recordings")
     try:
         found = load_specimen(folder)
     except InputError as error:
+        seen = _recordings(files, out, channels, of_specimen=True)
         return Preview(folder.name, "", str(error), recordings=seen)
-    facts = [
-        (one.name, f"{one.course.depth:.3g} mm at {one.course.rate:.3g} mm/s, up to {one.course.peak:.3g} N")
-        for one in found.recordings
-    ]
+    seen = _recordings(files, out, channels, True, trials=[one.trial for one in found.recordings])
+    facts = [(one.name, _course_fact(one)) for one in found.recordings]
     left = tuple(f"NOT USED: {one.name}: {one.reason}" for one in found.left_out)
-    return Preview(found.title, found.origin, "", left, tuple(facts), recordings=seen)
+    doubts = (*doubt_lines(found.doubts), *left)
+    return Preview(found.title, found.origin, "", doubts, tuple(facts), recordings=seen)
+
+
+def _course_fact(one: SpecimenRecording) -> str:
+    course, opening = one.course, opening_of(one.sizes)
+    peak = f"{course.peak:.3g} N" if opening is None else f"{mpa_to_kpa(course.peak / opening):.3g} kPa of suction"
+    return f"{course.depth:.3g} mm at {course.rate:.3g} mm/s, up to {peak}"
 
 
 def _is_contours(path: Path) -> bool:
@@ -219,23 +228,45 @@ def _is_contours(path: Path) -> bool:
 
 
 def _recordings(
-    files: Sequence[Path], out: Path, channels: Channels | None, of_specimen: bool = False, site: str = ""
+    files: Sequence[Path],
+    out: Path,
+    channels: Channels | None,
+    of_specimen: bool = False,
+    site: str = "",
+    trials: Sequence[Segmentation] = (),
 ) -> tuple[SeenRecording, ...]:
-    return tuple(_recording(path, out, channels, of_specimen, site) for path in files)
+    """Return what is seen in files, as ``trials`` have read those that a folder uses."""
+    read = {trial.recording.source: trial for trial in trials}
+    return tuple(_recording(path, out, channels, of_specimen, site, read.get(path)) for path in files)
 
 
-def _recording(path: Path, out: Path, channels: Channels | None, of_specimen: bool, site: str) -> SeenRecording:
+def _proposal(path: Path, sheets: Sequence[Sheet], channels: Channels | None, used: bool) -> Proposal:
+    """Return by which columns a file is read; of one that a folder uses those that the folder reads."""
+    if channels is not None:
+        return Proposal(channels, ("as the folder's [recordings] say",))
+    try:
+        return propose(path, sheets)
+    except InputError:
+        own = {c.name: Channel(c.name, c.unit or "") for c in sheets[0].columns}
+        if not used or not {"time", "displacement", "pressure"} <= set(own):
+            raise
+        channels = Channels(own["time"], own["displacement"], own["pressure"])
+        return Proposal(channels, ("time, displacement and pressure, times the area of the cup's opening",))
+
+
+def _recording(
+    path: Path, out: Path, channels: Channels | None, of_specimen: bool, site: str, trial: Segmentation | None
+) -> SeenRecording:
     columns: tuple[SeenColumn, ...] = ()
     try:
         sheets = read_sheets(path)
         columns = tuple(
             SeenColumn(sheet.name or "", column.name, column.unit or "") for sheet in sheets for column in sheet.columns
         )
-        proposal = (
-            propose(path, sheets) if channels is None else Proposal(channels, ("as the folder's [recordings] say",))
-        )
-        recording = recording_of(path, sheets, proposal.channels)
-        quality = quality_of(segment(recording, scales=Scales.of_specimen(recording) if of_specimen else LEG))
+        proposal = _proposal(path, sheets, channels, trial is not None)
+        recording = trial.recording if trial else recording_of(path, sheets, proposal.channels)
+        scales = Scales.of_specimen(recording) if of_specimen else LEG
+        quality = quality_of(trial or segment(recording, scales=scales))
     except InputError as error:
         return SeenRecording(path.name, trouble=str(error), columns=columns)
     # Trials of two sites may have one name.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from legfem.diagnose.diagnosis import SOUND, Diagnosis
-from legfem.diagnose.explanation import Statement
-from legfem.diagnose.sentences import percent
+from legfem.inverse.explanation import Statement
+from legfem.inverse.verdict import SOUND, Diagnosis
+from legfem.report.diagnosis_sentences import percent
 from legfem.report.diagnosis_style import (
     BASE_COLOUR,
     CONTRADICTED_COLOUR,

@@ -13,9 +13,9 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import HOLD, LOADING
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.fit import Fit
-from legfem.diagnose.stations import Stations
+from legfem.inverse.linearised import LinearisedFit
+from legfem.inverse.stations import Stations
+from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, LOCATED_COLOUR, REPAIRED_COLOUR, Shown, shown_models
 from legfem.report.located import Place, places_of
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
@@ -126,7 +126,7 @@ def _draw_residual(
     found: Diagnosis,
     number: int,
     segment: int,
-    fits: Sequence[tuple[Fit, str, str]],
+    fits: Sequence[tuple[LinearisedFit, str, str]],
     places: Sequence[Place],
 ) -> None:
     stations = found.observed.protocols[number]

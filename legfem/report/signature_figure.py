@@ -9,9 +9,9 @@ from matplotlib.lines import Line2D
 
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import HOLD
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.score import Signature
-from legfem.diagnose.stations import Stations
+from legfem.inverse.location import Signature
+from legfem.inverse.stations import Stations
+from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis_style import CONTRADICTED_COLOUR, REPAIRED_COLOUR, plain
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 from legfem.report.words import probability

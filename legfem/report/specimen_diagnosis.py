@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.documents import json_types, write_document
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import document, parameters
+from legfem.inverse.verdict import Diagnosis
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis import write_diagnosis_report
+from legfem.report.diagnosis_document import document, parameters
 from legfem.report.diagnosis_style import model_name
 from legfem.report.folder import REPORT, made_in_place
 from legfem.report.text import bullets, fill, table

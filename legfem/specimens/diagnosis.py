@@ -15,14 +15,14 @@ from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.recording import Origin
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.library_build import build_library, middle_of, shown_mechanisms
-from legfem.diagnose.nuisances import Accuracy
-from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.run import STIFFENING, diagnose_body
-from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.inverse.catalogue import RATIO
+from legfem.inverse.library_build import build_library, middle_of
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.responses import PLAIN, SolvedResponses
+from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.key import code_fingerprint
+from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
+from legfem.legs.nuisances import Accuracy
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
@@ -43,7 +43,7 @@ _DRAWN = Accuracy(size_sd=1e-3)
 
 @dataclass(frozen=True, eq=False)
 class DiagnosedSpecimen:
-    """One specimen's diagnosis, a `legfem.diagnose.document.Recorded`."""
+    """One specimen's diagnosis, a `legfem.report.diagnosis_document.Recorded`."""
 
     id: str
     title: str

@@ -13,7 +13,7 @@ from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.formats import READERS, is_litter, recording_files
-from legfem.data.plausibility import refuse_copies
+from legfem.data.plausibility import refuse_copies, trial_doubts
 from legfem.data.reader import read_samples
 from legfem.data.recording import Origin
 from legfem.specimens.course import course_of, read_specimen
@@ -129,6 +129,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             course = course_of(trial, given.tissue.returns)
             source = str(samples.source or samples.trial)
             doubts += doubts_about_course(source, course, sizes[entry])
+            doubts += trial_doubts(trial)
             refuse_copies(samples, [one.recording for one in used])
         except InputError as error:
             left.append(LeftOut(name, str(error)))

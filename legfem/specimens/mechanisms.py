@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
-from legfem.diagnose.mechanisms.base import factor, prior_of
 from legfem.experiments.uniaxial import Bar
+from legfem.inverse.mechanism import factor, prior_of
 from legfem.inverse.parameter import Parameter
+from legfem.legs.mechanisms import Mechanism, TissueMechanism
 from legfem.specimens.rig import RigCompliance, mechanisms_on_a_rig
 from legfem.specimens.sizes import Sizes, bare, layered
 from legfem.specimens.slipping import slipping

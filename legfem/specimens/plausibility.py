@@ -10,7 +10,7 @@ from pathlib import Path
 
 from legfem.common.doubts import Doubt, PhysicalRange
 from legfem.common.units import mpa_to_kpa
-from legfem.data.plausibility import counts_samples, cut_off, spike_doubts
+from legfem.data.plausibility import loading_doubts
 from legfem.experiments.axisymmetric import CylinderBetweenPlates
 from legfem.experiments.uniaxial import Bar
 from legfem.specimens import ranges
@@ -74,23 +74,14 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
             source, "displacement_mm", share, f"check that {course.depth:.3g} mm are right, and the specimen's sizes"
         )
     yield from ranges.SPEED.doubts(source, "time_s", course.rate, "check that time is in s (not min or ms)")
-    yield from spike_doubts(source, course.samples)
     loading = course.samples.time <= course.arrival
-    time, force = course.samples.time[loading], course.samples.force[loading]
-    if counts_samples(time):
-        yield Doubt(
-            source,
-            "time_s",
-            "goes up by exactly 1 from row to row, as a count of samples",
-            "divide it by the sampling rate in Hz",
-        )
-    if cut_off(course.samples.displacement[loading], force) > _CUT_OFF * course.depth:
-        yield Doubt(
-            source,
-            "force_N",
-            f"stays at {force.max():.3g} N while the drive goes on, as a load cell or an amplifier at its limit does",
-            "use a larger range, or remove what lies beyond",
-        )
+    yield from loading_doubts(
+        source,
+        course.samples.time[loading],
+        course.samples.displacement[loading],
+        course.samples.force[loading],
+        _CUT_OFF,
+    )
 
 
 def doubts_about_stiffness(source: Path, c10: float, names: Sequence[str], field: str) -> Iterator[Doubt]:

@@ -5,7 +5,7 @@ r"""Relaxation of a whole specimen, quasi-linear: what its past makes of the ela
 with the elastic force :math:`F_e` of the same motion (Y. C. Fung, Biomechanics (1993), section
 7.6). Exact where all of the specimen is strained alike, and at small strain under an indenter whose
 contact grows (E. H. Lee, J. R. M. Radok, J. Appl. Mech. 27 (1960) 438-444). The branches are those
-of `legfem.diagnose.mechanisms.viscoelasticity`.
+of `legfem.legs.mechanisms.viscoelasticity`.
 
 Tissue may relax the faster the more it is strained, which two rates of loading show (a slower one
 would take up that no spectrum is quite log-normal). Its clock then
@@ -27,8 +27,8 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity, spectrum
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation, spectrum
 
 QUICKENING = "viscoelasticity.quickening"
 _MOST = 3.0
@@ -40,7 +40,7 @@ def relaxation_parameters() -> tuple[Parameter, ...]:
     """Return ratio, middle and spread of the spectrum within bounds alone, and the quickening."""
     spectral = tuple(
         replace(one, name=f"viscoelasticity.{one.name}", prior=None, role="identified")
-        for one in Viscoelasticity.parameters
+        for one in TissueRelaxation.parameters
     )
     quickening = Parameter(
         QUICKENING,

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Mechanism, Values, mechanisms
-from legfem.diagnose.mechanisms.support_compliance import SupportCompliance
-from legfem.diagnose.observations import Observations
+from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
+from legfem.legs.mechanisms import Mechanism, Values, mechanisms
+from legfem.legs.mechanisms.support_compliance import SupportCompliance
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Solution, TissueMechanism, mechanisms
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S
-from legfem.diagnose.models import Displaced, Stopped
-from legfem.diagnose.nuisances import SIZE
-from legfem.diagnose.solved import PLAIN
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.suction import SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.inverse.responses import PLAIN, Displaced, Stopped
+from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S
+from legfem.legs.nuisances import SIZE
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres, Tissue
 from legfem.solve.path import Path
@@ -52,7 +51,7 @@ type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
 
 @dataclass(eq=False)
 class SpecimenVariants:
-    """A specimen's models, `legfem.diagnose.models.Models`, made when first asked for.
+    """A specimen's models, `legfem.inverse.responses.BodyModels`, made when first asked for.
 
     Parameters
     ----------
@@ -191,7 +190,7 @@ class SpecimenVariants:
         sensitivities: Sequence[str] = (),
         placement: Placement | None = None,
     ) -> Path | Stopped:
-        """Solve a protocol, as `legfem.diagnose.variants.Variants.follow` does for a leg.
+        """Solve a protocol, as `legfem.legs.variants.LegVariants.follow` does for a leg.
 
         Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
         are as much softer in the solution as the force is scaled up.

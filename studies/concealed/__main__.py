@@ -35,7 +35,7 @@ def concealed(
     resume = "run the same command again to go on; what is done is kept"
     with study_edge("concealed", out, jobs, resume) as (folder, processes):
         from legfem.common.errors import InputError
-        from legfem.diagnose.leg import library_folder
+        from legfem.legs.variants import library_folder
         from studies.concealed import command
 
         if make is None and not run and not score:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from legfem.diagnose.predict import LawName
+from legfem.inverse.predictor import LawName
 from legfem.solve.protocol import Protocol
 from studies.concealed.forms import FORMS, NAMED, OUTSIDE, drawn_values
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment
-from legfem.diagnose.observations import Observations
-from legfem.diagnose.stations import read_at
+from legfem.inverse.observations import Observations
+from legfem.inverse.stations import read_at
 from studies.lab.conditions import drawn_errors
 from studies.lab.recording import Course, record
 

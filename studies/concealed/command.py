@@ -7,9 +7,9 @@ from pathlib import Path
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import Progress
-from legfem.diagnose.run import Diagnoser
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
 from legfem.report.style import save
 from studies.concealed.cases import make_cases
 from studies.concealed.making import Maker, make

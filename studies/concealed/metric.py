@@ -14,10 +14,10 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.mechanisms.base import null_of
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.mechanism import null_of
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.checkpoint import write_arrays
 
 _STIFFNESSES = {"C10": 33, "C20": 17}

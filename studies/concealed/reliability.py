@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN
+from legfem.inverse.explain import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN
 from studies.concealed.cases import SHARES
 from studies.concealed.forms import NAMED, OUTSIDE
 from studies.lab.rate import Rate

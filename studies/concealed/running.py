@@ -9,12 +9,12 @@ from typing import Any
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
-from legfem.diagnose.document import document
-from legfem.diagnose.run import Diagnoser
 from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
+from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.loading import load_subject
+from legfem.report.diagnosis_document import document
 from studies.concealed.metric import Metric
 
 
@@ -38,7 +38,7 @@ def diagnoses(out: Path, diagnoser: Diagnoser, seed: int = 0) -> Store[dict[str,
         out / "diagnoses",
         dict[str, Any],
         (diagnoser.correction, seed),
-        ("legfem.diagnose.run", "legfem.diagnose.document"),
+        ("legfem.legs.diagnosis", "legfem.report.diagnosis_document"),
         named=lambda one: one[0],
     )
 

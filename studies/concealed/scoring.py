@@ -11,7 +11,7 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.diagnose.run import Diagnoser
+from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.loading import load_subject
 from studies.concealed.cases import SealedCase
 from studies.concealed.change import change_at_stations

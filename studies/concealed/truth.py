@@ -16,13 +16,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.diagnose.mechanisms import Solution, TissueMechanism
-from legfem.diagnose.mechanisms.registry import mechanism_named
-from legfem.diagnose.models import Stopped
-from legfem.diagnose.variants import Variants
+from legfem.inverse.responses import Stopped
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.mechanisms import Solution, TissueMechanism, mechanism_named
 from legfem.legs.subject import Subject
+from legfem.legs.variants import LegVariants
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
@@ -82,7 +81,7 @@ class Truths:
     leg: Subject
     folder: Path
     correction: TabulatedCorrection
-    _variants: dict[str, Variants] = field(default_factory=dict, repr=False)
+    _variants: dict[str, LegVariants] = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave finite-element models out."""
@@ -168,7 +167,7 @@ class Truths:
         return self._solved(case, effects, Protocol.ramp(DEPTH_MM, ELASTIC_RATE))
 
     def _solved(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse | None:
-        modules = ("studies.concealed.other_code" if case.code == "felupe" else "legfem.diagnose.variants",)
+        modules = ("studies.concealed.other_code" if case.code == "felupe" else "legfem.legs.variants",)
         store = Store(self.folder, ForceCourse, _leg_of(self.leg), modules)
         asked = [
             case.code,
@@ -206,10 +205,10 @@ class Truths:
         time = np.concatenate([*parts, [protocol.duration]])
         return ForceCourse.of(time, path.force_at(time))
 
-    def _made(self, settings: Any) -> Variants:
+    def _made(self, settings: Any) -> LegVariants:
         from legfem.legs.experiments import tissues_of
 
-        return Variants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings)
+        return LegVariants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings)
 
     def _by_other_code(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse:
         from studies.concealed.other_code import OtherCode

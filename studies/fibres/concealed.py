@@ -16,16 +16,15 @@ import numpy as np
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
 from legfem.data import segment_all
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.library_build import with_correction
-from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
-from legfem.diagnose.observations import observe
-from legfem.diagnose.run import diagnose_body
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
+from legfem.inverse.observations import observe
+from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import Store
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import diagnose_body, with_correction
+from legfem.legs.mechanisms.end_effects import EndEffects
+from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material

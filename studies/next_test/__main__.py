@@ -34,7 +34,7 @@ def next_test(
     """
     resume = "run the same command again to go on; what is done is kept"
     with study_edge("next_test", out, jobs, resume) as (folder, processes):
-        from legfem.diagnose.leg import library_folder
+        from legfem.legs.variants import library_folder
         from studies.next_test import command
 
         options = command.NextTestOptions(cases, folder, library or library_folder(), most, seed, processes)

@@ -8,11 +8,11 @@ from pathlib import Path
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
 from studies.concealed.running import asked, case_folders, diagnoses
 from studies.next_test.page import page, tried_document
 from studies.next_test.trying import Lab, Tried, try_case
@@ -53,7 +53,7 @@ def run(options: NextTestOptions, progress: Progress) -> list[str]:
         options.out / "tried",
         Tried,
         (correction, options.seed),
-        ("studies.next_test.trying", "legfem.diagnose.run"),
+        ("studies.next_test.trying", "legfem.legs.diagnosis"),
         named=lambda one: one[0],
     )
     with Workers(try_case, lab, options.jobs) as workers:

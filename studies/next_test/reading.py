@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.mechanisms.base import null_of, prior_of
+from legfem.inverse.mechanism import null_of, prior_of
+from legfem.legs.mechanisms import Mechanism
 from legfem.legs.subject import MeasuredEffect
 from studies.concealed.cases import SealedCase
 from studies.concealed.legs import SealedLeg

@@ -19,17 +19,16 @@ import numpy as np
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.leg import solved_responses
-from legfem.diagnose.library_build import build_library
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, diagnose_body, ruled_out_of
+from legfem.inverse.library_build import build_library
+from legfem.inverse.plan import Design, DesignValue, DirectReadings
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
+from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, diagnose_body, ruled_out_of
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import Mechanism
+from legfem.legs.plan import plan_after
 from legfem.legs.subject import Subject
-from legfem.plan.designs import Design, Readings
-from legfem.plan.reckon import Reckoned
-from legfem.plan.run import plan_after
+from legfem.legs.variants import solved_responses
 from legfem.solve.protocol import Protocol
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
 from studies.concealed.legs import SealedLeg, sealed_leg
@@ -139,14 +138,14 @@ def as_driven(protocol: Protocol) -> Protocol:
     return Protocol(protocol.time, tuple(min(d, DEPTH_MM) for d in protocol.displacement))
 
 
-def can_be_made(design: Design | Readings, case: SealedCase) -> bool:
+def can_be_made(design: Design | DirectReadings, case: SealedCase) -> bool:
     """Tell whether the study knows what the leg does in a test.
 
     Truths go to the depth of the cases, under their cylinder, on the outlines that are stated; the
     other code's friction is known in loading alone. Some concealed forms have no strength that
     could be read.
     """
-    if isinstance(design, Readings):
+    if isinstance(design, DirectReadings):
         return all(can_be_read(m, case) for m in design.mechanisms)
     if design.length_factor != 1.0 or design.outlines_known or design.contact_known:
         return False
@@ -188,10 +187,10 @@ def try_case(lab: Lab, folder: Path) -> Tried:
     return replace(told, proposed=proposed, random=random, why="")
 
 
-def _outcome(lab: Lab, case: SealedCase, subject: Subject, before: Diagnosis, asked: Reckoned) -> Outcome | None:
+def _outcome(lab: Lab, case: SealedCase, subject: Subject, before: Diagnosis, asked: DesignValue) -> Outcome | None:
     """Make a test, and diagnose all that is known then."""
     design = asked.design
-    if isinstance(design, Readings):
+    if isinstance(design, DirectReadings):
         found = lab.diagnoser.diagnose(_read(lab, case, subject, design), Silent())
     else:
         new = lab.recorded(case, design)
@@ -209,7 +208,7 @@ def _outcome(lab: Lab, case: SealedCase, subject: Subject, before: Diagnosis, as
     return Outcome(design.name, asked.chance, found.verdict, models, right)
 
 
-def _read(lab: Lab, case: SealedCase, subject: Subject, asked: Readings) -> Subject:
+def _read(lab: Lab, case: SealedCase, subject: Subject, asked: DirectReadings) -> Subject:
     """Return a subject with readings of effects in its folder's ``[[measured]]``."""
     seeds = [case.noise_seed, 24]
     found = readings_of(asked.mechanisms, case, lab.leg(case.leg)[0], np.random.default_rng(seeds))

@@ -39,7 +39,7 @@ def nulls(
     """
     resume = "run the same command again to go on; what is done is kept"
     with study_edge("nulls", out, jobs, resume) as (folder, processes):
-        from legfem.diagnose.leg import library_folder
+        from legfem.legs.variants import library_folder
         from studies.nulls import command
 
         with progress_on() as progress:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.diagnose.run import Diagnoser
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
 from studies.lab.outcomes import written
 from studies.lab.rate import Rate
 from studies.nulls.conditions import CONDITIONS, null_tasks

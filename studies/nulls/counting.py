@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.progress import Progress, Silent
-from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
+from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.subject import Subject
 from studies.lab.conditions import drawn_errors, drawn_misstatement
 from studies.lab.outcomes import said_line
@@ -22,7 +22,7 @@ from studies.lab.stated import misstated
 from studies.nulls.conditions import NullTask, condition_named
 from studies.nulls.curves import TRIALS, CleanCurve, clean_curve
 
-MODULES = ("legfem.diagnose.run", "studies.nulls.counting")
+MODULES = ("legfem.legs.diagnosis", "studies.nulls.counting")
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.data import Recording
 from legfem.data.smoothing import sample_noise
-from legfem.diagnose.mechanisms import Mechanism, Values
-from legfem.diagnose.mechanisms.base import strength
-from legfem.diagnose.observations import Observations
+from legfem.inverse.mechanism import strength
+from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
+from legfem.legs.mechanisms import Mechanism, Values
 
 _LEAST_SHARE = 0.05
 """Of the peak force: less isn't called a drop."""

@@ -12,20 +12,20 @@ from scipy.interpolate import PchipInterpolator
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, segment, segment_all
 from legfem.data.smoothing import sample_noise
-from legfem.diagnose.diagnosis import slowest_of
-from legfem.diagnose.explain import explain
-from legfem.diagnose.explanation import Explained, Explanation
-from legfem.diagnose.fit import Fit, Problem, fit, fit_base
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.mechanisms.contact_onset import ContactOnset
-from legfem.diagnose.mechanisms.force_drift import ForceDrift
-from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
-from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
-from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.predict import Predictor
-from legfem.diagnose.unknown import unknown_errors, with_unknown
+from legfem.inverse.discrepancy import possible_discrepancies, with_discrepancy
 from legfem.inverse.errors import error_model
+from legfem.inverse.explain import explain
+from legfem.inverse.explanation import Explained, Explanation
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, fit_base
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise
+from legfem.inverse.verdict import slowest_of
+from legfem.legs.mechanisms import Mechanism
+from legfem.legs.mechanisms.contact_onset import ContactOnset
+from legfem.legs.mechanisms.force_drift import ForceDrift
+from legfem.legs.mechanisms.strain_stiffening import StrainStiffening
+from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
 from legfem.specimens.rig import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest
@@ -87,7 +87,7 @@ class Indented:
     def relaxation(self) -> tuple[float, ...]:
         """Ratio, middle (s) and spread of the spectrum; empty where nothing relaxes."""
         values = self.best.fit.values
-        names = [f"viscoelasticity.{p.name}" for p in Viscoelasticity.parameters]
+        names = [f"viscoelasticity.{p.name}" for p in TissueRelaxation.parameters]
         return tuple(values[name] for name in names if name in values)
 
     @property
@@ -142,12 +142,12 @@ def study_indentation(test: MeatTest, layers: LayerCurves) -> Indented:
     )
 
 
-def fitted_base(predictor: Predictor, instrument: Instrument) -> tuple[Problem, Fit]:
+def fitted_base(predictor: Predictor, instrument: Instrument) -> tuple[LinearisedProblem, LinearisedFit]:
     """Fit the elastic model, with the errors granted to instrument and indenter."""
     observed = predictor.observed
     noise = estimate_noise(observed, instrument, slowest_of(observed))
     shapes = shape_errors(observed)
-    problem = Problem(predictor, error_model(observed, noise, observed.force, shapes))
+    problem = LinearisedProblem(predictor, error_model(observed, noise, observed.force, shapes))
     base = fit_base(problem, [{"C10": c10} for c10 in (1.0, 5.0, 25.0)])
     problem = problem.with_errors(error_model(observed, noise, base.prediction, shapes))
     return problem, fit(problem, (), base.values)
@@ -178,10 +178,10 @@ def predicted(explanation: Explanation, whole: Observations, motion: Motion) -> 
     known = predictor(explanation.fit.values, explanation.fit.mechanisms)
     noise = explanation.problem.errors.noise
     errors = error_model(whole, noise, known, shape_errors(whole))
-    unknown = unknown_errors(whole, known)[int(np.argmax(explanation.posterior.of_unknown))]
-    errors = with_unknown(errors, unknown)
+    unknown = possible_discrepancies(whole, known)[int(np.argmax(explanation.posterior.of_unknown))]
+    errors = with_discrepancy(errors, unknown)
     kept = motion.at_stations(whole) <= motion.time[-1] - HELD_OUT_S
-    problem = Problem(predictor, errors).without(~kept)
+    problem = LinearisedProblem(predictor, errors).without(~kept)
     fitted = fit(problem, explanation.fit.mechanisms, explanation.fit.values)
     total = errors.covariance
     weights = np.linalg.solve(total[np.ix_(kept, kept)], fitted.residual[kept])
@@ -193,7 +193,7 @@ def candidates(observed: Observations, drops: Sequence[Drop] = ()) -> list[Mecha
     """Return the mechanisms that such tests may show."""
     contact = observed.contacts[0].displacement
     return [
-        Viscoelasticity(),
+        TissueRelaxation(),
         StrainStiffening(),
         ContactOnset(),
         RigCompliance(),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment
 from legfem.data.segmentation import AIR, HOLD
-from legfem.diagnose.observations import Observations
+from legfem.inverse.observations import Observations
 
 _HELD_WITHIN_MM = 0.02
 _BACK_SHARE = 0.02

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
-from legfem.diagnose.observations import Observations
+from legfem.inverse.observations import Observations
+from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
 from studies.recordings.curves import ElasticCurves
 from studies.recordings.motion import Motion
 
@@ -30,7 +30,7 @@ _KEPT = 50
 
 @dataclass(frozen=True, eq=False)
 class SpecimenResponses:
-    """Responses of one specimen; see `legfem.diagnose.predict.Responses`.
+    """Responses of one specimen; see `legfem.inverse.predictor.Responses`.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class SpecimenResponses:
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what relaxation adds to the elastic force, over that force; (n,)."""
-        if not isinstance(mechanism, Viscoelasticity) or self.motion is None:
+        if not isinstance(mechanism, TissueRelaxation) or self.motion is None:
             raise TypeError(f"no response to {mechanism.name}")
         c10, c20 = at
         share = c20 / (c10 + c20)

@@ -33,7 +33,7 @@ def redrawn(
     """
     resume = "run the same command again to go on; what is done is kept"
     with study_edge("redrawn", out, jobs, resume) as (folder, processes):
-        from legfem.diagnose.leg import library_folder
+        from legfem.legs.variants import library_folder
         from studies.redrawn import command
 
         with progress_on() as progress:

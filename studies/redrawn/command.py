@@ -11,9 +11,9 @@ import numpy as np
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.diagnose.run import Diagnoser
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
 from studies.lab.outcomes import written
 from studies.lab.rate import Rate
 from studies.redrawn.drawing import Redrawer, RedrawnOutcome, RedrawnTask, diagnose_each

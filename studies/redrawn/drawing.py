@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.progress import Progress, Silent
-from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
+from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.subject import Subject
 from studies.lab.conditions import drawn_errors
 from studies.lab.outcomes import said_line
 from studies.lab.recording import INSTRUMENT, record
 from studies.redrawn.foreign import ForeignCase, foreign_case
 
-MODULES = ("legfem.diagnose.run", "studies.redrawn.drawing")
+MODULES = ("legfem.legs.diagnosis", "studies.redrawn.drawing")
 
 
 @dataclass(frozen=True)

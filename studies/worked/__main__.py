@@ -37,7 +37,7 @@ def worked(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with study_edge("worked", out, jobs, resume) as (folder, processes):
-        from legfem.diagnose.leg import library_folder
+        from legfem.legs.variants import library_folder
         from studies.worked import command
 
         chosen = [entry.value for entry in example or WorkedExample]

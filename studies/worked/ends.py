@@ -11,12 +11,11 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.data import Recording, segment_all
 from legfem.data.recording import Origin, write_recording
-from legfem.diagnose.library_build import with_correction
-from legfem.diagnose.observations import observe
-from legfem.diagnose.run import diagnose_body
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
+from legfem.inverse.observations import observe
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.diagnosis import diagnose_body, with_correction
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.solve.settings import StepSettings

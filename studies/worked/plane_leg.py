@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from legfem.common.progress import Progress
-from legfem.diagnose.library import Library
-from legfem.diagnose.library_build import build_library, shown_mechanisms
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
-from legfem.diagnose.mechanisms.base import Solution
-from legfem.diagnose.mechanisms.compressibility import Compressibility
-from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
-from legfem.diagnose.models import Displaced, Stopped
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD
-from legfem.diagnose.observations import Observations
-from legfem.diagnose.solved import SolvedResponses
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
+from legfem.inverse.library import Library
+from legfem.inverse.library_build import build_library
+from legfem.inverse.mechanism import Solution
+from legfem.inverse.observations import Observations
+from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
 from legfem.jobs.key import code_fingerprint
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.diagnosis import shown_mechanisms
+from legfem.legs.mechanisms import Mechanism, TissueMechanism
+from legfem.legs.mechanisms.compressibility import Compressibility
+from legfem.legs.mechanisms.strain_stiffening import StrainStiffening
+from legfem.legs.nuisances import MATERIAL_LOG_SD
 from legfem.solve.protocol import Protocol
 from legfem.specimens.rig import mechanisms_on_a_rig
 from legfem.study.correction.cases import CorrectionCase

@@ -10,15 +10,15 @@ import numpy as np
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.models import Stopped
-from legfem.diagnose.run import Diagnoser
-from legfem.diagnose.variants import Variants
+from legfem.inverse.responses import Stopped
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.experiments import tissues_of
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import Solution
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.variants import LegVariants
 from legfem.solve.protocol import Protocol
 from studies.concealed.cases import DEPTH_MM, FAST, HOLD_S, SLOW, TRIALS, ProtocolName
 from studies.concealed.legs import with_deep_law
@@ -61,7 +61,7 @@ def make_recordings(name: ProtocolName, folder: Path) -> Path:
     leg = load_subject(SUBJECTS.find(SUBJECT), need_recordings=False)
     leg = with_deep_law(leg, "neo-hookean")
     deep = {"deep.C10": kpa_to_mpa(C10_KPA), "deep.C20": kpa_to_mpa(C20_KPA)}
-    model = Variants(leg.section, leg.indenter, tissues_of(leg), TRUTH_SETTINGS)
+    model = LegVariants(leg.section, leg.indenter, tissues_of(leg), TRUTH_SETTINGS)
     path = model.follow(Protocol.ramp(DEPTH_MM, 1.0), deep, Solution())
     if isinstance(path, Stopped):
         raise UnsolvedError(f"strain stiffening: {path.why}")

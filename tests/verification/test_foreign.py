@@ -10,9 +10,9 @@ import pytest
 from making import SHARED
 
 from legfem.common.progress import Silent
-from legfem.diagnose.run import Diagnoser
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import MeasuredEffect
 

@@ -6,17 +6,16 @@ from collections.abc import Iterator, Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded, kind_of, r_squared, versions
-from legfem.diagnose.doubts import doubts_of
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.remains import explained_share
-from legfem.diagnose.sentences import percent, verdict_sentence
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.verdict import Diagnosis, explained_share
+from legfem.legs.diagnosis import doubts_of
 from legfem.legs.elastography import elastography_priors
 from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_tables as tables
+from legfem.report.diagnosis_document import Recorded, kind_of, r_squared, versions
+from legfem.report.diagnosis_sentences import percent, verdict_sentence
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain
 from legfem.report.style import LAW_NAMES
 from legfem.report.web import page as web

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.diagnosis import Diagnosis
+from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
 from legfem.report.located import places_of
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from legfem.diagnose.averaged import widened_by
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.sentences import next_experiments, percent, statements
+from legfem.inverse.averaging import widened_by
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.verdict import Diagnosis
 from legfem.report import diagnosis_tables as tables
+from legfem.report.diagnosis_sentences import next_experiments, percent, statements
 from legfem.report.diagnosis_style import determined
 from legfem.report.estimates import high_or_low
 from legfem.report.located import places_of

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.sentences import next_experiments
+from legfem.inverse.mechanism import null_of
+from legfem.inverse.verdict import Diagnosis
+from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.web import page as web
 from legfem.report.web.diagnosis_headline import capital
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from legfem.data.recording import Origin
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.mechanisms.base import null_of
 from legfem.geometry.section import girth
+from legfem.inverse.mechanism import null_of
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report import diagnosis_tables as tables
+from legfem.report.diagnosis_document import Recorded
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain, shown_models
 from legfem.report.estimates import wave_rows
 from legfem.report.web.page import Known, Provenance

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from legfem.common.doubts import Doubt, doubt_lines
-from legfem.diagnose.sentences import percent
 from legfem.geometry.section import girth
+from legfem.inverse.plan import DesignValue
+from legfem.legs.plan import Expected
 from legfem.legs.subject import Subject
-from legfem.plan.reckon import Reckoned
-from legfem.plan.run import Expected
+from legfem.report.diagnosis_sentences import percent
 from legfem.report.diagnosis_style import plain
 from legfem.report.leg import options_of
 from legfem.report.plan import NOTE, NOTHING, effects_of
@@ -30,7 +30,7 @@ _NOT_WEIGHED = (
 
 
 def plan_web_page(
-    ranked: Sequence[Reckoned],
+    ranked: Sequence[DesignValue],
     subject: Subject,
     expected: Expected,
     doubts: Sequence[Doubt],
@@ -74,11 +74,11 @@ def plan_web_page(
     )
 
 
-def _shown(one: Reckoned, names: Sequence[str], low: float, high: float) -> list[str]:
+def _shown(one: DesignValue, names: Sequence[str], low: float, high: float) -> list[str]:
     return [plain(name) for name in names if low <= one.chances[name, NOTHING] <= high]
 
 
-def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.Headline:
+def _headline(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.Headline:
     heading = "What to test"
     if not ranked:
         return web.Headline(
@@ -116,18 +116,18 @@ def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.Headline:
     )
 
 
-def _never(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
+def _never(ranked: Sequence[DesignValue], names: Sequence[str]) -> list[str]:
     return [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
 
 
-def _warnings(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
+def _warnings(ranked: Sequence[DesignValue], names: Sequence[str]) -> list[str]:
     unseen = _never(ranked, names)
     if not unseen:
         return []
     return [f"No test shows {', '.join(unseen)} with a chance of 20 % or more."]
 
 
-def _tests(ranked: Sequence[Reckoned]) -> Bars:
+def _tests(ranked: Sequence[DesignValue]) -> Bars:
     return Bars(
         "Goodness that whatever is wrong is told from all else",
         ("test", "chance"),
@@ -139,7 +139,7 @@ def _tests(ranked: Sequence[Reckoned]) -> Bars:
     )
 
 
-def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.WebTable:
+def _chances(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.WebTable:
     return web.WebTable(
         "Goodness that a test tells an effect from a leg without it; tests by their rank",
         ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
@@ -147,7 +147,7 @@ def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.WebTable:
     )
 
 
-def _next(ranked: Sequence[Reckoned], subject: Subject) -> list[str]:
+def _next(ranked: Sequence[DesignValue], subject: Subject) -> list[str]:
     folder = options_of(subject)
     return [
         *(f"Test {k}: {one.design.name}." for k, one in enumerate(ranked[:3], 1)),

@@ -1,0 +1,124 @@
+"""A parameter's interval over all explanations of the recordings.
+
+"Nothing was left out" isn't among them. It says of every effect that it is exactly nought, which
+no leg and no rig is; where effects are too small to show, the explanations by each of them say so,
+and how far what is hidden may have moved the parameter. Two may be hidden at once: where pairs
+weren't tried, each is the sum of its parts, about the base model's fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from legfem.inverse.explain import ExplanationPriors
+from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, gain_over, singles_of
+from legfem.inverse.posterior import Mixture
+
+_COUNTS = 1e-4
+"""Probability from which an explanation counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenPair:
+    """Two mechanisms that may be hidden at once, whose model wasn't fitted.
+
+    Parameters
+    ----------
+    names
+        Of the mechanisms.
+    probability
+        Beside all explanations' sum of one.
+    distribution
+        Of a parameter.
+    """
+
+    names: tuple[str, str]
+    probability: float
+    distribution: Mixture
+
+
+def averaged_interval(explained: Explained, name: str, share: float = 0.95) -> tuple[float, float] | None:
+    """Return a parameter's interval over all that may be left out, each with its probability.
+
+    None where no explanation that counts has the parameter.
+    """
+    every = _averaged(explained, name)
+    if not every:
+        return None
+    each = [(e.probability, e.distribution(name)) for e in every]
+    each += [(pair.probability, pair.distribution) for pair in untried_pairs(explained, name)]
+    mixture = Mixture.joined([p for p, _ in each], [one for _, one in each])
+    parameter = next(p for p in every[0].fit.parameters if p.name == name)
+    assert parameter.prior is not None
+    tail = (1 - share) / 2
+    ends = [parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)]
+    return min(ends), max(ends)
+
+
+def widened_by(explained: Explained, name: str) -> Explanation | None:
+    """Return what takes a parameter's interval furthest beyond the base model's, with mechanisms.
+
+    None where nothing does, or the base model hasn't the parameter.
+    """
+    if name not in explained.base.fit.free:
+        return None
+    own = explained.base.distribution(name)
+    low, high = own.quantile(0.025), own.quantile(0.975)
+
+    def beyond(one: Explanation) -> float:
+        mixture = one.distribution(name)
+        return one.probability * (mixture.below(low) + 1.0 - mixture.below(high))
+
+    every = [e for e in _averaged(explained, name) if e.names]
+    return max(every, key=beyond, default=None)
+
+
+def _averaged(explained: Explained, name: str) -> list[Explanation]:
+    every = [e for e in explained.every if e.probability > _COUNTS and name in e.fit.free]
+    return [e for e in every if not e.nothing] or every
+
+
+def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
+    """Return the pairs of mechanisms that weren't tried, for a parameter's interval.
+
+    Linear about the base model's fit, and as if the recordings bound each effect by itself: where
+    they bound the sum, this is somewhat too wide.
+    """
+    base = explained.base
+    like = next((e for e in explained.every if not e.nothing), None)
+    if like is None or name not in base.fit.free:
+        return []
+    alone = singles_of(explained.every).values()
+    priors = ExplanationPriors.among([e.fit.mechanisms[0] for e in alone])
+    # Two that explain the same misfit don't add: those that explain none do.
+    singles = [e for e in alone if name in e.fit.free and gain_over(e, base) < ADDS_FROM]
+    each = {e.names[0]: e.distribution(name) for e in singles}
+    # What all have in common: the base model's, and what is unknown beside any mechanism.
+    mean, variance = base.distribution(name).moments
+    common = mean, max(variance, min((one.moments[1] for one in each.values()), default=0.0))
+    tried = {frozenset(e.names) for e in explained.every}
+    found = []
+    for one, other in combinations(singles, 2):
+        names = one.names[0], other.names[0]
+        log_evidence = one.posterior.log_evidence + gain_over(other, base)
+        log_weight = priors.log_of(*names) + log_evidence
+        probability = like.probability * float(np.exp(log_weight - like.log_weight))
+        if frozenset(names) not in tried and probability > _COUNTS:
+            summed = _sum(each[names[0]], each[names[1]], common)
+            found.append(HiddenPair(names, probability, summed))
+    return found
+
+
+def _sum(one: Mixture, other: Mixture, common: tuple[float, float]) -> Mixture:
+    """Return the distribution where two shifts add, each beside a common mean and variance."""
+    wider, other = sorted((one, other), key=lambda m: -m.moments[1])
+    mean, variance = np.subtract(other.moments, common)
+    return Mixture(
+        wider.weights,
+        wider.means + mean,
+        np.sqrt(wider.sds**2 + max(variance, 0.0)),
+        np.minimum(wider.degrees, other.degrees.min()),
+    )

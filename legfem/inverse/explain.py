@@ -1,0 +1,389 @@
+"""Probabilities of all explanations of the recordings.
+
+An explanation is the base model alone, one mechanism, two, or a discrepancy of no known form. Its weight is its prior
+times its evidence. Beside a mechanism a discrepancy may be left: then it is named in part. Leading explanations are
+refitted about full finite-element solutions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.inverse.discrepancy import Discrepancy, possible_discrepancies, with_discrepancy
+from legfem.inverse.evidence import Evidence, probabilities
+from legfem.inverse.explanation import INEXACT, Explained, Explanation, counts_for, gain_over, singles_of
+from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, ordinary_fit
+from legfem.inverse.mechanism import Mechanism
+from legfem.inverse.posterior import Posterior
+from legfem.inverse.predictor import Predictor, Responses
+
+PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
+"""Of all explanations of a kind together: one effect is expected in a test, by Poisson's
+distribution none, one or two; what is left is more than two, or what no mechanism describes."""
+
+
+@dataclass(frozen=True)
+class ExplanationPriors:
+    """How probable mechanisms are before the recordings, alone and in pairs.
+
+    Parameters
+    ----------
+    expected
+        By name, how often each is there, over the others; see `Mechanism.expected`.
+    """
+
+    expected: Mapping[str, float]
+
+    @classmethod
+    def among(cls, mechanisms: Sequence[Mechanism]) -> ExplanationPriors:
+        """Return the priors of the mechanisms that recordings can show."""
+        return cls({m.name: m.expected for m in mechanisms})
+
+    def log_of(self, *names: str) -> float:
+        """Return the logarithm of the prior of one mechanism or of two."""
+        each = np.array(list(self.expected.values()))
+        own = np.prod([self.expected[name] for name in names])
+        if len(names) == 1:
+            return float(np.log(PRIOR_SINGLE * own / each.sum()))
+        return float(np.log(PRIOR_PAIR * own / (0.5 * (each.sum() ** 2 - each @ each))))
+
+
+def with_probabilities(found: Sequence[Explanation]) -> list[Explanation]:
+    """Return explanations with their probabilities, the most probable first."""
+    shares = probabilities([e.log_weight for e in found])
+    each = [replace(e, probability=float(p)) for e, p in zip(found, shares, strict=True)]
+    return sorted(each, key=lambda e: -e.probability)
+
+
+INEXACT_SHARE = 0.4
+"""Of what shows of a mechanism, what its form may leave at most."""
+CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
+PAIRS_OF, PAIRS_WITH = 3, 7
+"""The best single mechanisms are tried in pairs with more of them, the first with all; so are those
+that may be what was left out once full solutions stand behind them."""
+type Confirm = Callable[[LinearisedProblem, LinearisedFit], tuple[LinearisedProblem, LinearisedFit, bool]]
+"""Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
+
+
+def explain(
+    problem: LinearisedProblem,
+    base: LinearisedFit,
+    mechanisms: Sequence[Mechanism],
+    confirm: Confirm | None = None,
+    start: Mapping[str, float] | None = None,
+) -> Explained:
+    """Return how probable every explanation is.
+
+    Parameters
+    ----------
+    problem
+        The observations.
+    base
+        The base model's fit.
+    mechanisms
+        Those that the recordings can show.
+    confirm
+        Refits about a full solution; emulated ones stand without it.
+    start
+        Base parameters that searches begin with; the base model's fit without it.
+    """
+    unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
+    evidence = Evidence(problem.errors, unknowns)
+    found = [_base(problem, base, evidence, unknowns, False)]
+    found.append(_base(problem, base, evidence, unknowns, True))
+    priors = ExplanationPriors.among(mechanisms)
+    singles = [
+        _explanation(problem, fit(problem, [m], start or base.values), base, evidence, unknowns, priors.log_of(m.name))
+        for m in mechanisms
+    ]
+    singles.sort(key=lambda e: -e.log_weight)
+    found += singles
+    pairs = _pairs(singles) if _open(found) else []
+    while True:
+        found += [
+            _explanation(
+                one.problem,
+                _joint(one.problem, one, other),
+                base,
+                evidence,
+                unknowns,
+                priors.log_of(*one.names, *other.names),
+            )
+            for one, other in pairs
+        ]
+        found = with_probabilities(found)
+        if confirm is not None:
+            found = _confirmed(found, base, evidence, unknowns, confirm)
+        pairs = _untried(found)
+        if not pairs:
+            found = _integrated(found, evidence, unknowns)
+            return Explained(tuple(found), _nothing(found))
+
+
+def _nothing(found: Sequence[Explanation]) -> Explanation:
+    return next(e for e in found if e.nothing)
+
+
+def _open(found: Sequence[Explanation]) -> bool:
+    """Tell whether pairs may matter: nothing alone isn't what most probably describes the data."""
+    return not with_probabilities(found)[0].nothing
+
+
+def _base(
+    problem: LinearisedProblem,
+    base: LinearisedFit,
+    evidence: Evidence,
+    unknowns: Sequence[Discrepancy],
+    unknown: bool,
+    confirmed: bool = False,
+) -> Explanation:
+    """Return the base model alone, or with something unknown."""
+    shares = [
+        (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
+        for u in unknowns
+    ]
+    posterior = laplace_posterior(problem, evidence, base, shares)
+    prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
+    return Explanation(problem, base, posterior, prior, unknown, confirmed)
+
+
+def _explanation(
+    problem: LinearisedProblem,
+    fitted: LinearisedFit,
+    base: LinearisedFit,
+    evidence: Evidence,
+    unknowns: Sequence[Discrepancy],
+    log_prior: float,
+    confirmed: bool = False,
+) -> Explanation:
+    shares = _shares_beside(problem, fitted, base, unknowns)
+    posterior, plain = laplace_posterior(problem, evidence, fitted, shares), fitted
+    if posterior.unknown > 0.5:
+        # Beside something unknown the parameters are elsewhere than a fit without it finds them,
+        # and the evidence is linear about where they are.
+        aware = _beside(problem, fitted, _aware(problem, posterior, unknowns))
+        again = laplace_posterior(problem, evidence, aware, shares)
+        if again.log_evidence > posterior.log_evidence:
+            fitted, posterior = aware, again
+    of_any_width = posterior.log_evidence + gain_of_widths(fitted, posterior)
+    return Explanation(
+        problem,
+        fitted,
+        replace(posterior, log_evidence=of_any_width),
+        log_prior,
+        False,
+        confirmed,
+        shares=tuple(shares),
+        fit_alone=None if fitted is plain else plain,
+    )
+
+
+def _shares_beside(
+    problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit, unknowns: Sequence[Discrepancy]
+) -> list[float]:
+    """Return the logarithms of the shares of unknown errors beside a model with mechanisms."""
+    shown = shown_effect(problem, fitted, base)
+    largest = float(np.abs(base.prediction).max())
+    most = INEXACT_SHARE * shown / largest
+    fits = [u.covariance is not None and u.size <= max(most, unknowns[1].size) for u in unknowns]
+    share = np.log(INEXACT / max(sum(fits), 1))
+    return [
+        float(np.log(1 - INEXACT)) if u.covariance is None else (float(share) if small else -np.inf)
+        for u, small in zip(unknowns, fits, strict=True)
+    ]
+
+
+def _integrated(found: list[Explanation], evidence: Evidence, unknowns: Sequence[Discrepancy]) -> list[Explanation]:
+    """Integrate out the strength of every explanation that may be what was left out."""
+    while waiting := [e for e in found if e.names and not e.whole and e.probability >= CONFIRMED_FROM]:
+        for one in waiting:
+            problem = one.problem
+            # Steps are fitted as the fit itself was, or they begin at another minimum.
+            aware = None if one.fit_alone is None else _aware(problem, one.posterior, unknowns)
+            posterior = integrate_strength(
+                aware or problem,
+                one.fit,
+                one.posterior,
+                partial(laplace_posterior, problem, evidence, shares=one.shares),
+            )
+            found[found.index(one)] = replace(one, posterior=posterior, whole=True)
+        found = with_probabilities(found)
+    return found
+
+
+def _aware(problem: LinearisedProblem, posterior: Posterior, unknowns: Sequence[Discrepancy]) -> LinearisedProblem:
+    """Return the problem with the most probable of the unknown errors among its own."""
+    most = unknowns[int(np.argmax(posterior.of_unknown))]
+    return problem.with_errors(with_discrepancy(problem.errors, most))
+
+
+def _beside(problem: LinearisedProblem, fitted: LinearisedFit, aware: LinearisedProblem) -> LinearisedFit:
+    """Refit with something unknown among the errors; its misfit is told by the errors alone."""
+    refit = fit(aware, fitted.mechanisms, fitted.values)
+    return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.change))
+
+
+def shown_effect(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> float:
+    """Return the root mean square (N) of what a mechanism changes that the base model can't."""
+    change = fitted.prediction - base.prediction
+    basis = np.linalg.qr(base.jacobian)[0]
+    white = problem.whitened(change)
+    rest = problem.errors.lower @ (white - basis @ (basis.T @ white)) if problem.kept is None else change
+    return float(np.sqrt(np.mean(rest**2)))
+
+
+def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
+    """Return the best with every other, which it may hide, and the next with the better ones."""
+    found: dict[frozenset[str], tuple[Explanation, Explanation]] = {}
+    for place, one in enumerate(singles[:PAIRS_OF]):
+        for other in singles if place == 0 else singles[:PAIRS_WITH]:
+            key = frozenset([*one.names, *other.names])
+            if len(key) == 2:
+                found.setdefault(key, (one, other))
+    return list(found.values())
+
+
+def _untried(found: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
+    """Return the pairs that weren't tried of mechanisms that may be what was left out.
+
+    Each of these is tried with all others: pairs that explain no more count for their mechanism, so
+    one with fewer of them would seem less probable. Full solutions may change which these are.
+    """
+    singles = sorted(singles_of(found).values(), key=lambda e: -e.log_weight)
+    tried = {frozenset(e.names) for e in found}
+    missing: dict[frozenset[str], tuple[Explanation, Explanation]] = {}
+    for place, one in enumerate(singles if _open(found) else ()):
+        for other in singles if place == 0 or one.probability >= CONFIRMED_FROM else ():
+            key = frozenset([*one.names, *other.names])
+            if len(key) == 2 and key not in tried:
+                missing.setdefault(key, (one, other))
+    return list(missing.values())
+
+
+def _joint(problem: LinearisedProblem, one: Explanation, other: Explanation) -> LinearisedFit:
+    """Return the fit of two mechanisms, begun from what each explained."""
+    shapes = {k: v for k, v in other.fit.values.items() if k.split(".")[0] in other.names}
+    both = [*one.fit.mechanisms, *other.fit.mechanisms]
+    return fit(problem, both, {**one.fit.values, **shapes})
+
+
+def _confirmed(
+    found: list[Explanation], base: LinearisedFit, evidence: Evidence, unknowns: Sequence[Discrepancy], confirm: Confirm
+) -> list[Explanation]:
+    """Refit the leading explanations about full solutions, until none of them is emulated.
+
+    Those that explain no more than nothing does stay emulated: they change no verdict.
+    """
+    nothing = _nothing(found)
+    for _ in range(3):
+        waiting = [
+            e
+            for e in found[:CONFIRMED_MOST]
+            if not e.confirmed
+            and e.names
+            and e.probability >= CONFIRMED_FROM
+            and gain_over(e, nothing) > 0.0
+            and counts_for(e, singles_of(found)) is e
+        ]
+        if not waiting:
+            break
+        for one in waiting:
+            shifted, refit, made = confirm(one.problem, one.fit)
+            again = _explanation(shifted, refit, base, evidence, unknowns, one.log_prior, True)
+            led = _led_by(one, found) if made else []
+            for pair in led:
+                # Its second effect hardly matters: the first one's solution serves both.
+                about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
+                found[found.index(pair)] = _explanation(shifted, about, base, evidence, unknowns, pair.log_prior)
+            found[found.index(one)] = again if made else _as_confirmed(one)
+        found = with_probabilities(found)
+    return found
+
+
+def _led_by(one: Explanation, found: Sequence[Explanation]) -> list[Explanation]:
+    """Return the pairs without a full solution that explain no more than a single mechanism."""
+    singles = singles_of(found)
+    pairs = [e for e in found if len(e.names) > 1 and not e.confirmed and e is not one]
+    return [pair for pair in pairs if counts_for(pair, singles) is one]
+
+
+def _as_confirmed(one: Explanation) -> Explanation:
+    """Return an explanation that can't be confirmed: its solution stopped."""
+    return replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
+
+
+_MOST = 3
+_STAYS = 0.25
+"""Of a trial's noise: a refit that moves the prediction by less stays."""
+
+
+def base_about_solution(
+    problem: LinearisedProblem, base: LinearisedFit, solved: Responses | None
+) -> tuple[LinearisedProblem, LinearisedFit, float]:
+    """Refit the base model about a full solution; return also the emulator's error there.
+
+    Parameters
+    ----------
+    problem
+        The observations.
+    base
+        The base model's fit.
+    solved
+        Full solutions; the fit stands without them.
+    """
+    if solved is None:
+        return problem, base, float("nan")
+    offset = _offset(problem.predictor, base, solved)
+    if offset is None:
+        return problem, base, float("nan")
+    problem = problem.corrected(offset)
+    error = float(np.abs(offset).max() / np.abs(base.prediction).max())
+    return problem, ordinary_fit(problem, [base.values]), error
+
+
+def refitted_about_solutions(
+    solved: Responses, problem: LinearisedProblem, fitted: LinearisedFit
+) -> tuple[LinearisedProblem, LinearisedFit, bool]:
+    """Refit about full solutions until the refit stays; return also whether there was one.
+
+    Fat that slides folds in one way or in another, so that a model may have solutions on several
+    branches at about the same stiffness, and a refit need not stay: then that stands which leaves
+    least.
+
+    Parameters
+    ----------
+    solved
+        Full solutions.
+    problem
+        The observations.
+    fitted
+        What is to be refitted.
+    """
+    made: list[tuple[LinearisedProblem, LinearisedFit]] = []
+    for _ in range(_MOST):
+        offset = _offset(problem.predictor, fitted, solved)
+        if offset is None:
+            break
+        before = fitted.prediction
+        problem = problem.corrected(offset)
+        fitted = fit(problem, fitted.mechanisms, fitted.values)
+        made.append((problem, fitted))
+        if np.abs(fitted.prediction - before).max() < _STAYS * np.median(problem.errors.trial_sd):
+            return *made[-1], True
+    if not made:
+        return problem, fitted, False
+    return *min(made, key=lambda one: one[1].cost), True
+
+
+def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
+    """Return the full prediction less the emulated one (n,), N; None where it stopped."""
+    plain = replace(predictor, offset=0.0)
+    full = replace(plain, responses=solved)
+    difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
+    return None if np.isnan(difference).any() else difference

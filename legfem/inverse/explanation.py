@@ -1,0 +1,249 @@
+"""An explanation of the recordings, and the probabilities of all explanations together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import expit, logit
+
+from legfem.common.units import FloatArray
+from legfem.inverse.discrepancy import Discrepancy
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
+from legfem.inverse.posterior import Mixture, MixtureComponents, Posterior
+
+HELD = 0.9
+"""Explanations are listed until they hold this probability."""
+ADDS_FROM = 1.0
+"""ln of the Bayes factor up to which an explanation is no better than nothing."""
+MORE_THAN_ALONE = 3.0
+"""ln of the Bayes factor from which a second mechanism counts beside a first."""
+INEXACT = 0.5
+"""Prior probability that a mechanism's form leaves something."""
+_COUNTS = 0.01
+"""Share of the most probable unknown error from which another one counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A model with mechanisms, or with something unknown, and its probability."""
+
+    problem: LinearisedProblem
+    fit: LinearisedFit
+    posterior: Posterior
+    log_prior: float
+    unknown: bool
+    """Whether something unknown is all that it adds to the base model."""
+    confirmed: bool
+    """Whether a full solution stands behind the fit."""
+    probability: float = 0.0
+    whole: bool = False
+    """Whether its strength is integrated out; see `legfem.inverse.laplace`."""
+    degrees: FloatArray | None = None
+    """See `degrees_of_freedom`, where the fit isn't weighed by the errors."""
+    shares: tuple[float, ...] = ()
+    """Logarithms of the shares of unknown errors beside its mechanisms."""
+    fit_alone: LinearisedFit | None = None
+    """Its mechanisms' fit with nothing unknown beside them, where that is another one."""
+
+    @cached_property
+    def degrees_of_freedom(self) -> FloatArray:
+        """Of the variances of the parameters' departures (p,); see `variance_degrees`."""
+        if self.degrees is not None:
+            return self.degrees
+        errors, change = self.problem.errors, self.fit.change
+        white = errors.whitened(change)
+        spread = np.linalg.inv(white.T @ white + np.eye(change.shape[1]))
+        gain = spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
+        # Bounds make a variance smaller, not its parts: their shares are those of the whole.
+        whole = np.maximum(np.diag(self.posterior.covariance), np.diag(spread))
+        return variance_degrees(np.diag(whole), gain, errors, self.problem.causes)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its mechanisms."""
+        return self.fit.names
+
+    @property
+    def log_weight(self) -> float:
+        """Logarithm of evidence times prior."""
+        return self.log_prior + self.posterior.log_evidence
+
+    @property
+    def misfit_left(self) -> float:
+        """What its mechanisms leave of the misfit beyond noise at the least."""
+        return (self.fit_alone or self.fit).beyond_noise
+
+    @property
+    def nothing(self) -> bool:
+        """Whether it is the base model alone."""
+        return not self.unknown and not self.names
+
+    @property
+    def in_part(self) -> bool:
+        """Whether the recordings ask for something unknown beside its mechanisms.
+
+        Where they tell nothing of it, its probability is its prior's.
+        """
+        asked_for = expit(logit(INEXACT) + ADDS_FROM)
+        return bool(self.names and self.posterior.unknown > asked_for)
+
+    @property
+    def leaves(self) -> bool:
+        """Whether something unknown is left: beside its mechanisms, or as all that it adds."""
+        return self.unknown or self.in_part
+
+    def value(self, name: str) -> float:
+        """Return a parameter's expected value, in its unit."""
+        return self.fit.moved(self.posterior.mean)[name]
+
+    def interval(self, name: str, tail: float = 0.025) -> tuple[float, float]:
+        """Return a parameter's 95 % interval, or that without other tails, in its unit."""
+        k, mixture = self.fit.free.index(name), self.distribution(name)
+        ends = []
+        for probability in (tail, 1 - tail):
+            at = self.posterior.mean.copy()
+            at[k] = mixture.quantile(probability)
+            ends.append(self.fit.moved(at)[name])
+        return min(ends), max(ends)
+
+    def distribution(self, name: str) -> Mixture:
+        """Return a fitted parameter's distribution, as a departure from what was known."""
+        k, posterior = self.fit.free.index(name), self.posterior
+        strands = posterior.strands or MixtureComponents(
+            np.ones(1), posterior.mean[None], np.sqrt(np.diag(posterior.covariance))[None]
+        )
+        degrees = np.full(len(strands.weights), self.degrees_of_freedom[k])
+        return Mixture(strands.weights, strands.means[:, k], strands.sds[:, k], degrees)
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What is said of recordings, and how probable it is.
+
+    A statement without mechanisms that isn't of something unknown is that nothing was left out
+    that shows: the base model alone, or with what the data neither ask for nor exclude.
+    """
+
+    names: tuple[str, ...]
+    """Of mechanisms."""
+    unknown: bool
+    probability: float
+
+    @property
+    def nothing_shows(self) -> bool:
+        """Whether it is that nothing was left out that shows."""
+        return not self.names and not self.unknown
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """All explanations, the most probable first."""
+
+    every: tuple[Explanation, ...]
+    base: Explanation
+
+    def listed(self) -> tuple[Explanation, ...]:
+        """Return what the base model's failure is put down to, until that holds 90 %.
+
+        Probabilities are those among explanations that leave something out. A pair that explains no
+        more than one of its mechanisms does alone counts for that one.
+        """
+        held = self._held()
+        total = sum(held.values())
+        shares = {names: probability / total for names, probability in held.items()}
+        by_names = {one.names: one for one in self.every if not one.nothing}
+        kept: list[Explanation] = []
+        for names, share in sorted(shares.items(), key=lambda pair: -pair[1]):
+            kept.append(replace(by_names[names], probability=share))
+            if sum(e.probability for e in kept) >= HELD:
+                break
+        return tuple(kept)
+
+    def statements(self) -> tuple[Statement, ...]:
+        """Return what may be said, the most probable first; probabilities add up to one.
+
+        "Nothing at all" isn't among them: no data tell it from what is too small to show.
+        """
+        found = [Statement((), False, self.soundness)]
+        found += [Statement(names, not names, held) for names, held in self._held().items()]
+        return tuple(sorted(found, key=lambda one: -one.probability))
+
+    @cached_property
+    def _rest(self) -> tuple[Explanation, ...]:
+        return tuple(e for e in self.every if self._adds(e))
+
+    def _held(self) -> dict[tuple[str, ...], float]:
+        """Return the probabilities of what shows, pairs counted for what they add to one.
+
+        Mechanisms that don't describe the recordings count for something unknown: probabilities
+        weigh explanations against each other, and all of them may be bad.
+        """
+        singles = singles_of(self._rest)
+        held: dict[tuple[str, ...], float] = {}
+        for one in self._rest:
+            counted = counts_for(one, singles)
+            names = counted.names if self.describes(counted) else ()
+            held[names] = held.get(names, 0.0) + one.probability
+        return held
+
+    def describes(self, one: Explanation) -> bool:
+        """Whether it leaves no more of the base model's misfit than it takes up, or than noise is.
+
+        Misfits are sums of squares over the errors', beyond the one that noise makes a value.
+        """
+        return one.misfit_left <= max(self.base.misfit_left - one.misfit_left, float(len(one.fit.residual)))
+
+    @property
+    def soundness(self) -> float:
+        """Probability that nothing was left out that shows.
+
+        Of the base model alone, and of explanations that add to it what the data don't ask for.
+        """
+        return min(1.0, sum(e.probability for e in self.every if not self._adds(e)))
+
+    @cached_property
+    def plain(self) -> tuple[Explanation, ...]:
+        """What leaves nothing out that matters: the base model, or a trifling error beside it.
+
+        An error of unknown shape below a trial's noise is no contradiction: real noise is never
+        quite as assumed.
+        """
+        noise = float(self.base.problem.errors.trial_sd.max())
+        largest = float(np.abs(self.base.fit.prediction).max())
+        return tuple(e for e in self.every if e.nothing or (e.unknown and e.posterior.unknown_size * largest < noise))
+
+    def _adds(self, one: Explanation) -> bool:
+        most = max(self.plain, key=lambda e: e.posterior.log_evidence)
+        return one not in self.plain and gain_over(one, most) > ADDS_FROM
+
+
+def singles_of(every: Sequence[Explanation]) -> dict[tuple[str, ...], Explanation]:
+    """Return the explanations of one mechanism, by its name."""
+    return {e.names: e for e in every if len(e.names) == 1}
+
+
+def counts_for(one: Explanation, singles: Mapping[tuple[str, ...], Explanation]) -> Explanation:
+    """Return the better one of a pair's mechanisms, if the pair explains no more; else itself."""
+    alone = [singles[n,] for n in one.names if (n,) in singles and len(one.names) > 1]
+    best = max(alone, key=lambda e: e.posterior.log_evidence, default=one)
+    return best if gain_over(one, best) < MORE_THAN_ALONE else one
+
+
+def gain_over(one: Explanation, nothing: Explanation) -> float:
+    """Return the ln of the Bayes factor over nothing."""
+    return one.posterior.log_evidence - nothing.posterior.log_evidence
+
+
+def unknown_course(explanation: Explanation, unknowns: Sequence[Discrepancy]) -> FloatArray:
+    """Return the expected course (n,), N, of what is unknown beside an explanation, if it is."""
+    residual, total = explanation.fit.residual, explanation.problem.errors.covariance
+    course = np.zeros_like(residual)
+    shares = explanation.posterior.of_unknown
+    for unknown, share in zip(unknowns, shares, strict=True):
+        if unknown.covariance is not None and share > _COUNTS * shares.max():
+            course += share * unknown.covariance @ np.linalg.solve(total + unknown.covariance, residual)
+    return np.asarray(course / max(explanation.posterior.unknown, _COUNTS))

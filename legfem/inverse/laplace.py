@@ -1,0 +1,297 @@
+r"""Posterior of an explanation: Laplace's approximation about its fit, and where that isn't enough.
+
+**First contact** is ambiguous in recordings that show no air. Most labs start at first touch, and then it is known to a
+twentieth of a millimetre; some start above the skin by less than a recording shows. The evidence is that of both.
+
+**Strengths measured by other means**: a reading :math:`m` with standard deviation :math:`\sigma` multiplies the
+evidence of every explanation by :math:`N(m;\ \mu,\ \sigma^2 + s^2)`, with the strength's mean :math:`\mu` and standard
+deviation s by the recordings (its null and nought where the explanation hasn't that mechanism), and moves an
+explanation's parameters as an observation of one of them does (R. E. Kalman, J. Basic Eng. 82 (1960) 35).
+
+**A strength's effect** is often far from linear: fat ten times as stiff isn't twice as much as five times, and a
+tension takes ever more of the force. So the strength :math:`z` (in standard deviations of its prior) is held at steps
+either side of the fit, all else is fitted anew at each, and
+
+.. math:: Z = \int p(z) Z(z) dz \Big/ \int p(z) dz
+
+within its bounds, with :math:`Z(z)` linear in the rest; the posterior is the mixture over steps. How large an effect is
+that begins at nothing is known to no better than an order of magnitude: :math:`p` is a sum of normal distributions of
+several widths (`WIDTHS`). With one width alone, of two mechanisms that do the same to the force that one would be
+preferred whose usual strength is nearer to what it needs. Parameters are given with the widest, so that as much may be
+hidden as by the usual strength.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.special import logsumexp
+from scipy.stats import norm
+
+from legfem.common.units import FloatArray
+from legfem.inverse.evidence import Evidence, Linearisation
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.mechanism import MeasuredStrength, prior_of
+from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Prior
+from legfem.inverse.posterior import MixtureComponents, Posterior, mixed, moments_of
+from legfem.inverse.predictor import detected_onset
+
+STARTS_AT_CONTACT = 0.5
+"""Prior probability that trials which show no air begin at first touch."""
+
+
+def contact_posterior(
+    evidence: Evidence, fitted: LinearisedFit, observed: Observations, shares: Sequence[float]
+) -> Posterior:
+    """Return what the data say of a model, whether its trials begin at the skin or not.
+
+    Parameters
+    ----------
+    evidence
+        Of the observations.
+    fitted
+        The model.
+    observed
+        The recordings.
+    shares
+        Logarithms of the shares of unknown errors beside it.
+    """
+    touching = evidence.of(fitted.linearised, shares)
+    if observed.starts_at_contact or observed.shows_air:
+        return touching
+    scale, shift = _to_detected(fitted, observed)
+    free = evidence.of(_rescaled(fitted.linearised, scale, shift), shares)
+    logs = np.array([free.log_evidence, touching.log_evidence])
+    logs += np.log([1 - STARTS_AT_CONTACT, STARTS_AT_CONTACT])
+    total = float(np.logaddexp(*logs))
+    weights = np.exp(logs - total)
+    back = replace(free, mean=scale * free.mean + shift, covariance=np.outer(scale, scale) * free.covariance)
+    return mixed(total, weights, (back, touching))
+
+
+def _to_detected(fitted: LinearisedFit, observed: Observations) -> tuple[FloatArray, FloatArray]:
+    """Return what takes departures from detected contacts to those from first touch at zero."""
+    scale, shift = np.ones(len(fitted.parameters)), np.zeros(len(fitted.parameters))
+    onsets = [k for k, p in enumerate(fitted.parameters) if p.role == "nuisance"]
+    for trial, k in enumerate(onsets):
+        found, here = detected_onset(observed, trial), prior_of(fitted.parameters[k])
+        scale[k] = found.sd / here.sd
+        shift[k] = (found.centre - here.centre) / here.sd
+    return scale, shift
+
+
+def _rescaled(about: Linearisation, scale: FloatArray, shift: FloatArray) -> Linearisation:
+    return Linearisation(
+        about.residual,
+        about.jacobian * scale,
+        (about.departure - shift) / scale,
+        (about.low - shift) / scale,
+        (about.high - shift) / scale,
+    )
+
+
+def laplace_posterior(
+    problem: LinearisedProblem, evidence: Evidence, fitted: LinearisedFit, shares: Sequence[float]
+) -> Posterior:
+    """Return what the recordings and all readings of strengths say of a model.
+
+    Parameters
+    ----------
+    problem
+        The observations, and what else was measured.
+    evidence
+        Of the observations.
+    fitted
+        The model.
+    shares
+        Logarithms of the shares of unknown errors beside it.
+    """
+    posterior = contact_posterior(evidence, fitted, problem.predictor.observed, shares)
+    for reading in problem.measured:
+        posterior = _told(reading, fitted, posterior)
+    return posterior
+
+
+def _told(reading: MeasuredStrength, fitted: LinearisedFit, posterior: Posterior) -> Posterior:
+    if reading.name not in fitted.free:
+        strength = reading.mechanism.parameters[0]
+        held = reading.mechanism.name in fitted.names
+        at = prior_of(strength).departure(fitted.values[reading.name]) if held else 0.0
+        return _likelier(posterior, float(norm.logpdf(reading.departure, at, reading.sd)))
+    k = fitted.free.index(reading.name)
+    along = posterior.covariance[:, k]
+    variance = float(along[k]) + reading.sd**2
+    away = reading.departure - float(posterior.mean[k])
+    moved = replace(
+        posterior,
+        mean=posterior.mean + along * away / variance,
+        covariance=posterior.covariance - np.outer(along, along) / variance,
+    )
+    return _likelier(moved, float(norm.logpdf(away, 0.0, np.sqrt(variance))))
+
+
+def _likelier(posterior: Posterior, log_likelihood: float) -> Posterior:
+    return replace(posterior, log_evidence=posterior.log_evidence + log_likelihood)
+
+
+_BELOW = 6.0
+"""ln below the greatest density at which steps end."""
+_MOST, _GROWS = 8, 1.5
+"""Steps to a side, and their growth where the density hardly changes."""
+_FLAT = 1.0
+"""In ln of the density."""
+_CLOSE = 1e-3
+_POINTS = 161
+WIDTHS: Mapping[float, float] = {1.0: 0.6, 0.3: 0.2, 0.1: 0.2}
+"""Of the stated standard deviation of a strength that begins at nothing, and how probable."""
+type Conditional = Callable[[LinearisedFit], Posterior]
+"""What the data say of a fit with its strength held."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    z: float
+    fit: LinearisedFit
+    posterior: Posterior
+    log_likelihood: float
+    """Of the data, all but the strength integrated out."""
+    log_density: float
+    """With the widest prior."""
+
+
+def least_determined(fitted: LinearisedFit, posterior: Posterior) -> int:
+    """Return which of the mechanisms' strengths the data tell least of, as a parameter's number."""
+    first = [f"{m.name}.{m.parameters[0].name}" for m in fitted.mechanisms]
+    numbers = [fitted.free.index(name) for name in first]
+    return max(numbers, key=lambda k: float(posterior.covariance[k, k]))
+
+
+def integrate_strength(
+    problem: LinearisedProblem, fitted: LinearisedFit, posterior: Posterior, of: Conditional
+) -> Posterior:
+    """Return what the data say of a model, one strength integrated out.
+
+    Parameters
+    ----------
+    problem
+        The observations, as the model was fitted to them.
+    fitted
+        The model's fit.
+    posterior
+        Linear about that.
+    of
+        What the data say of a fit with its strength held.
+    """
+    k = least_determined(fitted, posterior)
+    prior = prior_of(fitted.parameters[k])
+    low, high = sorted(prior.departure(end) for end in fitted.parameters[k].bounds)
+    steps = _steps(problem, fitted, k, of, (low, high))
+    if len(steps) < 2:
+        return posterior
+    z = np.array([step.z for step in steps])
+    fine = np.linspace(z[0], z[-1], _POINTS)
+    log_likelihood = CubicSpline(z, [step.log_likelihood for step in steps])(fine)
+    log_likelihood += np.log(fine[1] - fine[0])
+    log_likelihood[[0, -1]] -= np.log(2.0)
+    total = float(logsumexp(log_likelihood + _log_prior(prior, fine)))
+    log_shares = log_likelihood + norm.logpdf(fine)
+    shares = np.exp(log_shares - logsumexp(log_shares))
+    hats = np.array([np.interp(fine, z, one) for one in np.eye(len(z))])
+    # Between points the strength is spread evenly.
+    parts = [_whole(step, k, (fine[1] - fine[0]) ** 2 / 12) for step in steps]
+    means, covariances = (
+        PchipInterpolator(z, np.array([getattr(part, name) for part in parts]))(fine) for name in ("mean", "covariance")
+    )
+    mean, covariance = moments_of(shares, means, covariances)
+    strands = MixtureComponents(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
+    found = mixed(total - _log_inside(prior, low, high), hats @ shares, parts)
+    return replace(found, mean=mean, covariance=covariance, strands=strands)
+
+
+def _steps(
+    problem: LinearisedProblem, fitted: LinearisedFit, k: int, of: Conditional, ends: tuple[float, float]
+) -> list[_Step]:
+    """Return steps in order, from the fit to either side."""
+    sd = float(np.sqrt(fitted.covariance[k, k]))
+    first = _held(problem, fitted, k, float(np.clip(fitted.departure[k], *ends)), of)
+    found = [first]
+    for end, side in zip(ends, (-1.0, 1.0), strict=True):
+        last, size = first, sd
+        for _ in range(_MOST):
+            if abs(last.z - end) < _CLOSE * sd or last.log_density < _best(found) - _BELOW:
+                break
+            further = last.z + side * size
+            # What would be left to the bound isn't worth a step.
+            z = end if side * (end - further) < 0.3 * size else further
+            step = _held(problem, last.fit, k, z, of)
+            if abs(step.log_density - last.log_density) < _FLAT:
+                size *= _GROWS
+            last = step
+            found.append(step)
+    return sorted(found, key=lambda step: step.z)
+
+
+def _best(steps: Sequence[_Step]) -> float:
+    return max(step.log_density for step in steps)
+
+
+def _held(problem: LinearisedProblem, near: LinearisedFit, k: int, z: float, of: Conditional) -> _Step:
+    """Return all else fitted with the strength held, beginning at a fit nearby."""
+    every = problem.parameters(near.mechanisms)
+    own = every[k]
+    value = own.inside(prior_of(own).value_at(z))
+    held = fit(problem, near.mechanisms, {**near.values, own.name: value}, (own.name,))
+    posterior = of(held)
+    likelihood = posterior.log_evidence + gain_of_widths(held, posterior)
+    return _Step(z, held, posterior, likelihood, likelihood + float(norm.logpdf(z)))
+
+
+def gain_of_widths(fitted: LinearisedFit, posterior: Posterior) -> float:
+    r"""Return what strengths of any width gain in evidence over those of the stated one, ln.
+
+    About a fit, for a strength that was found with mean m and standard deviation s by the stated
+    one (both over that) and with :math:`a = w^{-2} - 1`,
+
+    .. math:: \ln \sum_w p_w w^{-1} (1 + a s^2)^{-1/2} e^{-a m^2 / (2 (1 + a s^2))}.
+    """
+    strengths = {f"{m.name}.{m.parameters[0].name}" for m in fitted.mechanisms}
+    more = 0.0
+    for k, one in enumerate(fitted.parameters):
+        if one.name in strengths:
+            widths, shares = _widths(prior_of(one))
+            narrower = widths**-2 - 1.0
+            spread = 1.0 + narrower * float(posterior.covariance[k, k])
+            each = -0.5 * (narrower * float(posterior.mean[k]) ** 2 / spread + np.log(spread))
+            more += float(logsumexp(each - np.log(widths), b=shares))
+    return more
+
+
+def _widths(prior: Prior) -> tuple[FloatArray, FloatArray]:
+    """Return a strength's widths and their shares: of a factor, which is measured, one alone."""
+    known = WIDTHS if prior.scale == "linear" else {1.0: 1.0}
+    return np.array(list(known)), np.array(list(known.values()))
+
+
+def _log_prior(prior: Prior, z: FloatArray) -> FloatArray:
+    """Return the logarithm of a strength's density at departures."""
+    widths, shares = _widths(prior)
+    each = norm.logpdf(np.asarray(z)[..., None] / widths) - np.log(widths)
+    return np.asarray(logsumexp(each, axis=-1, b=shares))
+
+
+def _whole(step: _Step, k: int, variance: float) -> Posterior:
+    """Return a step's posterior with the strength among its parameters."""
+    mean = np.insert(step.posterior.mean, k, step.z)
+    covariance = np.insert(np.insert(step.posterior.covariance, k, 0.0, 0), k, 0.0, 1)
+    covariance[k, k] = variance
+    return replace(step.posterior, mean=mean, covariance=covariance)
+
+
+def _log_inside(prior: Prior, low: float, high: float) -> float:
+    """Return the logarithm of what the prior holds between the bounds."""
+    widths, shares = _widths(prior)
+    return float(np.log(shares @ (norm.cdf(high / widths) - norm.cdf(low / widths))))

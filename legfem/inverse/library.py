@@ -1,0 +1,158 @@
+"""A leg's responses about its stiffness: solved once, used by every diagnosis on that leg.
+
+Elastic curves stand at a lattice of stiffnesses about the leg's own, with their exact derivatives;
+what a mechanism or another geometry adds, over the elastic force, at two stiffnesses there. A full
+solution then confirms what is reported. The lattice's middle is a round number, so that recordings
+of one leg share it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from legfem.common.units import FloatArray
+from legfem.inverse.emulator import Emulator
+from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
+from legfem.inverse.observations import Observations
+
+_REACH = 1.6
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Changes at some C10, in proportion to ln C10 between them."""
+
+    logs: FloatArray
+    """(k,)."""
+    values: FloatArray
+    """(k, ...)."""
+
+    def __call__(self, c10: float) -> FloatArray:
+        """Return the values (...) at a stiffness in kPa."""
+        return self.between(c10, self.values)
+
+    def between(self, c10: float, rows: Sequence[FloatArray] | FloatArray) -> FloatArray:
+        """Return what lies at a stiffness in kPa between what is known at the table's."""
+        if len(self.logs) == 1:
+            return np.asarray(rows[0])
+        low, high = self.logs[0], self.logs[-1]
+        share = float(np.clip((np.log(c10) - low) / (high - low), -0.5, 1.5))
+        return np.asarray((1 - share) * rows[0] + share * rows[-1])
+
+
+def unchanged(mechanism: TissueMechanism, grid: FloatArray) -> Table:
+    """Return the table of a mechanism whose response changes no force."""
+    return Table(np.zeros(1), np.zeros((1, len(mechanism.strengths), len(grid))))
+
+
+@dataclass(frozen=True, eq=False)
+class NuisanceChanges:
+    """Relative changes of the elastic force at a grid of displacement by what isn't known exactly.
+
+    Parameters
+    ----------
+    grid
+        (m,), mm.
+    geometric
+        By the name of a displaced geometry, (m,).
+    material
+        By a parameter's full name: per relative change of it, (m,).
+    """
+
+    grid: FloatArray
+    geometric: Mapping[str, FloatArray]
+    material: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """Responses from tables; see `Responses` for the methods' meaning."""
+
+    grid: FloatArray
+    elastic: Emulator
+    changes: Mapping[tuple[str, str], Table]
+    """Along a path, or by derivatives: relative changes by mechanism and protocol, (strengths or
+    derivatives, stations or grid); else logarithms of the forces' ratio by mechanism, (strengths,
+    grid)."""
+    nuisances: NuisanceChanges
+    middle: float
+    """C10, kPa."""
+    missing: Mapping[str, str] = field(default_factory=dict)
+    """Mechanisms that have no table, and why."""
+    reach: float = _REACH
+    """Of ln C10 from the middle, where it holds."""
+    _curves: dict[tuple[str, str], list[PchipInterpolator]] = field(default_factory=dict, init=False, repr=False)
+    """Over the strength, at each of a table's stiffnesses."""
+    _weights: list[tuple[Observations, FloatArray]] = field(default_factory=list, init=False, repr=False)
+    """Of the recordings last asked for: see `_to_stations`."""
+
+    @property
+    def c10_bounds(self) -> tuple[float, float]:
+        """Stiffness C10 that it holds for, kPa."""
+        return self.middle * float(np.exp(-self.reach)), self.middle * float(np.exp(self.reach))
+
+    @property
+    def c20_bounds(self) -> tuple[float, float]:
+        """Stiffness C20 that it holds for, kPa."""
+        return 0.0, 12.0 * self.middle
+
+    def curve(self, c10: float, c20: float) -> FloatArray:
+        """Return the elastic force at the grid, N."""
+        return self.elastic(coordinates(c10, c20))
+
+    def relative_change(
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
+    ) -> FloatArray:
+        """Return what a mechanism adds to the elastic force, over that force; (n,)."""
+        if not mechanism.along_path:
+            table = self.changes[mechanism.name, ""]
+            if mechanism.derivatives:
+                change = mechanism.shares(values) @ table(at[0])
+            else:
+                whole = np.expm1(self._at_strength(mechanism, "", values, at[0]))
+                change = mechanism.share(values) * whole
+            return np.asarray(self._to_stations(observed) @ change)
+        keys = [s.key for s in observed.protocols]
+        if mechanism.derivatives:
+            rows = [self.changes[mechanism.name, key](at[0]) for key in keys]
+            return observed.spread([mechanism.shares(values) @ row for row in rows])
+        return observed.spread([self._at_strength(mechanism, k, values, at[0]) for k in keys])
+
+    def _at_strength(self, mechanism: TissueMechanism, key: str, values: Values, c10: float) -> FloatArray:
+        """Return a table's row at a strength: smooth between, in proportion beyond."""
+        first, table = mechanism.parameters[0], self.changes[mechanism.name, key]
+        prior = prior_of(first)
+        place = mechanism.name, key
+        if place not in self._curves:
+            nodes = np.array([prior.departure(v) for v in (null_of(first), *mechanism.strengths)])
+            order = np.argsort(nodes)
+            self._curves[place] = [
+                PchipInterpolator(nodes[order], np.vstack([np.zeros(row.shape[1]), row])[order]) for row in table.values
+            ]
+        curves, at = self._curves[place], prior.departure(mechanism.tabulated(values))
+        inside = float(np.clip(at, curves[0].x[0], curves[0].x[-1]))
+        found = table.between(c10, [curve(inside) for curve in curves])
+        return np.asarray(found * (at / inside) if inside not in (at, 0.0) else found)
+
+    def _to_stations(self, observed: Observations) -> FloatArray:
+        """Return what a spline through the grid's values takes of each for the stations, (n, m)."""
+        if not self._weights or self._weights[0][0] is not observed:
+            unit = CubicSpline(self.grid, np.eye(len(self.grid)))
+            weights = unit(np.maximum(observed.displacement, self.grid[0]))
+            self._weights[:] = [(observed, weights)]
+        return self._weights[0][1]
+
+
+def coordinates(c10: ArrayLike, c20: ArrayLike) -> FloatArray:
+    """Return the emulator's coordinates (..., 2) of stiffnesses in kPa.
+
+    ``ln C10`` and ``ln(1 + C20 / C10)``: the first carries the scale of all stiffnesses, the second
+    is 0 for a neo-Hookean tissue and stays smooth where C20 rules.
+    """
+    first, second = np.broadcast_arrays(np.asarray(c10, float), np.asarray(c20, float))
+    return np.stack([np.log(first), np.log1p(second / first)], axis=-1)

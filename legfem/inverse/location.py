@@ -1,0 +1,301 @@
+r"""Location of the misfit, and what it looks like: score tests of mechanisms and of windows of stations.
+
+A mechanism's signature is the derivative of the prediction by its strength at the null. The base parameters hide what
+lies in the span of their own derivatives, so signatures are projected off it, in the metric of the errors; priors count
+as data, so that a parameter of a narrow one (a stated first contact) hides little. With whitened residual :math:`w` and
+projected signature :math:`s`,
+
+.. math:: T = \frac{\max(0, s^T w)^2}{s^T s}
+
+(two-sided where the strength may have either sign), the largest over the mechanism's shapes. Draws of the errors
+through the same arithmetic give p-values for each mechanism, for the largest of all (family-wise), and for windows of
+stations, whose signatures are boxes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+
+from legfem.common.units import FloatArray
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.mechanism import Mechanism, Values, null_of, value_at
+from legfem.inverse.observations import Observations
+
+_LENGTHS = (3, 5, 8, 12, 20)
+SIGNIFICANT = 0.05
+
+
+@dataclass(frozen=True)
+class Window:
+    """An interval that holds a misfit."""
+
+    trial: str
+    """Its name, or those of all trials that were driven alike."""
+    phase: str
+    displacement: tuple[float, float]
+    """mm."""
+    time: tuple[float, float]
+    """s since first contact."""
+    size: float
+    """Mean residual there, N."""
+    p_value: float
+    """Family-wise over all windows."""
+    stations: tuple[int, ...]
+    """Observations that it holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """All windows that are looked at."""
+
+    observed: Observations
+    members: Sequence[tuple[str, FloatArray]]
+    """Trials' names and observations of each."""
+
+    def significant(self, scores: FloatArray, largest: FloatArray, residual: FloatArray) -> tuple[Window, ...]:
+        """Return non-overlapping significant windows, the strongest first.
+
+        Parameters
+        ----------
+        scores
+            Of all windows.
+        largest
+            Sorted largest scores of draws without misfit.
+        residual
+            (n,), N.
+        """
+        found: list[Window] = []
+        taken: set[int] = set()
+        for k in np.argsort(-scores):
+            p = (len(largest) - np.searchsorted(largest, scores[k]) + 1) / (len(largest) + 1)
+            if p > SIGNIFICANT:
+                break
+            name, where = self.members[k]
+            if taken & set(where.tolist()):
+                continue
+            taken |= set(where.tolist())
+            found.append(self._window(name, where, float(p), residual))
+        return tuple(found)
+
+    def _window(self, name: str, where: FloatArray, p: float, residual: FloatArray) -> Window:
+        observed = self.observed
+        d, t = observed.displacement[where], observed.time[where]
+        return Window(
+            name,
+            str(observed.phase[where[0]]),
+            (float(d.min()), float(d.max())),
+            (float(t.min()), float(t.max())),
+            float(residual[where].mean()),
+            p,
+            tuple(int(i) for i in where),
+        )
+
+
+def windows_of(observed: Observations) -> tuple[Windows, FloatArray]:
+    """Return the windows and their boxes (n, k)."""
+    members: list[tuple[str, FloatArray]] = []
+    for number, stations in enumerate(observed.protocols):
+        trials = observed.trials_of(number)
+        starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
+        groups = [(", ".join(observed.trials[k] for k in trials), starts)]
+        if len(trials) > 1:
+            groups += [(observed.trials[k], [s]) for k, s in zip(trials, starts, strict=True)]
+        for segment in np.unique(stations.segment):
+            here = np.flatnonzero(stations.segment == segment)
+            for length in sorted({*(n for n in _LENGTHS if n < len(here)), len(here)}):
+                for first in range(0, len(here) - length + 1, max(1, length // 3)):
+                    part = here[first : first + length]
+                    members += [(name, np.concatenate([start + part for start in at])) for name, at in groups]
+    boxes = np.zeros((len(observed.force), len(members)))
+    for k, (_, where) in enumerate(members):
+        boxes[where, k] = 1.0
+    return Windows(observed, members), boxes
+
+
+def runs(marks: NDArray[np.int_]) -> list[tuple[int, int]]:
+    """Return the first number and the one after the last of each run of like marks but zero."""
+    edges = [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(marks))), len(marks)]
+    return [(a, b) for a, b in pairwise(edges) if a < b and marks[a] != 0]
+
+
+DRAWS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """A mechanism's direction in the space of the data, for one shape of its parameters."""
+
+    mechanism: Mechanism
+    direction: FloatArray
+    """(n + p,): whitened, projected off the base parameters; see `Fit.left`."""
+    one_sided: bool
+    shown: FloatArray
+    """(n,), N: the response before whitening, for a figure."""
+    shape: Values
+    """Of the parameters beyond the first."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A mechanism's score test."""
+
+    name: str
+    statistic: float
+    p_value: float
+    concealed: float
+    """Share of the signature's length that a refit of the base parameters hides."""
+
+
+@dataclass(frozen=True, eq=False)
+class MisfitAssessment:
+    """What the residual of a fit says."""
+
+    lack_of_fit: float
+    """p-value of the trials' mean residuals' sum of squares."""
+    scores: tuple[Score, ...]
+    """Of the testable mechanisms, the strongest first."""
+    windows: tuple[Window, ...]
+    """Intervals that hold the misfit, family-wise significant ones only."""
+    p_value: float
+    """That the errors alone make as strong a sign as the strongest of the three tests."""
+    signatures: tuple[Signature, ...]
+    family_p_value: float
+    """Of the strongest mechanism, family-wise over all."""
+    windows_p_value: float
+    """Of the strongest window, family-wise over all."""
+
+    def score(self, name: str) -> Score | None:
+        """Return a mechanism's."""
+        return next((score for score in self.scores if score.name == name), None)
+
+
+def signatures_of(
+    problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism]
+) -> tuple[list[Signature], list[float]]:
+    """Return the projected signatures at a fit, and the share of each that is concealed."""
+    basis = np.linalg.qr(fitted.span)[0]
+    observed = problem.predictor.observed
+    found: list[Signature] = []
+    hidden: list[float] = []
+    for mechanism in mechanisms:
+        first = mechanism.parameters[0]
+        strength = f"{mechanism.name}.{first.name}"
+        null = null_of(first)
+        step = 0.05 * (value_at(first, 1.0) - null)
+        shapes = {tuple(list(values.items())[1:]): values for values in mechanism.starts(observed)}
+        for shape in shapes.values():
+            values = {
+                **fitted.values,
+                **{f"{mechanism.name}.{key}": value for key, value in shape.items()},
+                strength: null + step,
+            }
+            moved = problem.predictor(values, (*fitted.mechanisms, mechanism))
+            change = (moved - fitted.prediction) / step
+            white = _padded(problem.whitened(change), fitted)
+            length = float(np.linalg.norm(white))
+            direction = white - basis @ (basis.T @ white)
+            direction -= basis @ (basis.T @ direction)
+            rest = float(np.linalg.norm(direction))
+            if length == 0 or rest < 1e-6 * length:
+                continue
+            found.append(Signature(mechanism, direction, first.bounds[0] >= null, change, shape))
+            hidden.append(1.0 - rest / length)
+    return found, hidden
+
+
+def score_tests(
+    problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism], seed: int = 0
+) -> MisfitAssessment:
+    """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
+    found, hidden = signatures_of(problem, fitted, mechanisms)
+    basis = np.linalg.qr(fitted.span)[0]
+    windows, boxes = windows_of(problem.predictor.observed)
+    white_boxes = _padded(problem.whitened(boxes), fitted)
+    white_boxes -= basis @ (basis.T @ white_boxes)
+    generator = np.random.default_rng(seed)
+    errors = problem.errors.draw(DRAWS, generator)
+    known = generator.normal(size=(DRAWS, len(fitted.free)))
+    drawn = np.hstack([problem.whitened(errors.T).T, known])
+    everything = np.vstack([fitted.left, drawn])
+    everything -= (everything @ basis) @ basis.T
+
+    strength = _by_mechanism(found, everything)
+    window_scores = _squares(everything, white_boxes.T, one_sided=np.zeros(len(boxes.T), bool))
+    misfit = _rank(_lack_of_fit(problem, fitted, np.vstack([fitted.residual, errors])))
+    names = list(strength)
+    table = np.array([strength[name] for name in names]) if names else np.zeros((1, DRAWS + 1))
+    each = np.array([_rank(row) for row in table])
+    scan = _rank(window_scores.max(axis=1))
+    family = _rank(-each.min(axis=0))
+    joint = np.minimum(np.minimum(misfit, family), scan)
+    scores = [
+        Score(
+            name,
+            float(row[0]),
+            float(p[0]),
+            float(min(h for s, h in zip(found, hidden, strict=True) if s.mechanism.name == name)),
+        )
+        for name, row, p in zip(names, table, each, strict=False)
+    ]
+    threshold = np.sort(window_scores[1:].max(axis=1))
+    return MisfitAssessment(
+        float(misfit[0]),
+        tuple(sorted(scores, key=lambda s: (s.p_value, -s.statistic))),
+        windows.significant(window_scores[0], threshold, fitted.residual),
+        float(_rank(-joint)[0]),
+        tuple(found),
+        float(family[0]),
+        float(scan[0]),
+    )
+
+
+def _padded(white: FloatArray, fitted: LinearisedFit) -> FloatArray:
+    """Return vectors (n,) or (n, k) that say nothing of what was known of the parameters."""
+    return np.concatenate([white, np.zeros((len(fitted.free), *white.shape[1:]))])
+
+
+def _lack_of_fit(problem: LinearisedProblem, fitted: LinearisedFit, rows: FloatArray) -> FloatArray:
+    """Return the sums of squares of the trials' mean residuals, whitened, off the parameters.
+
+    Differences between repeats don't count: the errors' sizes were estimated from them.
+    """
+    observed, errors = problem.predictor.observed, problem.errors
+    means = observed.means
+    lower = cholesky(means @ errors.covariance @ means.T, lower=True)
+    moved = solve_triangular(lower, means @ errors.lower @ fitted.jacobian, lower=True)
+    basis = np.linalg.qr(moved)[0]
+    white = solve_triangular(lower, means @ rows.T, lower=True).T
+    return np.asarray(np.sum((white - (white @ basis) @ basis.T) ** 2, axis=1))
+
+
+def _by_mechanism(found: Sequence[Signature], rows: FloatArray) -> dict[str, FloatArray]:
+    result: dict[str, FloatArray] = {}
+    for name in dict.fromkeys(s.mechanism.name for s in found):
+        mine = [s for s in found if s.mechanism.name == name]
+        directions = np.array([s.direction for s in mine])
+        sided = np.array([s.one_sided for s in mine])
+        result[name] = _squares(rows, directions, sided).max(axis=1)
+    return result
+
+
+def _squares(rows: FloatArray, directions: FloatArray, one_sided: FloatArray) -> FloatArray:
+    lengths = np.linalg.norm(directions, axis=1)
+    along = (rows @ directions.T) / np.where(lengths > 0, lengths, 1.0)
+    along = np.where(one_sided[None, :], np.maximum(along, 0.0), along)
+    return np.asarray(along**2)
+
+
+def _rank(statistics: FloatArray) -> FloatArray:
+    """Return each one's p-value among the draws, which are all but the first."""
+    drawn = np.sort(statistics[1:])
+    above = len(drawn) - np.searchsorted(drawn, statistics - 1e-12, side="left")
+    p = (above + 1.0) / (len(drawn) + 1.0)
+    # A draw counts itself once; the recording is not among them.
+    p[1:] = above[1:] / len(drawn)
+    return np.asarray(p)

@@ -1,0 +1,351 @@
+"""What a mechanism is to the diagnosis.
+
+A mechanism acts in one or several of these ways, each of which vanishes at its parameters' nulls:
+it changes the tissue or the contact (then a finite-element solution tells its response), where the
+indenter stands, how stiff the deep tissue is at a time or in a trial, or what the load cell says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Parameter, Prior
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import Tissues
+    from legfem.geometry.indenter import Indenter
+    from legfem.geometry.section import LegSection
+    from legfem.mechanics.contact import TangentialName
+    from legfem.mechanics.materials import Hyperelastic
+    from legfem.mechanics.model import Formulation
+
+Values = Mapping[str, float]
+type Stiffness = tuple[float, float]
+"""C10 and C20 of the deep tissue, kPa."""
+
+
+class IndentedLeg(Protocol):
+    """A leg and how it is pressed: what a mechanism's terms may ask of it."""
+
+    @property
+    def section(self) -> LegSection:
+        """Across the leg."""
+        ...
+
+    @property
+    def indenter(self) -> Indenter:
+        """Its size, aim and direction."""
+        ...
+
+    @property
+    def tissues(self) -> Tissues:
+        """The base model's laws."""
+        ...
+
+
+class TissueResponses(Protocol):
+    """Responses to mechanisms that change the tissue, by finite-element solutions."""
+
+    def relative_change(
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
+    ) -> FloatArray:
+        """Return what a mechanism adds to the elastic force, over that force (n,); NaN where a solution stopped."""
+        ...
+
+
+def strength(
+    name: str,
+    unit: str,
+    statement: str,
+    usual: float,
+    bounds: tuple[float, float],
+    source: str = "a size that would matter",
+) -> Parameter:
+    """Return a mechanism's first parameter: null at zero, of a usual size."""
+    return Parameter(name, unit, bounds, Prior(0.0, usual, "linear", source), statement=statement)
+
+
+def factor(name: str, statement: str, bounds: tuple[float, float], log_sd: float, source: str) -> Parameter:
+    """Return a mechanism's first parameter that multiplies something: null at one."""
+    prior = Prior(1.0, log_sd, "log", source)
+    return Parameter(name, "-", bounds, prior, scale="log", statement=statement)
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A mechanism that does nothing: what others override.
+
+    The first parameter is the strength; at the centre of its prior, its null, the others have no
+    effect.
+    """
+
+    name: ClassVar[str]
+    statement: ClassVar[str]
+    """What was left out, as a sentence with no formula."""
+    parameters: ClassVar[tuple[Parameter, ...]]
+    """Each with a prior."""
+    next_experiment: ClassVar[str]
+    """The measurement that would settle it."""
+    measured_sd: ClassVar[float | None] = None
+    """How well that measures the strength by itself, without the indenter: standard deviation in
+    its unit, or of a factor's logarithm; None where it doesn't."""
+    expected: ClassVar[float] = 1.0
+    """How often it is there, over the other mechanisms, before anything was recorded."""
+    stands_for_C20: ClassVar[bool] = False
+    """Whether its strength is C20 itself where the base law has none, which then is its response."""
+
+    def untestable(self, observed: Observations) -> str | None:
+        """Return why such recordings can't show it, or None."""
+        return None
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return values that searches begin at: the misfit may have several minima."""
+        first, *rest = self.parameters
+        others = {p.name: null_of(p) for p in rest}
+        ends = [first.inside(value_at(first, z)) for z in (-0.5, 0.5)]
+        distinct = [v for v in ends if abs(v - null_of(first)) > 1e-9 * abs(ends[1])]
+        return tuple({first.name: value, **others} for value in distinct)
+
+    def restated(
+        self,
+        statement: str | None = None,
+        next_experiment: str | None = None,
+        parameters: tuple[Parameter, ...] | None = None,
+        strengths: tuple[float, ...] | None = None,
+    ) -> Self:
+        """Return the same mechanism of another body than a leg: its words, its usual sizes."""
+        found = copy(self)
+        given = {
+            "statement": statement,
+            "next_experiment": next_experiment,
+            "parameters": parameters,
+            "strengths": strengths,
+        }
+        for name, value in given.items():
+            if value is not None:
+                object.__setattr__(found, name, value)
+        return found
+
+    def for_length(self, values: Values, factor: float) -> Values:
+        """Return its values with an indenter that is ``factor`` times as long."""
+        return values
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        """Full names of the assumed numbers that its strength multiplies."""
+        return ()
+
+    def relative_change(
+        self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
+    ) -> FloatArray | None:
+        """Return what it adds to the elastic force, over that (n,); None where it leaves the tissue as it is."""
+        return None
+
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
+        """Return what the tissue is pressed less than the sensor says (n,), mm."""
+        return np.zeros(len(force))
+
+    def deep_factor(self, values: Values, observed: Observations) -> FloatArray:
+        """Return the factor on the deep tissue's stiffness (n,)."""
+        return np.ones(len(observed.force))
+
+    def force_factor(self, values: Values, observed: Observations) -> FloatArray:
+        """Return the factor on the force (n,)."""
+        return np.ones(len(observed.force))
+
+    def added_force(self, values: Values, observed: Observations) -> FloatArray:
+        """Return what is added to the force (n,), N."""
+        return np.zeros(len(observed.force))
+
+
+def testable(
+    mechanisms: Sequence[Mechanism], observed: Observations, ruled_out: Mapping[str, str]
+) -> tuple[list[Mechanism], dict[str, str]]:
+    """Return the mechanisms that recordings can show, and by name why they can't show the others.
+
+    Parameters
+    ----------
+    mechanisms
+        All that the body may have.
+    observed
+        The recordings.
+    ruled_out
+        Reasons by name why a mechanism isn't missing from the base model.
+    """
+    able: list[Mechanism] = []
+    unable: dict[str, str] = {}
+    for mechanism in mechanisms:
+        why = ruled_out.get(mechanism.name) or mechanism.untestable(observed)
+        if why is None:
+            able.append(mechanism)
+        else:
+            unable[mechanism.name] = why
+    return able, unable
+
+
+def prior_of(parameter: Parameter) -> Prior:
+    """Return a mechanism's parameter's prior."""
+    assert parameter.prior is not None, f"{parameter.name} has no prior"
+    return parameter.prior
+
+
+def null_of(parameter: Parameter) -> float:
+    """Return where a strength does nothing: the centre of its prior."""
+    return prior_of(parameter).centre
+
+
+def value_at(parameter: Parameter, departure: float) -> float:
+    """Return a value so many standard deviations from the null."""
+    return prior_of(parameter).value_at(departure)
+
+
+class AssumedAccuracy(Protocol):
+    """How well the numbers are known that a base model assumes."""
+
+    def log_sd(self, name: str) -> float:
+        """Return the standard deviation of an assumed number's logarithm."""
+        ...
+
+
+@dataclass(frozen=True)
+class MeasuredStrength:
+    """A reading of a mechanism's strength, as a departure from its null.
+
+    Parameters
+    ----------
+    mechanism
+        Which.
+    departure, sd
+        In standard deviations of what is known of the strength beforehand.
+    """
+
+    mechanism: Mechanism
+    departure: float
+    sd: float
+
+    @property
+    def name(self) -> str:
+        """Full name of the strength."""
+        return f"{self.mechanism.name}.{self.mechanism.parameters[0].name}"
+
+
+def measured_strength(mechanism: Mechanism, value: float, sd: float, accuracy: AssumedAccuracy) -> MeasuredStrength:
+    """Return a reading as a departure, and how well it tells what the recordings felt.
+
+    Parameters
+    ----------
+    mechanism
+        Which.
+    value
+        Of its strength, in its unit.
+    sd
+        In its unit, or of a factor's logarithm.
+    accuracy
+        Of what is assumed of the body: that may be off as well, without being named.
+    """
+    prior = prior_of(mechanism.parameters[0])
+    whole = float(np.hypot(sd, max((accuracy.log_sd(name) for name in mechanism.scaled), default=0.0)))
+    return MeasuredStrength(mechanism, prior.departure(value), whole / prior.sd)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What finite-element solution shows a mechanism at given values."""
+
+    variant: str = "elastic"
+    """Which model: the base with the terms of all mechanisms of that variant."""
+    parameters: Values = field(default_factory=dict)
+    """Changed parameters of that model by full name (MPa, 1/MPa, mm4/(N s), s)."""
+    scaled: Values = field(default_factory=dict)
+    """Factors on parameters of the base model, by full name."""
+    tilt_deg: float = 0.0
+    """Of the indenter's travel."""
+    null: str = "elastic"
+    """The variant without the mechanism that it is compared with: its own error cancels."""
+    null_in_series: float = 0.0
+    """Compliance (mm/N) of springs that this one is in series with."""
+
+
+@dataclass(frozen=True)
+class TissueMechanism(Mechanism):
+    """A mechanism whose response only a finite-element solution tells."""
+
+    variant: ClassVar[str] = "elastic"
+    """Of the leg's model; mechanisms of one variant share a mesh and its forms."""
+    formulation: ClassVar[Formulation | None] = None
+    """Of the variant, where it isn't the base model's."""
+    tangential: ClassVar[TangentialName | None] = None
+    """Law of contact along the surface, likewise."""
+    contact_softness: ClassVar[float] = 1.0
+    """Factor on the contact's stiffness in that variant, and in its `null_variant`, ..."""
+    contact_onset: ClassVar[float | None] = None
+    """... and the gap (mm) at which its pressure starts there, where it isn't the base model's."""
+    null_variant: ClassVar[str] = "elastic"
+    """The one that its solution is compared with."""
+    along_path: ClassVar[bool] = False
+    """Whether the response depends on time or history, not on displacement alone."""
+    strengths: ClassVar[tuple[float, ...]] = ()
+    """Where the response is tabulated, beside the null."""
+    does_without: ClassVar[bool] = False
+    """Whether it acts in other ways, too, so that it stays where its solutions stop."""
+
+    @property
+    def derivatives(self) -> tuple[str, ...]:
+        """Parameters of its model by which the response is tabulated, in place of strengths.
+
+        They are zero at the mechanism's null, and the response is their derivatives there, times
+        `shares`.
+        """
+        return ()
+
+    def tabulated(self, values: Values) -> float:
+        """Return the strength at which the response is looked up, and ..."""
+        return values[self.parameters[0].name]
+
+    def share(self, values: Values) -> float:
+        """... return how much of that response there is."""
+        return 1.0
+
+    def shares(self, values: Values) -> FloatArray:
+        """Return what each of the derivatives is multiplied by (k,)."""
+        raise NotImplementedError(f"{self.name} isn't tabulated by derivatives")
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        """Full names of the assumed numbers that its strength multiplies."""
+        first = self.parameters[0]
+        if prior_of(first).scale != "log":
+            return ()
+        return tuple(self.solution({first.name: value_at(first, 1.0)}).scaled)
+
+    def relative_change(
+        self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
+    ) -> FloatArray | None:
+        """Return what finite-element solutions say."""
+        return responses.relative_change(self, values, at, observed)
+
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
+        """Return the terms that it adds to the leg's model, at their nulls."""
+        return ()
+
+    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+        """Return those that it adds to a body of one tissue, called deep."""
+        return ()
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return the usual strengths and the ends of the tabulated ones."""
+        ends = sorted({min(self.strengths), max(self.strengths)}) if self.strengths else []
+        others = {p.name: null_of(p) for p in self.parameters[1:]}
+        first = self.parameters[0].name
+        return (*super().starts(observed), *({first: end, **others} for end in ends))
+
+    def solution(self, values: Values) -> Solution:
+        """Return the solution that shows the mechanism at values."""
+        raise NotImplementedError(f"{self.name} doesn't say which solution shows it")

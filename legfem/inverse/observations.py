@@ -1,0 +1,248 @@
+"""All that was recorded of a leg, at the stations, as one vector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.data.contact import Contact, contact_at_start
+from legfem.data.segmentation import HOLD, LOADING, UNLOADING, Segmentation
+from legfem.inverse.stations import Stations, group_trials, read_at, stations_along, stations_of
+from legfem.solve.protocol import Protocol
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Forces at the stations of all trials, trial after trial; arrays are (n,)."""
+
+    trials: tuple[str, ...]
+    protocols: tuple[Stations, ...]
+    protocol_of: tuple[int, ...]
+    """A trial's protocol."""
+    force: FloatArray
+    """N."""
+    white_variance: FloatArray
+    """N^2."""
+    jitter_variance: FloatArray
+    """mm^2, of the smoothed displacement."""
+    white_sd: float
+    """Of one force reading, N."""
+    jitter_sd: float
+    """Of one displacement reading, mm."""
+    contacts: tuple[Contact, ...]
+    remarks: tuple[str, ...]
+    """What was noticed in the recordings, in sentences."""
+    depths: tuple[float, ...] = ()
+    """Greatest displacement of each trial, mm, where it isn't its protocol's: with more air before
+    the skin the same travel goes less deep."""
+    starts_at_contact: bool = False
+    """Whether displacement is stated to count from first touch."""
+
+    def spread(self, by_protocol: Sequence[FloatArray]) -> NDArray[np.float64]:
+        """Return values at every protocol's stations as one vector over all trials."""
+        return np.concatenate([by_protocol[number] for number in self.protocol_of])
+
+    def _of_stations(self, name: str) -> NDArray[np.generic]:
+        return np.concatenate([getattr(self.protocols[p], name) for p in self.protocol_of])
+
+    @cached_property
+    def trial(self) -> NDArray[np.int_]:
+        """Number of the trial."""
+        sizes = [len(self.protocols[p].time) for p in self.protocol_of]
+        return np.repeat(np.arange(len(sizes)), sizes)
+
+    @cached_property
+    def protocol(self) -> NDArray[np.int_]:
+        """Number of the protocol."""
+        return np.array(self.protocol_of)[self.trial]
+
+    @cached_property
+    def displacement(self) -> FloatArray:
+        """Displacement, mm; in a hold at the deepest point that of the trial itself."""
+        stated = np.asarray(self._of_stations("displacement"), float)
+        if not self.depths:
+            return stated
+        deepest = np.array([self.protocols[p].depth for p in self.protocol_of])
+        further = (np.array(self.depths) - deepest)[self.trial]
+        held = (self.phase == HOLD) & (np.abs(stated - deepest[self.trial]) < 0.5)
+        return np.where(held, stated + further, stated)
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """Time since first contact, s."""
+        return np.asarray(self._of_stations("time"), float)
+
+    @cached_property
+    def phase(self) -> NDArray[np.str_]:
+        """Name of the phase."""
+        return np.asarray(self._of_stations("phase"), str)
+
+    @cached_property
+    def segment(self) -> NDArray[np.int_]:
+        """Number of the protocol's segment."""
+        return np.asarray(self._of_stations("segment"), int)
+
+    @cached_property
+    def stiffness(self) -> FloatArray:
+        """Slope dF/dd of the recordings, smoothed, N/mm; in a hold that at its depth."""
+        slopes = []
+        for number, stations in enumerate(self.protocols):
+            rows = [self.force[self.trial == k] for k in self.trials_of(number)]
+            mean = np.mean(rows, axis=0)
+            slope = np.zeros(len(mean))
+            last = 0.0
+            for segment in np.unique(stations.segment):
+                here = stations.segment == segment
+                if stations.phase[here][0] == HOLD:
+                    slope[here] = last
+                    continue
+                d = stations.displacement[here]
+                fit = Polynomial.fit(d, mean[here], min(5, len(d) - 2))
+                slope[here] = fit.deriv()(d)
+                last = float(slope[here][-1])
+            slopes.append(slope)
+        return self.spread(slopes)
+
+    @cached_property
+    def means(self) -> FloatArray:
+        """Matrix (m, n) that takes the mean over a protocol's trials at each of its stations."""
+        rows = []
+        for number, stations in enumerate(self.protocols):
+            trials = self.trials_of(number)
+            for k in range(len(stations.time)):
+                row = np.zeros(len(self.force))
+                for trial in trials:
+                    row[np.flatnonzero(self.trial == trial)[k]] = 1.0 / len(trials)
+                rows.append(row)
+        return np.array(rows)
+
+    def trials_of(self, protocol: int) -> list[int]:
+        """Return the numbers of a protocol's trials."""
+        return [k for k, p in enumerate(self.protocol_of) if p == protocol]
+
+    @property
+    def repeats(self) -> int:
+        """Number of trials of the most repeated protocol."""
+        return max(len(self.trials_of(p)) for p in range(len(self.protocols)))
+
+    @property
+    def shows_air(self) -> bool:
+        """Whether a trial begins above the skin, though none is stated to begin at it."""
+        return not self.starts_at_contact and any(c.in_air for c in self.contacts)
+
+    @property
+    def repeated(self) -> list[list[int]]:
+        """Numbers of the trials by protocol."""
+        return [self.trials_of(p) for p in range(len(self.protocols))]
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement of all, mm."""
+        return max([*self.depths, *(stations.depth for stations in self.protocols)])
+
+    @property
+    def phases(self) -> frozenset[str]:
+        """Phases that were recorded."""
+        return frozenset(str(name) for name in self.phase)
+
+    @property
+    def rates(self) -> list[float]:
+        """Loading rates, mm/s, rising; those within 20 % count as one."""
+        found: list[float] = []
+        parts = [part for s in self.protocols for part in s.protocol.segments]
+        for part in (p for p in parts if p.phase == LOADING):
+            if all(abs(part.rate / other - 1) > 0.2 for other in found):
+                found.append(part.rate)
+        return sorted(found)
+
+    def with_force(self, force: FloatArray) -> Observations:
+        """Return the same stations with other forces (N)."""
+        return replace(self, force=force)
+
+
+def blank_observations(protocols: Sequence[Protocol]) -> Observations:
+    """Return observations of nothing at a programme's stations, one trial a protocol."""
+    distinct = list(dict.fromkeys(protocols))
+    stations = tuple(stations_along(protocol) for protocol in distinct)
+    numbers = tuple(distinct.index(protocol) for protocol in protocols)
+    nothing = np.zeros(sum(len(stations[k].time) for k in numbers))
+    return Observations(
+        tuple(f"trial{k + 1}" for k in range(len(protocols))),
+        stations,
+        numbers,
+        nothing,
+        nothing,
+        nothing,
+        0.0,
+        0.0,
+        tuple(contact_at_start() for _ in protocols),
+        (),
+    )
+
+
+def _on_driving(trial: Segmentation) -> list[str]:
+    """Return what a reader should know of how a trial was driven."""
+    remarks = [
+        f"{trial.name}: {segment.phase} was driven at more than one speed; it is simulated at its "
+        "mean speed, so effects of rate can't be told from it. Give each speed a file of its own."
+        for segment in trial.segments
+        if segment.changes_speed
+    ]
+    if trial.pressed_again:
+        remarks.append(
+            f"{trial.name}: after the cylinder had left the skin it was pressed in again; that "
+            "part is left out. Give each loading a file of its own."
+        )
+    phases = trial.phases
+    again = [k for k, p in enumerate(phases) if p == LOADING and UNLOADING in phases[:k]]
+    if again:
+        remarks.append(
+            f"{trial.name}: {len(again) + 1} loadings in one file; they are simulated one after "
+            "the other as they were driven, but count as one trial, so they tell nothing of the "
+            "errors between trials. Give each a file of its own if they are repeats."
+        )
+    return remarks
+
+
+def observe(trials: Sequence[Segmentation]) -> Observations:
+    """Bring recordings to stations.
+
+    Raises
+    ------
+    InputError
+        If a recording has no loading.
+    """
+    remarks: list[str] = []
+    for trial in trials:
+        if trial.contact.in_air:
+            remarks.append(
+                f"{trial.name}: {trial.contact.displacement:.2f} mm of air before first contact; "
+                "displacement and force are counted from there."
+            )
+        remarks += _on_driving(trial)
+    groups = group_trials(trials)
+    protocols = tuple(stations_of([trials[k] for k in group]) for group in groups)
+    protocol_of = tuple(next(g for g, group in enumerate(groups) if k in group) for k in range(len(trials)))
+    readings = [read_at(t, protocols[p]) for t, p in zip(trials, protocol_of, strict=True)]
+    white = [t.force_noise**2 * r.white_leverage for t, r in zip(trials, readings, strict=True)]
+    jitter = [t.displacement_noise**2 * r.jitter_leverage for t, r in zip(trials, readings, strict=True)]
+    return Observations(
+        tuple(t.name for t in trials),
+        protocols,
+        protocol_of,
+        np.concatenate([r.force for r in readings]),
+        np.concatenate(white),
+        np.concatenate(jitter),
+        float(np.sqrt(np.mean([t.force_noise**2 for t in trials]))),
+        float(np.sqrt(np.mean([t.displacement_noise**2 for t in trials]))),
+        tuple(t.contact for t in trials),
+        tuple(remarks),
+        tuple(t.depth for t in trials),
+        all(t.contact.known for t in trials),
+    )

@@ -1,0 +1,356 @@
+r"""The probability that a further test would distinguish explanations.
+
+Data of one explanation are predicted by another with its parameters' posterior of today. With :math:`\Delta` the
+difference of both predictions, :math:`S` the errors of the new test and :math:`J \Sigma J^T` what the other's
+parameters may still take up,
+
+.. math:: m = \tfrac12 \Delta^T (S + J \Sigma J^T)^{-1} \Delta
+
+is the expected logarithm of the Bayes factor; it scatters with variance :math:`2 m`, so that a factor of :math:`e^3` is
+reached with probability :math:`\Phi((m - 3) / \sqrt{2 m})`. No effect has quite its model's form: with the probability
+that a form leaves something, what it may leave of both is among the errors. Compare D. V. Lindley, Ann. Math. Statist.
+27 (1956) 986-1005.
+
+A direct reading of an effect's strength, without the indenter, is an observation of one of the explanations'
+parameters: the strength that the recordings gave it, or its null where an explanation hasn't that effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations
+
+import numpy as np
+from scipy.stats import norm
+
+from legfem.common.units import FloatArray
+from legfem.inverse.discrepancy import possible_discrepancies
+from legfem.inverse.errors import error_model
+from legfem.inverse.explain import INEXACT_SHARE
+from legfem.inverse.explanation import INEXACT
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
+from legfem.inverse.mechanism import AssumedAccuracy, Mechanism, measured_strength, null_of, prior_of
+from legfem.inverse.observations import Observations, blank_observations
+from legfem.inverse.predictor import Predictor, values_of
+from legfem.inverse.trial_noise import Noise
+from legfem.solve.protocol import Protocol
+
+
+@dataclass(frozen=True)
+class Design:
+    """One test, as a lab would make it.
+
+    Parameters
+    ----------
+    name
+        What to do, in words.
+    protocols
+        One a trial.
+    outlines_known
+        Whether the leg's outlines are measured at the indenter (ultrasound, labels on the skin).
+    contact_known
+        Whether first contact is seen: the recording begins in air, slowly.
+    length_factor
+        Of the cylinder, over that of the test that was made.
+    """
+
+    name: str
+    protocols: tuple[Protocol, ...]
+    outlines_known: bool = False
+    contact_known: bool = False
+    length_factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class DirectReadings:
+    """Effects that are measured by themselves, by other instruments than the indenter.
+
+    Parameters
+    ----------
+    mechanisms
+        Each with a `measured_sd`.
+    """
+
+    mechanisms: tuple[Mechanism, ...]
+
+    @property
+    def name(self) -> str:
+        """What to do, in words."""
+        return "; and ".join(m.next_experiment for m in self.mechanisms)
+
+
+DISTINGUISHED = 3.0
+"""ln of the Bayes factor: twenty to one."""
+_STEP = 1e-3
+_SEEN_ONSET_SD_MM = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An explanation as it is known before the new test.
+
+    Parameters
+    ----------
+    name
+        For people.
+    fit
+        Its mechanisms and values; its parameters with their priors.
+    mean, covariance
+        (p,), (p, p): departures of its parameters from their priors.
+    probability
+        Today.
+    """
+
+    name: str
+    fit: LinearisedFit
+    mean: FloatArray
+    covariance: FloatArray
+    probability: float
+
+
+@dataclass(frozen=True)
+class DesignValue:
+    """What a test is worth."""
+
+    design: Design | DirectReadings
+    chances: Mapping[tuple[str, str], float]
+    """That data of the first explanation tell it from the second."""
+    chance: float
+    """That whichever explanation holds is told from all others."""
+
+
+type DesignedNuisances = Callable[[Design, Observations, FloatArray], Sequence[NuisanceEffect]]
+"""What isn't known exactly does to the force (n,), N, at a test's stations."""
+
+
+def evaluate_design(
+    design: Design,
+    candidates: Sequence[Candidate],
+    predictor: Predictor,
+    nuisances: DesignedNuisances,
+    noise: Noise,
+    gain_sd: float,
+) -> DesignValue | None:
+    """Return what a test is worth; None where a response to it isn't known.
+
+    Parameters
+    ----------
+    design
+        The test.
+    candidates
+        Explanations that are open.
+    predictor
+        Of the test that was made: its leg, law and ends.
+    nuisances
+        Effects of what isn't known exactly.
+    noise, gain_sd
+        Of the instruments and from trial to trial.
+    """
+    blank = blank_observations(design.protocols)
+    new = replace(predictor, observed=blank, offset=0.0)
+    forces = [_force(new, c.fit.mechanisms, c.fit.moved(c.mean), design) for c in candidates]
+    if any(np.isnan(force).any() for force in forces):
+        return None
+    told = [_told(new, c, f, design) for c, f in zip(candidates, forces, strict=True)]
+    chances = {}
+    for one, mine in zip(candidates, told, strict=True):
+        effects = [(one.name, one.force) for one in nuisances(design, blank, mine.force)]
+        errors = error_model(blank.with_force(mine.force), noise, mine.force, effects)
+        known = replace(errors, gain_sd=gain_sd).covariance
+        for other, its in zip(candidates, told, strict=True):
+            if other is one:
+                continue
+            apart, total = mine.force - its.force, known + its.taken
+            exact = chance_to_distinguish(apart, total)
+            left = chance_to_distinguish(apart, total + mine.inexact + its.inexact)
+            chances[one.name, other.name] = (1 - INEXACT) * exact + INEXACT * left
+    return design_value(design, chances, candidates)
+
+
+def chance_to_distinguish(apart: FloatArray, total: FloatArray) -> float:
+    """Return the chance that data tell two explanations apart.
+
+    Parameters
+    ----------
+    apart
+        (n,): difference of what both predict.
+    total
+        (n, n): covariance of all that the data and the second may be off by.
+    """
+    m = 0.5 * float(apart @ np.linalg.solve(total, apart))
+    return float(norm.cdf((m - DISTINGUISHED) / np.sqrt(2 * m + 1e-9)))
+
+
+def design_value(
+    design: Design | DirectReadings, chances: Mapping[tuple[str, str], float], candidates: Sequence[Candidate]
+) -> DesignValue:
+    """Return what a test is worth, from the chances that it tells each from each."""
+    weights = np.array([c.probability for c in candidates])
+    each = [min((chances[c.name, o.name] for o in candidates if o is not c), default=1.0) for c in candidates]
+    return DesignValue(design, chances, float(weights @ each / weights.sum()))
+
+
+def ranked(found: Sequence[DesignValue]) -> list[DesignValue]:
+    """Return tests, the most telling first."""
+    return sorted(found, key=lambda one: -one.chance)
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What a candidate says of a test."""
+
+    force: FloatArray
+    """(n,), N."""
+    taken: FloatArray
+    """(n, n), N^2: what its parameters and first contacts may still take up."""
+    inexact: FloatArray
+    """(n, n), N^2: what its form may leave, that is never quite the effect's."""
+
+
+def _told(new: Predictor, candidate: Candidate, force: FloatArray, design: Design) -> _Told:
+    blank, fitted = new.observed, candidate.fit
+    slopes, known = _slopes(new, candidate, force, design), _known(candidate, design)
+    own = len(fitted.stiffness)
+    refit = np.column_stack([slopes[:, :own], slopes[:, -len(design.protocols) :]])
+    shown = force - _force(new, (), fitted.moved(candidate.mean), design)
+    shown = shown - refit @ np.linalg.lstsq(refit, shown)[0]
+    return _Told(force, slopes @ known @ slopes.T, _inexact(blank, force, shown))
+
+
+def _inexact(blank: Observations, force: FloatArray, shown: FloatArray) -> FloatArray:
+    """Return the covariance of what a form leaves of what shows of it (n,), N.
+
+    As an explanation is weighed: an error of unknown shape, of a share of what shows at most.
+    """
+    if not shown.any():
+        return np.zeros((len(force), len(force)))
+    unknowns = possible_discrepancies(blank, force)[1:]
+    size = INEXACT_SHARE * float(np.sqrt(np.mean(shown**2)) / np.abs(force).max())
+    most = max(size, unknowns[0].size)
+    largest = max((u for u in unknowns if u.size <= most), key=lambda u: u.size)
+    assert largest.covariance is not None
+    return largest.covariance
+
+
+def _force(new: Predictor, mechanisms: Sequence[Mechanism], values: Mapping[str, float], design: Design) -> FloatArray:
+    """Return the force (n,), N; a longer cylinder's ends count less, the rest more."""
+    given = dict(values)
+    for k in range(len(new.observed.trials)):
+        given.setdefault(f"trial{k + 1}.onset", 0.0)
+    # New trials are touched where they are touched: what was fitted before was the old ones'.
+    given = {name: 0.0 if name.endswith(".onset") else value for name, value in given.items()}
+    for one in mechanisms:
+        own = one.for_length(values_of(given, one), design.length_factor)
+        given |= {f"{one.name}.{name}": value for name, value in own.items()}
+    return design.length_factor * new(given, mechanisms)
+
+
+def _slopes(new: Predictor, candidate: Candidate, here: FloatArray, design: Design) -> FloatArray:
+    """Return what the parameters, and the new trials' first contacts, may change."""
+    blank, fitted = new.observed, candidate.fit
+    columns = []
+    for k, parameter in enumerate(fitted.parameters):
+        if parameter.role == "nuisance":
+            continue
+        moved = candidate.mean.copy()
+        moved[k] += _STEP
+        there = _force(new, fitted.mechanisms, fitted.moved(moved), design)
+        columns.append((there - here) / _STEP)
+    slope = blank.with_force(here).stiffness
+    onsets = [np.where(blank.trial == k, -slope, 0.0) for k in range(len(blank.trials))]
+    return np.column_stack([*columns, *onsets])
+
+
+def _known(candidate: Candidate, design: Design) -> FloatArray:
+    kept = [k for k, p in enumerate(candidate.fit.parameters) if p.role != "nuisance"]
+    sd = _SEEN_ONSET_SD_MM
+    if not design.contact_known:
+        nuisance = [p for p in candidate.fit.parameters if p.role == "nuisance"]
+        sd = prior_of(nuisance[0]).sd if nuisance else sd
+    trials = len(design.protocols)
+    total = np.zeros((len(kept) + trials,) * 2)
+    total[: len(kept), : len(kept)] = candidate.covariance[np.ix_(kept, kept)]
+    total[len(kept) :, len(kept) :] = sd**2 * np.eye(trials)
+    return total
+
+
+def prior_candidates(
+    problem: LinearisedProblem, base: LinearisedFit, mechanisms: Sequence[Mechanism]
+) -> list[Candidate]:
+    """Return nothing and every mechanism at a usual strength, all as probable.
+
+    Parameters
+    ----------
+    problem
+        Blank observations of the leg.
+    base
+        The base model at the stiffness that is expected.
+    mechanisms
+        Those that are to be told.
+    """
+    found = [Candidate("nothing", base, base.departure, np.eye(len(base.free)), 1.0)]
+    for mechanism in mechanisms:
+        parameters = problem.parameters([mechanism])
+        departure = np.zeros(len(parameters))
+        departure[: len(base.free)] = base.departure
+        departure[len(base.free)] = 0.7
+        fitted = replace(base, mechanisms=(mechanism,), parameters=parameters, departure=departure)
+        found.append(Candidate(mechanism.name, fitted, departure, np.eye(len(parameters)), 1.0))
+    return found
+
+
+_WORTH = 0.1
+"""Of a chance, by which a second reading has to better the first one's."""
+
+
+def evaluate_readings(
+    mechanisms: Sequence[Mechanism], candidates: Sequence[Candidate], accuracy: AssumedAccuracy
+) -> list[DesignValue]:
+    """Return what it is worth to measure effects by themselves: each, and the best two if better.
+
+    Parameters
+    ----------
+    mechanisms
+        That are in doubt; those that can't be measured by themselves are passed over.
+    candidates
+        Explanations that are open.
+    accuracy
+        Of what is assumed of the leg.
+    """
+    able = [m for m in mechanisms if m.measured_sd is not None]
+    single = [_worth((m,), candidates, accuracy) for m in able]
+    double = [_worth(pair, candidates, accuracy) for pair in combinations(able, 2)]
+    best = max((one.chance for one in single), default=0.0)
+    most = max(double, key=lambda one: one.chance, default=None)
+    return [*single, most] if most is not None and most.chance > best + _WORTH else single
+
+
+def _worth(
+    mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: AssumedAccuracy
+) -> DesignValue:
+    errors = np.diag([_error(m, accuracy) ** 2 for m in mechanisms])
+    means, spreads = zip(*(_strengths(c, mechanisms) for c in candidates), strict=True)
+    chances = {
+        (one.name, other.name): chance_to_distinguish(means[i] - means[j], errors + spreads[j])
+        for (i, one), (j, other) in permutations(enumerate(candidates), 2)
+    }
+    return design_value(DirectReadings(mechanisms), chances, candidates)
+
+
+def _error(mechanism: Mechanism, accuracy: AssumedAccuracy) -> float:
+    """Return a reading's standard deviation, over that of what is known beforehand."""
+    assert mechanism.measured_sd is not None
+    null = null_of(mechanism.parameters[0])
+    return measured_strength(mechanism, null, mechanism.measured_sd, accuracy).sd
+
+
+def _strengths(candidate: Candidate, mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArray]:
+    """Return mean (k,) and covariance (k, k) of departures: none of effects that it hasn't."""
+    free = candidate.fit.free
+    pick = np.zeros((len(mechanisms), len(free)))
+    for row, mechanism in enumerate(mechanisms):
+        name = f"{mechanism.name}.{mechanism.parameters[0].name}"
+        if name in free:
+            pick[row, free.index(name)] = 1.0
+    return pick @ candidate.mean, pick @ candidate.covariance @ pick.T

@@ -1,0 +1,246 @@
+"""The predicted forces at the stations, for any stiffness and any mechanisms, in milliseconds.
+
+The tissue's response comes from `Responses`, solved once for a section; everything else is exact
+arithmetic on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.common.units import FloatArray
+from legfem.inverse.mechanism import Mechanism, TissueResponses, null_of
+from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Parameter, Prior
+
+LawName = Literal["neo-hookean", "reduced-polynomial"]
+_FACTOR_NODES = 4
+_SPLINES_KEPT = 400
+
+
+class Responses(TissueResponses, Protocol):
+    """What the finite-element model said beforehand."""
+
+    @property
+    def grid(self) -> FloatArray:
+        """Displacements (m,) of the curves, mm, rising from above zero."""
+        ...
+
+    @property
+    def c10_bounds(self) -> tuple[float, float]:
+        """Stiffness C10 that it holds for, kPa."""
+        ...
+
+    @property
+    def c20_bounds(self) -> tuple[float, float]:
+        """Stiffness C20 that it holds for, kPa."""
+        ...
+
+    def curve(self, c10: float, c20: float) -> FloatArray:
+        """Return the elastic force (m,) at the grid, N."""
+        ...
+
+
+class Ends(Protocol):
+    """A factor on the plane-strain force for the cylinder's ends, a function of the stiffness."""
+
+    def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
+        """Return the factor (..., n) at displacements (n,) in mm; stiffnesses in kPa."""
+        ...
+
+
+ONSET_SDS_MM, IN_AIR_SD_MM = (0.15, 0.3), 1.0
+"""Between which the standard deviation of first contact lies where all trials seem to begin at the
+skin; where some begin in air all may, and by how much is open."""
+DETECTION_FACTOR = 4.0
+"""Of that over the detection's own error, which knows neither the tissue's curve nor how slowly the
+force sets in: on another code's recordings it was off by up to four of its errors."""
+AT_TOUCH_SD_MM = 0.05
+"""Of first contact, where recordings begin at first touch."""
+_ONSETS_MM = (-4.0, 4.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """Predicts observations; parameters are C10, C20 (kPa) and ``mechanism.parameter``.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    responses
+        Of the leg.
+    law
+        Of the deep tissue.
+    ends
+        Of the cylinder, where the recordings have them.
+    measured
+        C10 (kPa) by other means, where it was.
+    offset
+        (n,), N: what a full solution was above the emulated one, where one was made.
+    """
+
+    observed: Observations
+    responses: Responses
+    law: LawName
+    ends: Ends | None = None
+    measured: Prior | None = None
+    offset: FloatArray | float = 0.0
+    _splines: dict[tuple[int, float, float], CubicSpline | None] = field(default_factory=dict, repr=False)
+
+    def corrected(self, offset: FloatArray) -> Predictor:
+        """Return the predictor shifted to agree with a full solution."""
+        return replace(self, offset=offset)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Of the base model: stiffness, and first contact of every trial."""
+        low, high = self.responses.c10_bounds
+        middle = float(np.sqrt(low * high))
+        known = self.measured or Prior(middle, 1.5, "log", "nothing is known")
+        found = [Parameter("C10", "kPa", (low, high), known, scale="log", statement="of the deep tissue")]
+        if self.law == "reduced-polynomial":
+            prior = Prior(0.0, 4.0 * middle, "linear", "nothing is known")
+            found.append(Parameter("C20", "kPa", self.responses.c20_bounds, prior, statement="likewise"))
+        return (*found, *(self._onset(k) for k in range(len(self.observed.trials))))
+
+    def _onset(self, trial: int) -> Parameter:
+        """Return a trial's first contact, after that counted from."""
+        prior = Prior(0.0, AT_TOUCH_SD_MM, "linear", "the recording begins at first touch")
+        if self.observed.shows_air:
+            prior = detected_onset(self.observed, trial)
+        return Parameter(
+            onset_name(trial),
+            "mm",
+            _ONSETS_MM,
+            prior,
+            role="nuisance",
+            statement="first contact, after that found in the recording",
+        )
+
+    def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
+        """Return the forces (n,), N; NaN where a full solution stopped."""
+        observed = self.observed
+        own = {m.name: values_of(values, m) for m in mechanisms}
+        c10, c20 = values["C10"], values.get("C20", 0.0)
+        onset = np.array([values.get(onset_name(k), 0.0) for k in range(len(observed.trials))])
+        for mechanism in mechanisms:
+            if mechanism.stands_for_C20 and self.law == "neo-hookean":
+                c20 = own[mechanism.name][mechanism.parameters[0].name]
+        factor: FloatArray = np.ones(len(observed.force))
+        for mechanism in mechanisms:
+            factor = factor * mechanism.deep_factor(own[mechanism.name], observed)
+        elastic = self._elastic(c10, c20, factor)
+
+        def loss(force: FloatArray) -> FloatArray:
+            return sum((m.displacement_loss(own[m.name], observed, force) for m in mechanisms), onset[observed.trial])
+
+        force = _pressed(elastic, observed.displacement, loss)
+        if self.ends is not None:
+            pressed = np.maximum(observed.displacement - loss(force), 0.0)
+            force = force * self.ends.factor(pressed, np.asarray(c10), np.asarray(c20))
+        for mechanism in mechanisms:
+            mine = own[mechanism.name]
+            if not (mechanism.stands_for_C20 and self.law == "neo-hookean"):
+                change = mechanism.relative_change(mine, (c10, c20), observed, self.responses)
+                force = force if change is None else force * (1 + change)
+            force = force * mechanism.force_factor(mine, observed)
+        for mechanism in mechanisms:
+            force = force + mechanism.added_force(own[mechanism.name], observed)
+        return force + self.offset
+
+    def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
+        low, high = float(factor.min()), float(factor.max())
+        nodes = np.array([1.0]) if high - low < 1e-12 else np.linspace(low, high, _FACTOR_NODES)
+        at_null = high - low < 1e-12
+        scale = factor[0] if at_null else 1.0
+        splines = [self._spline(c10 * scale * n, c20 * scale * n) for n in nodes]
+        known = [spline for spline in splines if spline is not None]
+        if len(known) < len(splines):
+            return _Elastic([_unknown], np.array([1.0]), None)
+        return _Elastic(known, nodes, None if at_null else _lagrange(nodes, factor))
+
+    def _spline(self, c10: float, c20: float) -> CubicSpline | None:
+        """Return the elastic curve of a stiffness (kPa), kept for the next time; None without."""
+        key = id(self.responses), float(c10), float(c20)
+        if key not in self._splines:
+            if len(self._splines) > _SPLINES_KEPT:
+                self._splines.clear()
+            grid = np.concatenate([[0.0], self.responses.grid])
+            curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
+            self._splines[key] = None if np.isnan(curve).any() else CubicSpline(grid, curve)
+        return self._splines[key]
+
+
+@dataclass(frozen=True, eq=False)
+class _Elastic:
+    """Curves at several factors on the deep stiffness, interpolated to every station's."""
+
+    splines: Sequence[Callable[[FloatArray, int], FloatArray]]
+    nodes: FloatArray
+    weights: FloatArray | None
+
+    def __call__(self, displacement: FloatArray, derivative: int = 0) -> FloatArray:
+        at = np.maximum(displacement, 0.0)
+        values = [spline(at, derivative) for spline in self.splines]
+        total = values[0]
+        if self.weights is not None:
+            total = np.einsum("ij,ij->j", self.weights, np.array(values))
+        return np.where(displacement > 0, total, 0.0)
+
+
+def _unknown(displacement: FloatArray, derivative: int) -> FloatArray:
+    """Return the force of a solution that stopped."""
+    return np.full(len(displacement), np.nan)
+
+
+def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:
+    weights = np.ones((len(nodes), len(at)))
+    for i, node in enumerate(nodes):
+        for j, other in enumerate(nodes):
+            if i != j:
+                weights[i] *= (at - other) / (node - other)
+    return weights
+
+
+def _pressed(elastic: _Elastic, displacement: FloatArray, loss) -> FloatArray:  # type: ignore[no-untyped-def]
+    """Solve F = elastic(d - loss(F)) by Newton's method."""
+    force = elastic(displacement - loss(np.zeros_like(displacement)))
+    if not np.any(loss(np.ones_like(force)) - loss(np.zeros_like(force))):
+        return force
+    for _ in range(12):
+        lost = loss(force)
+        by_force = loss(force + 1.0) - lost
+        at = displacement - lost
+        step = (force - elastic(at)) / (1.0 + elastic(at, 1) * by_force)
+        force = force - step
+        if np.abs(step).max() < 1e-9:
+            break
+    return force
+
+
+def values_of(values: Mapping[str, float], mechanism: Mechanism) -> dict[str, float]:
+    """Return a mechanism's own values by their short names."""
+    return {p.name: values.get(f"{mechanism.name}.{p.name}", null_of(p)) for p in mechanism.parameters}
+
+
+def detected_onset(observed: Observations, trial: int) -> Prior:
+    """Return what the recording says of a trial's first contact, after that counted from (mm)."""
+    contact = observed.contacts[trial]
+    low, high = ONSET_SDS_MM
+    if observed.shows_air:
+        low, high = high, IN_AIR_SD_MM
+    sd = float(np.clip(DETECTION_FACTOR * contact.displacement_error, low, high))
+    away = contact.estimate - contact.displacement
+    return Prior(away, sd, "linear", "detection in the recording")
+
+
+def onset_name(trial: int) -> str:
+    """Return the full name of a trial's first contact."""
+    return f"trial{trial + 1}.onset"

@@ -1,0 +1,315 @@
+"""Responses by finite elements: each solution made once and kept on disk.
+
+A solution that doesn't follow its protocol to the end, now or before, has NaN for its values, and
+so has all that is computed from them.
+"""
+
+from __future__ import annotations
+
+import pathlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
+from legfem.inverse.observations import Observations
+from legfem.inverse.stations import Stations
+from legfem.jobs.key import key_of
+from legfem.jobs.store import Store
+from legfem.solve.protocol import Protocol as Motion
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
+    from legfem.solve.path import Path
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """A geometry other than the stated one, to be solved for."""
+
+    name: str
+    moved: MeshMotion | None = None
+    placement: Placement | None = None
+
+
+class BodyModels(Protocol):
+    """The models of one body that show mechanisms, one for every variant."""
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Full names of the numbers that are assumed, and may be somewhat off."""
+        ...
+
+    @property
+    def displaced(self) -> tuple[Displaced, ...]:
+        """Geometries other than the stated one, whose forces tell of what isn't known of it."""
+        ...
+
+    def moved_to(self, moved: MeshMotion) -> BodyModels:
+        """Return the body with its mesh moved."""
+        ...
+
+    def follow(
+        self,
+        protocol: Motion,
+        deep: Mapping[str, float],
+        solution: Solution,
+        sensitivities: Sequence[str] = (),
+        placement: Placement | None = None,
+    ) -> Path | Stopped:
+        """Solve a protocol for a stiffness; see `legfem.legs.variants.LegVariants.follow`."""
+        ...
+
+    def parameters(self, variant: str) -> Mapping[str, float]:
+        """Return a variant's parameters by full name (MPa, 1/MPa)."""
+        ...
+
+    def described(self, variant: str) -> str:
+        """Return what tells a variant from others."""
+        ...
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """A solution that didn't follow its protocol to the end."""
+
+    why: str
+
+
+GRID_STEP_MM = 0.5
+ELASTIC_DERIVATIVES = ("deep.C10", "deep.C20")
+_SMALLEST_FORCE_N = 1e-6
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
+    from legfem.solve.path import Path
+
+PLAIN = Solution("plain")
+"""The base model with no term of any mechanism."""
+
+
+class NotKeptError(LookupError):
+    """A solution would have to be made."""
+
+
+type Columns = dict[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class PathRequest:
+    """A solution, and where on its path it is asked for.
+
+    Parameters
+    ----------
+    protocol
+        Of the indenter.
+    at
+        Times of it, s.
+    stiffness
+        Of the deep tissue.
+    solution
+        Which model, and its parameters.
+    derivatives
+        Full names of parameters by which the force is differentiated.
+    moved, placement
+        Another geometry.
+    """
+
+    protocol: Motion
+    at: FloatArray
+    stiffness: Stiffness
+    solution: Solution
+    derivatives: tuple[str, ...] = ()
+    moved: MeshMotion | None = None
+    placement: Placement | None = None
+
+    def entry(self, terms: str) -> dict[str, Any]:
+        """Return what its outcome is kept under; ``terms`` are those of its model."""
+        return {
+            "protocol": [list(self.protocol.time), list(self.protocol.displacement)],
+            "at": np.round(self.at, 9).tolist(),
+            "deep_kPa": [float(value) for value in self.stiffness],
+            "variant": self.solution.variant,
+            "terms": terms,
+            "parameters": {k: float(v) for k, v in self.solution.parameters.items()},
+            "scaled": {k: float(v) for k, v in self.solution.scaled.items()},
+            "tilt_deg": float(self.solution.tilt_deg),
+            "derivatives": list(self.derivatives),
+            "geometry": repr((self.moved, self.placement)),
+        }
+
+
+@dataclass(eq=False)
+class SolvedResponses:
+    """Responses of one leg, by solutions made when asked for.
+
+    Parameters
+    ----------
+    variants
+        The body's models.
+    depth
+        Of the elastic curves, mm.
+    folder
+        Where solutions are kept; none is without it.
+    fingerprint
+        Of all that a solution depends on beside its arguments.
+    step
+        Of the grid, mm.
+    """
+
+    variants: BodyModels
+    depth: float
+    folder: pathlib.Path | None
+    fingerprint: Mapping[str, Any]
+    step: float = GRID_STEP_MM
+    c10_bounds: tuple[float, float] = (0.01, 100.0)
+    c20_bounds: tuple[float, float] = (0.0, 100.0)
+    solutions: int = 0
+    """Made, not recalled."""
+    only_kept: bool = False
+    """Whether `NotKeptError` is raised where a solution would have to be made."""
+    rougher: SolvedResponses | None = None
+    """Of a coarser mesh, for small changes of the geometry; these ones without it."""
+    _known: dict[str, Columns] = field(default_factory=dict, repr=False)
+
+    def recalling(self) -> SolvedResponses:
+        """Return the same that makes no solution: `NotKeptError` is raised instead."""
+        rougher = None if self.rougher is None else self.rougher.recalling()
+        return replace(self, only_kept=True, rougher=rougher)
+
+    @property
+    def grid(self) -> FloatArray:
+        """Displacements of the elastic curves, mm."""
+        return self.step * np.arange(1, round(self.depth / self.step) + 1)
+
+    def curve(self, c10: float, c20: float) -> FloatArray:
+        """Return the elastic force at the grid, N."""
+        return self.ramp((c10, c20), Solution())
+
+    def ramp(self, stiffness: Stiffness, solution: Solution) -> FloatArray:
+        """Return a solution's force at the grid, N."""
+        return self._solve(self._at_grid(stiffness, solution))["force"]
+
+    def elastic(self, stiffness: Stiffness) -> Columns:
+        """Return the elastic force and its derivatives (N per MPa or 1/MPa) at the grid."""
+        asked = self._at_grid(stiffness, Solution())
+        return self._solve(replace(asked, derivatives=ELASTIC_DERIVATIVES))
+
+    def _at_grid(self, stiffness: Stiffness, solution: Solution) -> PathRequest:
+        return PathRequest(Motion.ramp(self.depth, 1.0), self.grid, stiffness, solution)
+
+    def relative_change(
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
+    ) -> FloatArray:
+        """Return what a mechanism adds to the elastic force, over that force; (n,)."""
+        solution = mechanism.solution(values)
+        if not mechanism.along_path:
+            change = mechanism.share(values) * self.elastic_change(solution, at)
+            return _at_displacement(self.grid, change, observed.displacement, level=True)
+        return observed.spread([self.path_change(solution, s, at) for s in observed.protocols])
+
+    def elastic_change(self, solution: Solution, stiffness: Stiffness) -> FloatArray:
+        """Return the relative change of the elastic force at the grid."""
+        null = self.ramp(stiffness, Solution(solution.null))
+        before = np.maximum(_in_series(self.grid, null, solution.null_in_series), _SMALLEST_FORCE_N)
+        return self.ramp(stiffness, solution) / before - 1.0
+
+    def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> FloatArray:
+        """Return the relative change at a protocol's stations (m,)."""
+        # A porous leg has another formulation: compared with itself, its own error cancels.
+        porous = solution.variant == "porous"
+        null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
+        before = _at_displacement(self.grid, self.ramp(stiffness, null), stations.displacement)
+        asked = PathRequest(stations.protocol, stations.time, stiffness, solution)
+        changed = self._solve(asked)["force"]
+        return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
+
+    def by_derivatives(self, mechanism: TissueMechanism, stations: Stations | None, stiffness: Stiffness) -> FloatArray:
+        """Return the relative change by each of a mechanism's derivatives at its null.
+
+        (k, stations); (k, grid) of a mechanism that doesn't follow a path.
+        """
+        solution = mechanism.solution({p.name: null_of(p) for p in mechanism.parameters})
+        asked = self._at_grid(stiffness, solution)
+        if stations is not None:
+            asked = PathRequest(stations.protocol, stations.time, stiffness, solution)
+        columns = self._solve(replace(asked, derivatives=mechanism.derivatives))
+        force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
+        return np.array([columns[name] / force for name in mechanism.derivatives])
+
+    def sensitivities(self, names: Sequence[str], stiffness: Stiffness) -> Columns:
+        """Return the elastic force's relative changes at the grid by those of parameters."""
+        columns = self._solve(replace(self._at_grid(stiffness, PLAIN), derivatives=tuple(names)))
+        force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
+        own = self.variants.parameters(PLAIN.variant)
+        return {name: own[name] * columns[name] / force for name in names}
+
+    def displaced(self, moved: MeshMotion | None, placement: Placement | None, stiffness: Stiffness) -> FloatArray:
+        """Return the relative change of the elastic force at the grid by another geometry."""
+        if self.rougher is not None:
+            return self.rougher.displaced(moved, placement, stiffness)
+        asked = self._at_grid(stiffness, PLAIN)
+        after = self._solve(replace(asked, moved=moved, placement=placement))["force"]
+        before = np.maximum(self._solve(asked)["force"], _SMALLEST_FORCE_N)
+        return after / before - 1.0
+
+    def _solve(self, asked: PathRequest) -> Columns:
+        """Return force and derivatives at times of a protocol."""
+        entry = asked.entry(self.variants.described(asked.solution.variant))
+        key = key_of(entry)
+        if key not in self._known:
+
+            def make() -> Columns:
+                return self._made(asked)
+
+            store = self._store
+            self._known[key] = make() if store is None else store.get_or_make(entry, make)
+        columns = self._known[key]
+        if "force" not in columns:
+            return {name: np.full(len(asked.at), np.nan) for name in ("force", *asked.derivatives)}
+        return columns
+
+    @cached_property
+    def _store(self) -> Store[Columns] | None:
+        if self.folder is None:
+            return None
+        return Store(self.folder, dict[str, FloatArray], self.fingerprint)
+
+    def _made(self, asked: PathRequest) -> Columns:
+        if self.only_kept:
+            raise NotKeptError
+        self.solutions += 1
+        c10, c20 = asked.stiffness
+        deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}
+        moved = asked.moved
+        variants = self.variants if moved is None else self.variants.moved_to(moved)
+        path = variants.follow(asked.protocol, deep, asked.solution, asked.derivatives, asked.placement)
+        if isinstance(path, Stopped):
+            return {"stopped": np.zeros(0)}
+        slopes = {name: path.sensitivity_at(name, asked.at) for name in asked.derivatives}
+        return {"force": path.force_at(asked.at), **slopes}
+
+
+def _in_series(grid: FloatArray, force: FloatArray, compliance: float) -> FloatArray:
+    """Return the force (N) at displacements (mm) where springs (mm/N) are in series."""
+    if compliance <= 0.0 or np.isnan(force).any():
+        return force
+    whole = np.concatenate([[0.0], force])
+    return np.asarray(CubicSpline(np.concatenate([[0.0], grid]) + compliance * whole, whole)(grid))
+
+
+def _at_displacement(grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False) -> FloatArray:
+    """Interpolate from the grid; towards zero to nothing, or level from the first point on."""
+    if np.isnan(values).any():
+        return np.full(len(at), np.nan)
+    if level:
+        return np.asarray(CubicSpline(grid, values)(np.maximum(at, grid[0])))
+    spline = CubicSpline(np.concatenate([[0.0], grid]), np.concatenate([[0.0], values]))
+    return np.asarray(spline(np.maximum(at, 0.0)))

@@ -1,0 +1,200 @@
+"""Where recordings and model are compared: a few dozen stations along each protocol.
+
+Trials that were driven alike (same phases, rates and depth) share a protocol and its stations:
+displacements in loading and unloading, times in a hold.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.data.segmentation import AIR, HOLD, LOADING, Segment, Segmentation
+from legfem.data.smoothing import local_line
+from legfem.solve.protocol import Protocol
+
+LOADING_STATIONS, HOLD_STATIONS, UNLOADING_STATIONS = 40, 12, 24
+# Trials whose rates, holds, depths and ends of phases agree this well were driven alike.
+_RATE_TOLERANCE, _DEPTH_TOLERANCE, _END_TOLERANCE = 0.06, 0.03, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Stations:
+    """Stations along one protocol; arrays are (m,)."""
+
+    protocol: Protocol
+    phase: NDArray[np.str_]
+    segment: NDArray[np.int_]
+    """Number of the protocol's segment."""
+    displacement: FloatArray
+    """mm."""
+    time: FloatArray
+    """s since first contact."""
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement, mm."""
+        return float(np.max(self.protocol.displacement))
+
+    @cached_property
+    def key(self) -> str:
+        """Name that only these stations have."""
+        what = [self.protocol.time, self.protocol.displacement, self.time.tolist()]
+        return hashlib.sha256(json.dumps(what).encode()).hexdigest()[:16]
+
+    @property
+    def label(self) -> str:
+        """What a reader knows it by."""
+        return ", ".join(
+            f"{p.rate:.2g} mm/s to {p.last:.3g} mm" if p.phase == LOADING else p.phase for p in self.protocol.segments
+        )
+
+
+def group_trials(trials: Sequence[Segmentation]) -> list[list[int]]:
+    """Return the trials' numbers, those driven alike together.
+
+    A third trial that lies between two joins them: apart, both may have the same stations.
+    """
+    groups: list[list[int]] = []
+    for k, trial in enumerate(trials):
+        mine = [group for group in groups if any(_alike(trials[j], trial) for j in group)]
+        groups = [group for group in groups if group not in mine]
+        groups.append(sorted([k, *(j for group in mine for j in group)]))
+    return sorted(groups)
+
+
+def _alike(a: Segmentation, b: Segmentation) -> bool:
+    """Tell whether two trials follow one programme, however much air each begins with."""
+    deep = min(abs(a.depth / b.depth - 1), abs(a.reach / b.reach - 1)) <= _DEPTH_TOLERANCE
+    return (
+        a.phases == b.phases
+        and deep
+        and all(
+            _same_pace(x, y) and abs(x.end - y.end) <= _END_TOLERANCE * a.depth + abs(a.depth - b.depth)
+            for x, y in zip(a.segments, b.segments, strict=True)
+        )
+    )
+
+
+def _same_pace(a: Segment, b: Segment) -> bool:
+    if a.phase in (HOLD, AIR):
+        return abs(a.duration / b.duration - 1) < _RATE_TOLERANCE
+    return abs(a.rate / b.rate - 1) < _RATE_TOLERANCE
+
+
+def stations_of(trials: Sequence[Segmentation]) -> Stations:
+    """Return the stations of trials that were driven alike.
+
+    Rates and holds are taken to two digits and depths to 0.1 mm, so that recordings of one protocol
+    share their solutions; the forces are read at the trials' own displacements. While the skin is
+    left there are no stations.
+    """
+    first = trials[0]
+    depth = round(min(trial.depth for trial in trials), 1)
+    times, displacements = [0.0], [0.0]
+    phases: list[str] = []
+    numbers: list[int] = []
+    d_at: list[float] = []
+    t_at: list[float] = []
+    for number, phase in enumerate(first.phases):
+        parts = [trial.segments[number] for trial in trials]
+        before = displacements[-1]
+        if phase in (HOLD, AIR):
+            duration = float(f"{min(part.duration for part in parts):.2g}")
+            times.append(times[-1] + duration)
+            displacements.append(before)
+            if phase == AIR:
+                continue
+            sampling = float(np.median(np.diff(parts[0].time)))
+            since = np.geomspace(max(3 * sampling, duration / 150), 0.97 * duration, HOLD_STATIONS)
+            d: FloatArray = np.full(HOLD_STATIONS, before)
+            t = times[-2] + since
+        else:
+            rate = float(f"{np.mean([abs(part.rate) for part in parts]):.2g}")
+            end = round(float(np.mean([part.end for part in parts])), 2)
+            if phase == LOADING:
+                short = np.mean([t.depth - p.end for t, p in zip(trials, parts, strict=True)])
+                if short <= max(0.3, _DEPTH_TOLERANCE * depth):
+                    end = depth
+                last = end
+                count = LOADING_STATIONS
+            else:
+                # Near lift-off recordings end anywhere; down to a quarter of the depth they don't.
+                if end < 0.05 * depth:
+                    end = 0.0
+                seen = max(float(part.displacement[-1]) for part in parts)
+                last = 0.05 * before * np.ceil(seen / (0.05 * before) - 0.2)
+                last = max(0.25 * before, end, last)
+                count = UNLOADING_STATIONS
+            duration = abs(end - before) / rate
+            times.append(times[-1] + duration)
+            displacements.append(end)
+            way = (last - before) / (end - before)
+            fraction = way * (np.arange(count) + 0.6) / count
+            d = before + fraction * (end - before)
+            t = times[-2] + fraction * duration
+        phases += [phase] * len(d)
+        numbers += [number] * len(d)
+        d_at += list(d)
+        t_at += list(t)
+    protocol = Protocol(tuple(times), tuple(displacements))
+    return Stations(protocol, np.array(phases), np.array(numbers), np.array(d_at), np.array(t_at))
+
+
+def stations_along(protocol: Protocol) -> Stations:
+    """Return the stations of a programme that wasn't recorded."""
+    phase: list[str] = []
+    number: list[int] = []
+    time: list[float] = []
+    counts = {LOADING: LOADING_STATIONS, HOLD: HOLD_STATIONS}
+    for k, part in enumerate(protocol.segments):
+        count = counts.get(part.phase, UNLOADING_STATIONS)
+        share = np.geomspace(1 / 150, 0.97, count) if part.phase == HOLD else (np.arange(count) + 0.6) / count
+        time += list(part.start + share * part.duration)
+        phase += [part.phase] * count
+        number += [k] * count
+    at = np.array(time)
+    return Stations(protocol, np.array(phase), np.array(number), protocol.displacement_at(at), at)
+
+
+@dataclass(frozen=True, eq=False)
+class StationReadings:
+    """A trial brought to its protocol's stations; arrays are (m,)."""
+
+    force: FloatArray
+    """N."""
+    white_leverage: FloatArray
+    """Variance of ``force`` over that of one reading's white noise."""
+    jitter_leverage: FloatArray
+    """Variance of the smoothed displacement there over that of one reading."""
+
+
+def read_at(trial: Segmentation, stations: Stations) -> StationReadings:
+    """Bring a trial to stations, by straight lines fitted to the samples round each."""
+    force, leverage, jitter = (np.empty(len(stations.time)) for _ in range(3))
+    starts = stations.protocol.time
+    for number, segment in enumerate(trial.segments):
+        here = stations.segment == number
+        if segment.phase == AIR:
+            continue
+        if segment.phase == HOLD:
+            since = stations.time[here] - starts[number]
+            for k, at in zip(np.flatnonzero(here), since, strict=True):
+                line = local_line(segment.time - segment.time[0], segment.force, np.array([at]), 0.15 * at, 5)
+                force[k], leverage[k] = line.value[0], line.leverage[0]
+            jitter[here] = segment.leverage[0]
+            continue
+        d = stations.displacement[here]
+        order = np.argsort(segment.displacement, kind="stable")
+        half = 0.5 * abs(float(np.median(np.diff(d))))
+        line = local_line(segment.displacement[order], segment.force[order], d, half)
+        force[here], leverage[here] = line.value, line.leverage
+        jitter[here] = np.interp(d, segment.displacement[order], segment.leverage[order])
+    return StationReadings(force, leverage, jitter)

@@ -1,0 +1,368 @@
+"""From recordings to a verdict: noise, fit of the base model, location of its misfit, explanations, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.progress import Progress
+from legfem.data import Instrument
+from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.cross_validation import HeldOut, held_out
+from legfem.inverse.discrepancy import possible_discrepancies
+from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.explain import base_about_solution, explain, refitted_about_solutions
+from legfem.inverse.explanation import Explained, Explanation, unknown_course
+from legfem.inverse.least_squares import sandwich
+from legfem.inverse.linearised import (
+    LinearisedFit,
+    LinearisedProblem,
+    NuisanceEffect,
+    equally_weighted,
+    fit,
+    ordinary_fit,
+    variance_degrees,
+)
+from legfem.inverse.location import MisfitAssessment, runs, score_tests
+from legfem.inverse.mechanism import MeasuredStrength, Mechanism, null_of
+from legfem.inverse.observations import Observations
+from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name
+from legfem.inverse.trial_noise import estimate_noise
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A mechanism's strength that these recordings leave possible."""
+
+    name: str
+    parameter: str
+    unit: str
+    low: float
+    high: float
+    """Between which it lies with 95 % (one-sided where only one sign is possible)."""
+    effect: float
+    """N: greatest change of the force by the stronger end."""
+
+
+def limits_of(explained: Explained) -> tuple[Limit, ...]:
+    """Return every single mechanism's limits, by name."""
+    found = []
+    for one in explained.every:
+        if len(one.names) != 1:
+            continue
+        mechanism = one.fit.mechanisms[0]
+        first = mechanism.parameters[0]
+        full = f"{mechanism.name}.{first.name}"
+        null = null_of(first)
+        sided = null <= first.bounds[0]
+        low, high = one.interval(full, 0.05 if sided else 0.025)
+        stronger = max((low, high), key=lambda value: abs(value - null))
+        values = {**one.fit.moved(one.posterior.mean), full: stronger}
+        predict = one.problem.predictor
+        change = predict(values, one.fit.mechanisms) - predict({**values, full: null}, one.fit.mechanisms)
+        found.append(
+            Limit(mechanism.name, first.name, first.unit, null if sided else low, high, float(np.abs(change).max()))
+        )
+    return tuple(sorted(found, key=lambda limit: limit.name))
+
+
+Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
+SOUND = 0.5
+"""Probability of the base model alone from which the recordings are called consistent."""
+SHOWN_MOST = 6
+_SLOWEST_OF_TEST, _SLOWEST_MM = 0.02, 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What was found in a leg's recordings."""
+
+    verdict: Verdict
+    law: LawName
+    observed: Observations
+    explained: Explained
+    ordinary: Explanation
+    """The base model by ordinary least squares."""
+    models: tuple[Explanation, ...]
+    """Explanations that are listed, the most probable first; none if consistent."""
+    assessment: MisfitAssessment
+    """What the base model's residual says: windows, and signs of mechanisms."""
+    base_held_out: HeldOut
+    held_out: tuple[HeldOut, ...]
+    """Of the models."""
+    untested: Mapping[str, str]
+    """Mechanisms that the recordings can't show, and why."""
+    limits: tuple[Limit, ...]
+    """How strong each mechanism may be unseen."""
+    located: NDArray[np.bool_]
+    """(n,): observations at which the base model is wrong by more than a trial's noise."""
+    with_ends: bool
+    """Whether the base model has the cylinder's ends."""
+    solutions: int
+    """Finite-element solutions made for it, the library's included."""
+    emulator_error: float
+    """Greatest difference of the base model's emulated and full forces, over the largest force; NaN
+    without a full solution."""
+
+    @property
+    def base(self) -> Explanation:
+        """The base model: by its errors, or as near to the data as it gets if it is wrong."""
+        return self.explained.base if self.verdict == "consistent" else self.ordinary
+
+    @property
+    def alone(self) -> Explanation:
+        """The base model by its errors: what evidence and signs are reckoned about."""
+        return self.explained.base
+
+    @property
+    def errors(self) -> ErrorModel:
+        """Of the observations about the base model."""
+        return self.alone.problem.errors
+
+    @property
+    def best(self) -> Explanation:
+        """What the parameters are given with: the first that is named, else the base model."""
+        named = [model for model in self.models if model.names]
+        return named[0] if named else self.base
+
+    def first_contact(self, trial: int) -> tuple[float, tuple[float, float]]:
+        """Return where a trial was touched, and its 95 % interval; mm of its recording."""
+        found, name = self.observed.contacts[trial].displacement, onset_name(trial)
+        low, high = self.best.interval(name)
+        return found + self.best.value(name), (found + low, found + high)
+
+    @cached_property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals of C10 and C20 (kPa) over all explanations, by their probability.
+
+        Of unexplained recordings all that was searched: what they give may be off by any amount.
+        """
+        if self.verdict == "unexplained":
+            fitted = self.base.fit
+            return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
+        found = {name: averaged_interval(self.explained, name) for name in ("C10", "C20")}
+        return {name: ends for name, ends in found.items() if ends is not None}
+
+
+class FullSolutions(Responses, Protocol):
+    """Responses that are solved when asked for."""
+
+    @property
+    def solutions(self) -> int:
+        """How many were solved so far."""
+        ...
+
+
+type Nuisances = Callable[[LinearisedFit], Sequence[NuisanceEffect]]
+"""What isn't known exactly does to the prediction of the base model's fit."""
+
+
+def diagnose(
+    predictor: Predictor,
+    instrument: Instrument,
+    mechanisms: Sequence[Mechanism],
+    nuisances: Nuisances,
+    solved: FullSolutions | None,
+    progress: Progress,
+    measured: Sequence[MeasuredStrength] = (),
+    untested: Mapping[str, str] | None = None,
+    seed: int = 0,
+) -> Diagnosis:
+    """Diagnose recordings: noise, base fit, location, explanations, verdict.
+
+    Parameters
+    ----------
+    predictor
+        The base model, with the recordings.
+    instrument
+        Stated errors.
+    mechanisms
+        Those that the recordings can show and the predictor's responses know.
+    nuisances
+        Effects of what isn't known exactly.
+    solved
+        Full solutions, to confirm what is reported; emulated ones stand without it.
+    progress
+        Receives the steps.
+    measured
+        Strengths of mechanisms by other means.
+    untested
+        Why other mechanisms aren't among those, by name.
+    seed
+        Of the draws that windows are judged by.
+    """
+    observed = predictor.observed
+    progress.stage("fitting the base model")
+    made = solved.solutions if solved is not None else 0
+    problem, ordinary = _fitted(predictor, instrument, nuisances)
+    problem, ordinary, error = base_about_solution(problem, ordinary, solved)
+    problem = replace(problem, measured=tuple(measured))
+    base = fit(problem, (), ordinary.values)
+    progress.stage(f"weighing {len(mechanisms)} mechanisms")
+    confirm = None if solved is None else partial(refitted_about_solutions, solved)
+    explained = explain(problem, base, mechanisms, confirm, ordinary.values)
+    progress.stage("where the base model is wrong")
+    assessment = score_tests(problem, base, mechanisms, seed)
+    verdict, models = _verdict(explained)
+    held = tuple(held_out(m.problem, m.fit) for m in models)
+    plainly = ordinary_explanation(problem, ordinary, explained.base)
+    shown = explained.base if verdict == "consistent" else plainly
+    return Diagnosis(
+        verdict,
+        predictor.law,
+        observed,
+        explained,
+        plainly,
+        models,
+        assessment,
+        held_out(shown.problem, shown.fit, problem.errors),
+        held,
+        dict(untested or {}),
+        limits_of(explained),
+        _located(explained, shown.fit, models, assessment, problem.errors),
+        predictor.ends is not None,
+        (solved.solutions if solved is not None else 0) - made,
+        error,
+    )
+
+
+def slowest_of(observed: Observations) -> float:
+    """Return the time (s) over which a load cell's slow error is expected to be correlated."""
+    duration = max(float(s.protocol.time[-1]) for s in observed.protocols)
+    return max(_SLOWEST_MM / max(observed.rates), _SLOWEST_OF_TEST * duration)
+
+
+def starts(law: LawName, middle: float) -> list[dict[str, float]]:
+    """Return where searches for the base parameters begin, kPa."""
+    if law == "neo-hookean":
+        return [{"C10": factor * middle, "C20": 0.0} for factor in (0.6, 1.5)]
+    return [{"C10": factor * middle, "C20": share * middle} for factor, share in ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))]
+
+
+def _fitted(
+    predictor: Predictor, instrument: Instrument, nuisances: Nuisances
+) -> tuple[LinearisedProblem, LinearisedFit]:
+    """Fit the base model by ordinary least squares, and find errors that are shares of its force.
+
+    The noise is estimated anew once the trials' first contacts are fitted.
+    """
+    observed, slowest = predictor.observed, slowest_of(predictor.observed)
+    noise = estimate_noise(observed, instrument, slowest)
+    middle = float(np.sqrt(np.prod(predictor.responses.c10_bounds)))
+    problem = LinearisedProblem(predictor, error_model(observed, noise, observed.force))
+    found = ordinary_fit(problem, starts(predictor.law, middle))
+    noise = estimate_noise(observed, instrument, slowest, found.residual)
+    return problem.with_nuisances(noise, found.prediction, nuisances(found)), found
+
+
+def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
+    if explained.soundness >= SOUND:
+        return "consistent", ()
+    listed = explained.listed()
+    if listed[0].unknown:
+        return "unexplained", ()
+    models = tuple(e for e in listed if e.names)[:SHOWN_MOST]
+    return ("named" if len(listed) == 1 else "ambiguous"), models
+
+
+def _located(
+    explained: Explained,
+    base: LinearisedFit,
+    models: tuple[Explanation, ...],
+    assessment: MisfitAssessment,
+    errors: ErrorModel,
+) -> NDArray[np.bool_]:
+    """Return where the base model errs by more than a trial's noise.
+
+    Where a model suits, it tells what the base model misses without the noise; else the windows do.
+    """
+    located = np.zeros(len(base.residual), dtype=bool)
+    if explained.soundness >= SOUND:
+        return located
+    if models:
+        return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)
+    for window in assessment.windows:
+        located[list(window.stations)] = True
+    return located
+
+
+def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base: Explanation) -> Explanation:
+    """Return an ordinary fit as an explanation that is shown, with its intervals.
+
+    Parameters
+    ----------
+    problem
+        The observations with their errors.
+    fitted
+        By equal weights.
+    base
+        The base model by its errors.
+    """
+    same = equally_weighted(problem, fitted.residual)
+    weighed = fitted.change / np.diag(same.errors.dense)[:, None]
+    own = np.eye(len(fitted.free))
+    spread = np.linalg.inv(fitted.change.T @ weighed + own)
+    estimator = spread @ weighed.T
+    covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
+    return replace(
+        base,
+        problem=same,
+        fit=fitted,
+        posterior=replace(base.posterior, mean=fitted.departure, covariance=covariance),
+        degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
+    )
+
+
+_LEAST_OF_NOISE = 1.0
+"""What remains is told where it is more than this share of a trial's noise, ..."""
+_LEAST_OF_FORCE = 0.002
+"""... and of the largest force."""
+
+
+@dataclass(frozen=True)
+class ResidualInterval:
+    """An interval in which something is left over."""
+
+    trial: str
+    phase: str
+    displacement_mm: tuple[float, float]
+    size_N: float
+    """Greatest of the expected course."""
+
+
+def explained_share(found: Diagnosis, model: Explanation) -> float:
+    """Return the share of the base model's misfit beyond noise that an explanation takes up.
+
+    Misfits are sums of squares over the errors', less as many as there are observations.
+    """
+    before, after = found.alone.misfit_left, model.misfit_left
+    return 1.0 - min(after / before, 1.0) if before > 0 else 0.0
+
+
+def residual_intervals(found: Diagnosis, model: Explanation) -> list[ResidualInterval]:
+    """Return where something unknown is left beside an explanation, the greatest first."""
+    if not model.leaves:
+        return []
+    observed, base = found.observed, found.alone.fit
+    course = unknown_course(model, possible_discrepancies(observed, base.prediction))
+    least = np.maximum(_LEAST_OF_NOISE * found.errors.trial_sd, _LEAST_OF_FORCE * np.abs(base.prediction).max())
+    marked = np.where(np.abs(course) > least, np.sign(course), 0).astype(int)
+    result = []
+    for k, trial in enumerate(observed.trials):
+        for segment in np.unique(observed.segment[observed.trial == k]):
+            here = np.flatnonzero((observed.trial == k) & (observed.segment == segment))
+            for first, end in runs(marked[here]):
+                run = here[first:end]
+                d = observed.displacement[run]
+                largest = run[int(np.argmax(np.abs(course[run])))]
+                result.append(
+                    ResidualInterval(
+                        trial, str(observed.phase[run[0]]), (float(d.min()), float(d.max())), float(course[largest])
+                    )
+                )
+    return sorted(result, key=lambda one: -abs(one.size_N))

@@ -1,0 +1,340 @@
+"""What is unlikely of a diagnosed leg."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from legfem.common.doubts import Doubt
+from legfem.common.errors import InputError
+from legfem.common.progress import Progress
+from legfem.common.units import kpa_to_mpa
+from legfem.data import Instrument
+from legfem.inverse.library import Library
+from legfem.inverse.library_build import build_library
+from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
+from legfem.inverse.mechanism import MeasuredStrength, measured_strength, null_of, prior_of, testable
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.predictor import LawName, Predictor
+from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.verdict import Diagnosis, diagnose
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
+from legfem.legs.elastography import elastography_priors
+from legfem.legs.mechanisms import Mechanism, mechanisms
+from legfem.legs.mechanisms.end_effects import EndEffects
+from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
+from legfem.legs.nuisances import DRAWN, Accuracy, nuisance_effects
+from legfem.legs.plausibility import doubts_about
+from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.legs.usual_stiffness import doubts_about_stiffness
+from legfem.legs.variants import solved_responses
+
+
+def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> tuple[MeasuredStrength, ...]:
+    """Return the readings of those mechanisms that are weighed; of others they tell nothing."""
+    weighed = {m.name: m for m in able}
+    pairs = [(weighed[one.effect], one) for one in accuracy.effects if one.effect in weighed]
+    return tuple(measured_strength(mechanism, one.value, _sd_of(mechanism, one), accuracy) for mechanism, one in pairs)
+
+
+def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
+    """Check that strengths are of effects that legfem knows, and possible.
+
+    Raises
+    ------
+    InputError
+        If one isn't.
+    """
+    every = {m.name: m for m in mechanisms()}
+    for number, one in enumerate(effects):
+        field = f"measured.{number}"
+        if one.effect not in every:
+            raise InputError(
+                toml,
+                f"{field}.effect",
+                f"{one.effect!r} is no effect that legfem knows",
+                f"give one of {', '.join(every)}",
+            )
+        first = every[one.effect].parameters[0]
+        low, high = first.bounds
+        if not low <= one.value <= high:
+            raise InputError(
+                toml,
+                f"{field}.value",
+                f"{one.value:g} is impossible ({first.unit})",
+                f"give {first.statement}: {low:g} to {high:g}, {null_of(first):g} without the effect",
+            )
+
+
+def _sd_of(mechanism: Mechanism, one: MeasuredEffect) -> float:
+    return one.sd / one.value if prior_of(mechanism.parameters[0]).scale == "log" else one.sd
+
+
+STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
+"""ln(1 + C20 / C10) at which a leg's changes are tabulated, by its law."""
+
+
+@dataclass(eq=False)
+class Diagnoser:
+    """Diagnoses subjects; legs with the same section share meshes, solutions and library.
+
+    Parameters
+    ----------
+    folder
+        Of the responses; see `legfem.legs.variants.library_folder`.
+    correction
+        Of 3D effects, for the mechanism ``end-effects``.
+    jobs
+        Processes that build a library.
+    """
+
+    folder: Path
+    correction: TabulatedCorrection | None
+    jobs: int = 1
+    _legs: dict[str, tuple[SolvedResponses, SolvedResponses]] = field(default_factory=dict, repr=False)
+    _libraries: dict[str, Library] = field(default_factory=dict, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave meshes and libraries out: every process makes its own."""
+        return {**self.__dict__, "_legs": {}, "_libraries": {}}
+
+    def observations(self, subject: Subject) -> Observations:
+        """Return a subject's recordings at their stations."""
+        observed = observe(subject.trials)
+        remarks = list(observed.remarks)
+        if not subject.instrument.stated:
+            remarks.append(
+                "subject.toml states no instrument accuracy: errors are those seen from sample to "
+                "sample and between repeats. What drifts slowly or is alike in all trials can't be "
+                "told from physics; state the data sheet's figures under [instrument]."
+            )
+        if subject.plane_strain and not subject.plane_strain_stated:
+            remarks.append(
+                "subject.toml doesn't say whether the simulation had the cylinder's ends, so they "
+                "are among what may be left out; state plane_strain under [recordings]."
+            )
+        if observed.repeats < 2:
+            remarks.append(
+                "No protocol was repeated: errors between trials aren't seen, and come from "
+                "the instruments' figures alone."
+            )
+        return replace(observed, remarks=tuple(remarks))
+
+    def library(self, subject: Subject, observed: Observations, progress: Progress) -> tuple[Library, SolvedResponses]:
+        """Return the library for recordings, and full solutions of the leg."""
+        fine, coarse = solved_responses(subject, observed, self.folder)
+        leg = repr(sorted(fine.fingerprint.items()))
+        fine, coarse = self._legs.setdefault(leg, (fine, coarse))
+        keys = leg + "".join(sorted(stations.key for stations in observed.protocols))
+        if keys not in self._libraries:
+            able, _ = shown_mechanisms(observed, self.correction)
+            self._libraries[keys] = build_library(
+                fine, coarse, observed, able, self.jobs, progress, STIFFENING[subject.tissues["deep"].law]
+            )
+        return self._libraries[keys], fine
+
+    def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
+        """Diagnose a subject's recordings."""
+        observed, accuracy = self.observations(subject), accuracy_of(subject)
+        library, solved = self.library(subject, observed, progress)
+        law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
+        return diagnose_body(
+            observed,
+            subject.instrument,
+            law,
+            library,
+            solved,
+            progress,
+            accuracy,
+            ends,
+            seed,
+            ruled_out_of(subject, ends),
+            with_correction(mechanisms(), self.correction),
+        )
+
+
+def diagnose_body(
+    observed: Observations,
+    instrument: Instrument,
+    law: LawName,
+    library: Library,
+    solved: SolvedResponses | None,
+    progress: Progress,
+    accuracy: Accuracy | None = None,
+    ends: TabulatedCorrection | None = None,
+    seed: int = 0,
+    ruled_out: Mapping[str, str] | None = None,
+    every: Sequence[Mechanism] | None = None,
+) -> Diagnosis:
+    """Diagnose recordings of a leg, or of another body whose responses are tabulated.
+
+    Parameters
+    ----------
+    observed
+        The recordings at their stations.
+    instrument
+        Stated errors.
+    law
+        Of the deep tissue in the base model.
+    library
+        Of the body's responses.
+    solved
+        Full solutions, to confirm what is reported; emulated ones stand without it.
+    progress
+        Receives the steps.
+    accuracy
+        How well the body is known.
+    ends
+        The correction for the cylinder's ends, where the recordings have them.
+    seed
+        Of the draws that windows are judged by.
+    ruled_out
+        See `legfem.legs.diagnosis.shown_mechanisms`.
+    every
+        Mechanisms that the body may have; all that legfem knows without it.
+    """
+    accuracy = accuracy or Accuracy()
+    able, untested = shown_mechanisms(observed, None, ruled_out, every)
+    able = [m for m in able if m.name not in library.missing]
+
+    def nuisances(base: LinearisedFit) -> list[NuisanceEffect]:
+        stiffness = base.values["C10"], base.values.get("C20", 0.0)
+        return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
+
+    return diagnose(
+        Predictor(observed, library, law, ends, accuracy.deep_C10),
+        instrument,
+        able,
+        nuisances,
+        solved,
+        progress,
+        measured_strengths(accuracy, able),
+        {**untested, **library.missing},
+        seed,
+    )
+
+
+def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:
+    """Return the mechanisms that can't be what was left out of a subject's model, and why."""
+    if ends is None:
+        if not (subject.plane_strain and subject.plane_strain_stated):
+            return dict(WITHOUT_ENDS)
+        why = "the folder says that the recordings are of plane strain, which has no ends"
+        return dict.fromkeys((EndEffects.name, MuscleFibres.name), why)
+    found = {EndEffects.name: "the base model has the cylinder's ends, with the errors of that correction"}
+    why_not = why_without_fibres(subject)
+    if why_not is None and subject.fibres is not None:
+        why_not = f"the base model has fibres of a ratio of {subject.fibres}, with its errors"
+    if why_not is not None:
+        found[MuscleFibres.name] = why_not
+    return found
+
+
+def accuracy_of(subject: Subject) -> Accuracy:
+    """Return how well a subject's leg is known: what its folder states, else what is usual.
+
+    A leg that was drawn is known but for rounding, unless its folder says otherwise; what shear
+    waves measured of its tissues counts as in an identification.
+
+    Raises
+    ------
+    InputError
+        If an effect was measured that legfem doesn't know, or that is impossible.
+    """
+    check_measured(subject.directory / "subject.toml", subject.measured)
+    given = subject.accuracy
+    usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
+    return Accuracy(
+        usual.contour_sd if given.contour_sd is None else given.contour_sd,
+        usual.aim_sd if given.aim_sd is None else given.aim_sd,
+        usual.direction_sd if given.direction_sd is None else given.direction_sd,
+        usual.assumed_sd if given.assumed_sd is None else given.assumed_sd,
+        measured=elastography_priors(subject.elastography),
+        effects=subject.measured,
+    )
+
+
+WITHOUT_ENDS: Mapping[str, str] = {
+    MuscleFibres.name: "the base model has no ends of the cylinder, at which fibres would bend"
+}
+"""What can't be left out of a base model without the cylinder's ends, and why."""
+
+
+def shown_mechanisms(
+    observed: Observations,
+    correction: TabulatedCorrection | None,
+    ruled_out: Mapping[str, str] | None = None,
+    every: Sequence[Mechanism] | None = None,
+) -> tuple[list[Mechanism], dict[str, str]]:
+    """Return the mechanisms that recordings can show, and why the others can't be.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    correction
+        For the cylinder's ends.
+    ruled_out
+        Mechanisms by name that can't be what was left out, and why; those of a base model without
+        the cylinder's ends by default.
+    every
+        Mechanisms that the body may have; all that legfem knows without it.
+    """
+    known = with_correction(mechanisms() if every is None else every, correction)
+    return testable(known, observed, WITHOUT_ENDS if ruled_out is None else ruled_out)
+
+
+def with_correction(every: Sequence[Mechanism], correction: TabulatedCorrection | None) -> list[Mechanism]:
+    """Return mechanisms, that of the cylinder's ends with a leg's correction, where there is one."""
+    if correction is None:
+        return list(every)
+    return [EndEffects(correction) if one.name == EndEffects.name else one for one in every]
+
+
+def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:
+    """Return what is unlikely in recordings, in a leg's folder and in the stiffness of a leg."""
+    of_repeats = tuple(_doubts_about_repeats(found))
+    if not isinstance(subject, Subject):
+        return of_repeats
+    of_stiffness = doubts_about_stiffness(subject, _found(found))
+    return (*doubts_about(subject), *of_repeats, *of_stiffness)
+
+
+def _doubts_about_repeats(found: Diagnosis) -> Iterator[Doubt]:
+    """Yield a doubt where repeats differ by more than the stated instruments make.
+
+    A ripple over the drive and a leg that moves would pass for noise, whose size comes from the
+    repeats.
+    """
+    noise = found.errors.noise
+    told = (
+        (noise.beyond_force, noise.slow_sd, "force_N", "N"),
+        (noise.beyond_way, noise.wander_sd, "displacement_mm", "mm"),
+    )
+    for size, most, column, unit in told:
+        if size > 0:
+            yield Doubt(
+                ", ".join(found.observed.trials),
+                column,
+                f"trials differ slowly by {size:.2g} {unit}, gain, zero and first contact allowed "
+                f"for, where noise of the stated accuracy makes {most:.2g} {unit} at most",
+                "lay the trials over each other and look for what differs: a leg or a rig that "
+                "moved, a ripple of the drive; or state the accuracy that the rig has",
+            )
+
+
+class _Found(NamedTuple):
+    value: float
+    standard_error: float
+
+
+def _found(found: Diagnosis) -> dict[str, _Found]:
+    """Return the deep tissue's stiffness (MPa), as far as all explanations leave it open."""
+    return {
+        f"deep.{name}": _Found(kpa_to_mpa(found.best.value(name)), kpa_to_mpa(high - low) / (2 * 1.96))
+        for name, (low, high) in found.intervals.items()
+        if name in found.best.fit.free
+    }

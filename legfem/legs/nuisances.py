@@ -1,0 +1,211 @@
+r"""What the model doesn't know of a leg, and how it would change the force.
+
+Outlines come from images, the aim from a mark on the skin, the stiffness of fat and fascia from
+others' measurements. Each such unknown has a standard deviation with a source; its effect is the
+relative change of the force by one, from a solution with the mesh or the cylinder moved, or from
+the exact derivative by a material's number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.linearised import Cause, NuisanceEffect
+from legfem.inverse.mechanism import Stiffness
+from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Prior
+from legfem.inverse.responses import Displaced
+from legfem.legs.subject import MeasuredEffect
+
+if TYPE_CHECKING:
+    from legfem.legs.correction import TabulatedCorrection
+
+CONTOUR_SD_MM = 0.5
+"""Of a segmented outline (MRI of 1 mm pixels: inter-observer distances of 0.3 to 0.8 mm)."""
+CONTOUR_ARC_MM = 20.0
+"""Of skin over which its error is correlated."""
+AIM_SD_MM = 2.0
+"""A mark's place on the skin."""
+DIRECTION_SD_DEG = 3.0
+MATERIAL_LOG_SD: Mapping[str, float] = {
+    "superficial.C10": 0.2,
+    "fascia.C10": 0.25,
+    "deep.D1": 0.25,
+    "superficial.D1": 0.25,
+}
+"""Of the logarithms of what is assumed: a factor of 1.5 to 1.65 at two standard deviations. What is
+further off is called a mechanism."""
+OUTLINES: tuple[Literal["skin", "fascia"], ...] = ("skin", "fascia")
+GEOMETRY_DOF = 3.0
+"""Degrees of freedom of the accuracy of outlines, aim and direction, stated or usual: known to some
+40 %, as inter-observer distances of 0.3 to 0.8 mm are (JCGM 100:2008, G.4.2)."""
+SIZE_LOG_SD = 0.01
+"""Of the logarithm of a specimen's or an indenter's size, by calipers on what gives way."""
+SIZE = "size."
+"""What full names of sizes begin with."""
+MATERIAL_DOF = 8.0
+"""Of how far what is assumed of a person's tissues is off: known to 25 %."""
+_HATS = (-40.0, -20.0, 0.0, 20.0, 40.0)
+_A_SIZE = "stated size: "
+_WORDS = {
+    "superficial.C10": "stiffness of the fat",
+    "fascia.C10": "stiffness of the fascia",
+    "deep.D1": "compressibility of the deep tissue",
+    "superficial.D1": "compressibility of the fat",
+}
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How well a leg is known.
+
+    Parameters
+    ----------
+    contour_sd
+        Of its outlines (mm); 0 where they are exact.
+    aim_sd
+        Of the cylinder's line of travel (mm).
+    direction_sd
+        Of its direction (degrees).
+    assumed_sd
+        Relative, of stiffness of fat and fascia and of compressibility; the usual of each without
+        it.
+    size_sd
+        Relative, of a specimen's sizes.
+    measured
+        Stiffnesses (MPa) of the person by other means, by full name: ``deep.C10``,
+        ``superficial.C10``.
+    effects
+        How strong effects are that the model may leave out, by other means.
+    """
+
+    contour_sd: float = CONTOUR_SD_MM
+    aim_sd: float = AIM_SD_MM
+    direction_sd: float = DIRECTION_SD_DEG
+    assumed_sd: float | None = None
+    size_sd: float = SIZE_LOG_SD
+    measured: Mapping[str, Prior] = field(default_factory=dict)
+    effects: tuple[MeasuredEffect, ...] = ()
+
+    @property
+    def deep_C10(self) -> Prior | None:
+        """What was measured of C10 of the deep tissue by other means, kPa."""
+        if (known := self.measured.get("deep.C10")) is None:
+            return None
+        return replace(known, centre=mpa_to_kpa(known.centre), sd=mpa_to_kpa(known.sd))
+
+    def log_sd(self, material: str) -> float:
+        """Return the standard deviation of an assumed number's logarithm."""
+        if material.startswith(SIZE):
+            return self.size_sd
+        if (known := self.measured.get(material)) is not None:
+            return known.sd / known.centre
+        return MATERIAL_LOG_SD[material] if self.assumed_sd is None else self.assumed_sd
+
+
+DRAWN = Accuracy(0.2, 0.5, 0.5, 0.05)
+"""Of a leg that was drawn and simulated: as far as another code rounds the same polygons, and takes
+the same constants for laws of its own."""
+
+
+def _word(name: str) -> str:
+    """Return what an assumed number is called."""
+    size = name.removeprefix(SIZE)
+    return _WORDS[name] if size == name else f"{_A_SIZE}{size.replace('_', ' ')}"
+
+
+_OUTLINES = Cause("outlines", GEOMETRY_DOF)
+
+
+def displaced_geometries() -> list[Displaced]:
+    """Return the geometries whose forces tell of outlines, aim and direction."""
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
+
+    found = [
+        Displaced(f"outline of the {outline} at {arc:+.0f} mm", MeshMotion(outline, arc))
+        for outline in OUTLINES
+        for arc in _HATS
+    ]
+    found.append(Displaced("depth of the bones", MeshMotion("bones")))
+    found.append(Displaced("aim", placement=Placement(offset_mm=AIM_SD_MM)))
+    found.append(Displaced("direction", placement=Placement(tilt_deg=DIRECTION_SD_DEG)))
+    return found
+
+
+def nuisance_effects(
+    changes: NuisanceChanges,
+    observed: Observations,
+    force: FloatArray,
+    accuracy: Accuracy,
+    ends: TabulatedCorrection | None = None,
+    stiffness: Stiffness = (1.0, 0.0),
+) -> list[NuisanceEffect]:
+    """Return what one standard deviation of each thing that isn't known exactly does to the force.
+
+    Parameters
+    ----------
+    changes
+        Of the body's force.
+    observed
+        The recordings.
+    force
+        (n,), N: that the model predicts.
+    accuracy
+        Of what is known of the body.
+    ends
+        The correction for the cylinder's ends, whose errors count where it is applied.
+    stiffness
+        C10 and C20, kPa: of the correction.
+    """
+    d = observed.displacement
+
+    def along(change: FloatArray) -> FloatArray:
+        return np.asarray(force * CubicSpline(changes.grid, change)(np.maximum(d, changes.grid[0])))
+
+    found: list[NuisanceEffect] = []
+    for name, change in changes.material.items():
+        if (sd := accuracy.log_sd(name)) > 0:
+            word = _word(name)
+            degrees = GEOMETRY_DOF if name.startswith(SIZE) else MATERIAL_DOF
+            found.append(NuisanceEffect(word, sd * along(change), Cause(word, degrees)))
+    scale = {
+        "aim": (accuracy.aim_sd / AIM_SD_MM, Cause("aim", GEOMETRY_DOF)),
+        "direction": (accuracy.direction_sd / DIRECTION_SD_DEG, Cause("direction", GEOMETRY_DOF)),
+        "depth of the bones": (accuracy.contour_sd / CONTOUR_SD_MM, _OUTLINES),
+    }
+    for name, (factor, cause) in scale.items():
+        if name in changes.geometric and factor > 0:
+            found.append(NuisanceEffect(name, factor * along(changes.geometric[name]), cause))
+    for part in OUTLINES:
+        rows = [along(c) for n, c in changes.geometric.items() if n.startswith(f"outline of the {part}")]
+        if rows and accuracy.contour_sd > 0:
+            found += _outline(part, rows, accuracy.contour_sd)
+    if ends is not None:
+        factor_now = ends.factor(d, *(np.asarray(v) for v in stiffness))
+        for mode_name, mode in ends.errors.items():
+            relative = np.interp(d, ends.displacement, mode) / factor_now
+            name = f"3D correction: {mode_name}"
+            found.append(NuisanceEffect(name, force * relative, Cause(name)))
+    return found
+
+
+def _outline(part: str, effects: Sequence[FloatArray], sd: float) -> list[NuisanceEffect]:
+    """Return the modes of an outline's error, correlated along its arc."""
+    apart = np.subtract.outer(_HATS, _HATS)
+    covariance = np.exp(-0.5 * (apart / CONTOUR_ARC_MM) ** 2)
+    values, modes = np.linalg.eigh(covariance)
+    rows = np.array(effects) * (sd / CONTOUR_SD_MM)
+    return [
+        NuisanceEffect(f"outline of the {part}, mode {k + 1}", math.sqrt(values[j]) * modes[:, j] @ rows, _OUTLINES)
+        for k, j in enumerate(np.argsort(-values))
+        if values[j] > 1e-3
+    ]

@@ -1,0 +1,247 @@
+"""Plans for a subject: after an ambiguous diagnosis, and before any test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
+from legfem.inverse.errors import error_model
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.library import Library
+from legfem.inverse.library_build import build_library, rounded
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
+from legfem.inverse.mechanism import prior_of
+from legfem.inverse.observations import Observations, blank_observations
+from legfem.inverse.plan import (
+    Candidate,
+    Design,
+    DesignValue,
+    evaluate_design,
+    evaluate_readings,
+    prior_candidates,
+    ranked,
+)
+from legfem.inverse.predictor import Predictor
+from legfem.inverse.trial_noise import Noise
+from legfem.inverse.verdict import Diagnosis, slowest_of
+from legfem.legs.correction_of_leg import choose_correction
+from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, ruled_out_of, shown_mechanisms
+from legfem.legs.mechanisms import Mechanism
+from legfem.legs.nuisances import nuisance_effects
+from legfem.legs.subject import Subject
+from legfem.solve.protocol import Protocol
+
+USUAL_GAIN_SD = 0.01
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a plan before any test is made for.
+
+    Parameters
+    ----------
+    c10, c20
+        Stiffness of the deep tissue that is expected (kPa).
+    depth, rate
+        Of the test that is meant (mm, mm/s).
+    """
+
+    c10: float
+    c20: float
+    depth: float
+    rate: float
+
+
+def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progress: Progress) -> list[DesignValue]:
+    """Return what could be done next, the best first; nothing unless the verdict is ambiguous.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    subject
+        Whose.
+    diagnoser
+        That made it.
+    progress
+        Told of solutions.
+    """
+    if found.verdict != "ambiguous":
+        return []
+    models = found.models
+    rates = found.observed.rates
+    library, _ = diagnoser.library(subject, found.observed, progress)
+    tests = designs(found.observed.depth, rates[0], float(library.grid[-1]), found.observed.shows_air)
+    asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
+    wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
+    plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)
+    candidates = [_candidate(model) for model in models]
+    found_by_tests = _reckoned(
+        tests, candidates, plain, wider, subject, found.errors.noise, found.best.posterior.gain_sd
+    )
+    accuracy = accuracy_of(subject)
+    known = {one.effect for one in accuracy.effects}
+    by_readings = evaluate_readings([m for m in asked if m.name not in known], candidates, accuracy)
+    return ranked([*found_by_tests, *by_readings])
+
+
+def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, progress: Progress) -> list[DesignValue]:
+    """Return what tests of a leg would tell, the most telling first.
+
+    Parameters
+    ----------
+    subject
+        The leg, without recordings.
+    diagnoser
+        Whose folder keeps the leg's responses.
+    expected
+        Stiffness and test.
+    progress
+        Told of solutions.
+    """
+    tests = designs(expected.depth, expected.rate, expected.depth)
+    ends = choose_correction("auto", subject)
+    every = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
+    able, _ = shown_mechanisms(every, diagnoser.correction, ruled_out_of(subject, ends))
+    library = _library(diagnoser, subject, tests, able, rounded(expected.c10), progress)
+    able = [m for m in able if m.name not in library.missing]
+    law = subject.tissues["deep"].law
+    observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
+    predictor = Predictor(observed, library, law, ends, accuracy_of(subject).deep_C10)
+    noise = _stated(subject, observed)
+    values = {"C10": expected.c10, "C20": expected.c20}
+    force = predictor(values)
+    problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
+    base = _at(problem, values)
+    candidates = prior_candidates(problem, base, able)
+    return ranked(_reckoned(tests, candidates, predictor, library, subject, noise, USUAL_GAIN_SD))
+
+
+def _reckoned(
+    tests: list[Design],
+    candidates: list[Candidate],
+    predictor: Predictor,
+    library: Library,
+    subject: Subject,
+    noise: Noise,
+    gain_sd: float,
+) -> list[DesignValue]:
+    """Return what tests are worth whose responses are known."""
+    known = accuracy_of(subject)
+
+    def nuisances(test: Design, blank: Observations, force: FloatArray) -> list[NuisanceEffect]:
+        accuracy = replace(known, contour_sd=0.0) if test.outlines_known else known
+        return nuisance_effects(library.nuisances, blank, force, accuracy)
+
+    found = [evaluate_design(test, candidates, predictor, nuisances, noise, gain_sd) for test in tests]
+    return [one for one in found if one is not None]
+
+
+def _library(
+    diagnoser: Diagnoser,
+    subject: Subject,
+    tests: list[Design],
+    asked: list[Mechanism],
+    middle: float,
+    progress: Progress,
+) -> Library:
+    """Return the leg's responses to all tests."""
+    from legfem.legs.variants import solved_responses
+
+    blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
+    fine, coarse = solved_responses(subject, blank, diagnoser.folder)
+    return build_library(
+        fine, coarse, blank, asked, diagnoser.jobs, progress, STIFFENING[subject.tissues["deep"].law], middle
+    )
+
+
+def _candidate(model: Explanation) -> Candidate:
+    name = " + ".join(model.names) or "something unknown"
+    posterior = model.posterior
+    return Candidate(name, model.fit, posterior.mean, posterior.covariance, model.probability)
+
+
+def _stated(subject: Subject, observed: Observations) -> Noise:
+    instrument = subject.instrument
+    each = instrument.force_sd / float(np.sqrt(2))
+    return Noise(
+        each,
+        each,
+        slowest_of(observed),
+        instrument.force_sd,
+        instrument.displacement_sd,
+        "the instrument's stated accuracy only (nothing was recorded)",
+    )
+
+
+def _at(problem: LinearisedProblem, values: dict[str, float]) -> LinearisedFit:
+    """Return a fit that stands at values."""
+    parameters = problem.parameters(())
+    departure = np.array([prior_of(p).departure(values.get(p.name, prior_of(p).centre)) for p in parameters])
+    prediction = problem.predictor(values)
+    nothing = np.zeros(len(prediction))
+    slopes = np.zeros((len(prediction), len(parameters)))
+    return LinearisedFit((), values, parameters, departure, prediction, nothing, slopes, nothing, slopes)
+
+
+def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> list[Design]:
+    """Return the tests that are weighed.
+
+    Parameters
+    ----------
+    depth, rate
+        Of the test that was made, or is meant to be made (mm, mm/s).
+    deepest
+        That the leg's responses reach (mm).
+    in_air
+        Whether the recordings of the test that was made begin above the skin: to begin there again
+        tells nothing more.
+    """
+    same = Protocol.ramp(depth, rate)
+    held = Protocol.cycle(depth, rate, _HOLD_S)
+    fast = Protocol.cycle(depth, _FASTER * rate, _HOLD_S)
+    found = [
+        Design(f"repeat the same test {REPEATS} times", (same,) * REPEATS),
+        Design(f"hold the deepest position for {_HOLD_S:g} s, and record the unloading", (held,) * REPEATS),
+        Design(
+            f"press at two rates ({rate:.2g} and {_FASTER * rate:.2g} mm/s), each with a hold and unloading",
+            (held,) * REPEATS + (fast,) * REPEATS,
+        ),
+        Design(
+            "measure the outlines of skin and fascia under the indenter (ultrasound), and press again",
+            (same,) * REPEATS,
+            outlines_known=True,
+        ),
+        Design("press with a cylinder of twice the length", (same,) * REPEATS, length_factor=2.0),
+        Design(
+            "press half as deep, with the same cylinder and more repeats",
+            (Protocol.ramp(0.5 * depth, rate),) * (2 * REPEATS),
+        ),
+    ]
+    if not in_air:
+        found.append(
+            Design(
+                "begin 2 mm above the skin, slowly, so that first contact is seen",
+                (same,) * REPEATS,
+                contact_known=True,
+            )
+        )
+    deeper = min(depth + _DEEPER_MM, deepest)
+    if deeper > depth + 1.0:
+        found.append(Design(f"press {deeper:.0f} mm deep", (Protocol.ramp(deeper, rate),) * REPEATS))
+    return found
+
+
+_FASTER = 5.0
+
+
+_HOLD_S = 60.0
+
+
+_DEEPER_MM = 5.0
+
+
+REPEATS = 3

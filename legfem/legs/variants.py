@@ -1,0 +1,228 @@
+"""A leg's finite-element models that show mechanisms: the base model with a few more terms each."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from legfem.inverse.observations import Observations
+from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
+from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.legs.nuisances import MATERIAL_LOG_SD, displaced_geometries
+from legfem.legs.subject import Subject
+from legfem.solve.protocol import Protocol
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import Placement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
+    from legfem.geometry.indenter import Indenter
+    from legfem.geometry.section import LegSection
+    from legfem.meshing.section import MeshMotion
+    from legfem.solve.path import Path
+    from legfem.solve.report import SolveReport
+
+_CUT_OF_SLIP = 0.25
+"""Of a step that failed: sliding fat folds suddenly, and long steps fail again."""
+
+
+@dataclass
+class Tally:
+    """The work of all solutions that a leg's models made in this process."""
+
+    solutions: int = 0
+    factorisations: int = 0
+    iterations: int = 0
+
+    def add(self, report: SolveReport) -> None:
+        """Count a solution, with the attempts before it."""
+        self.solutions += 1
+        self.factorisations += report.factorisations
+        self.iterations += report.iterations
+
+
+@dataclass(eq=False)
+class LegVariants:
+    """A leg's finite-element models, meshed and compiled when first asked for.
+
+    Parameters
+    ----------
+    section, indenter, tissues
+        The leg and how it is pressed.
+    settings
+        Numerical.
+    moved
+        Where the leg's mesh is moved to; as it is without it.
+    """
+
+    section: LegSection
+    indenter: Indenter
+    tissues: Tissues
+    settings: PlaneStrainSettings
+    moved: MeshMotion | None = None
+    tally: Tally = field(default_factory=Tally, repr=False)
+    """Shared with the leg of a moved mesh."""
+    _models: dict[str, PlaneStrainIndentation] = field(default_factory=dict, init=False, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the finite-element models out: they can't leave their process."""
+        return {**self.__dict__, "_models": {}}
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Full names of the numbers that are assumed, and may be somewhat off."""
+        return tuple(MATERIAL_LOG_SD)
+
+    @property
+    def displaced(self) -> tuple[Displaced, ...]:
+        """Geometries whose forces tell of outlines, aim and direction."""
+        return tuple(displaced_geometries())
+
+    def moved_to(self, moved: MeshMotion) -> LegVariants:
+        """Return the leg with its mesh moved."""
+        return replace(self, moved=moved)
+
+    def follow(
+        self,
+        protocol: Protocol,
+        deep: Mapping[str, float],
+        solution: Solution,
+        sensitivities: Sequence[str] = (),
+        placement: Placement | None = None,
+    ) -> Path | Stopped:
+        """Solve a protocol; say why where it isn't followed to its end.
+
+        Parameters
+        ----------
+        protocol
+            The indenter's path.
+        deep
+            ``deep.C10`` and so on, MPa.
+        solution
+            The mechanism.
+        sensitivities
+            Parameters to differentiate by.
+        placement
+            Where the cylinder stands; as stated without it.
+        """
+        from legfem.experiments.plane_strain import Placement
+
+        model = self.model(solution.variant)
+        values = dict(deep)
+        at = placement or Placement()
+        for name, factor in solution.scaled.items():
+            values[name] = factor * values.get(name, model.model.parameters[name])
+        values |= solution.parameters
+        solved = model.solve(
+            values, protocol, sensitivities, placement=replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
+        )
+        self.tally.add(solved.report)
+        return solved.path if solved.report.complete else Stopped(str(solved.report))
+
+    def parameters(self, variant: str) -> dict[str, float]:
+        """Return a model's parameters by full name (MPa, 1/MPa)."""
+        return self.model(variant).model.parameters
+
+    def described(self, variant: str) -> str:
+        """Return what tells a model from others: its terms and settings."""
+        return repr((self._terms(variant), self._settings(variant)))
+
+    def model(self, variant: str) -> PlaneStrainIndentation:
+        """Return a model by its name."""
+        if variant not in self._models:
+            from legfem.experiments.plane_strain import PlaneStrainIndentation
+
+            self._models[variant] = PlaneStrainIndentation(
+                self.section,
+                self.indenter,
+                self.tissues,
+                self._settings(variant),
+                mechanisms=self._terms(variant),
+                moved=self.moved,
+            )
+        return self._models[variant]
+
+    def _settings(self, variant: str) -> PlaneStrainSettings:
+        settings = self.settings
+        for mechanism in _of_variant(variant):
+            if mechanism.formulation is not None:
+                settings = replace(settings, formulation=mechanism.formulation)
+            if mechanism.tangential is not None:
+                contact = replace(settings.contact, tangential=mechanism.tangential)
+                settings = replace(settings, contact=contact)
+            if mechanism.tangential == "frictionless":
+                # Contact that remembers nothing bears steps that hang on the work they are.
+                steps = replace(settings.steps, easy=4, hard=7, cut=_CUT_OF_SLIP)
+                settings = replace(settings, steps=steps)
+        for mechanism in _tissue_mechanisms():
+            if variant in (mechanism.variant, mechanism.null_variant):
+                contact = settings.contact
+                softer = mechanism.contact_softness * contact.stiffness
+                onset = mechanism.contact_onset or contact.onset
+                contact = replace(contact, stiffness=softer, onset=onset)
+                settings = replace(settings, contact=contact)
+        return settings
+
+    def _terms(self, variant: str) -> list[Any]:
+        return [term for m in _of_variant(variant) for term in m.terms(self)]
+
+
+def _of_variant(variant: str) -> list[TissueMechanism]:
+    return [m for m in _tissue_mechanisms() if m.variant == variant]
+
+
+def _tissue_mechanisms() -> list[TissueMechanism]:
+    return [m for m in mechanisms() if isinstance(m, TissueMechanism)]
+
+
+_DEPTH_STEP_MM = 1.0
+COARSENING, COARSER = 1.7, 2.4
+"""Of the mesh on which relative changes are tabulated, and those by errors of the geometry: the
+latter's effects are as near to the default mesh's on either."""
+TOLERANCE = 1e-6
+"""Of Newton's method, over the contact's forces: the force is then exact to 1e-6 of it, and a curve
+takes a fifth fewer iterations than with the default."""
+CREEPING = 1e-2
+"""Of damped steps, by which a body creeps to another equilibrium: that one alone is kept, and is as
+exact as all others."""
+
+
+def library_folder() -> pathlib.Path:
+    """Return the folder that keeps all legs' responses."""
+    cache = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
+    return pathlib.Path(cache) / "legfem" / "responses"
+
+
+def solved_responses(
+    subject: Subject, observed: Observations, folder: pathlib.Path | None
+) -> tuple[SolvedResponses, SolvedResponses]:
+    """Return a leg's responses by full solutions, on the default mesh and on coarser ones.
+
+    Elastic curves go to the next mm beyond the recordings, so that recordings of one leg share
+    them whatever their depths.
+    """
+    from legfem.experiments.plane_strain import PlaneStrainSettings
+    from legfem.legs.experiments import plane_strain_test, tissues_of
+
+    depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)
+    default = PlaneStrainSettings()
+    newton = replace(default.newton, relative_tolerance=TOLERANCE, damped_tolerance=CREEPING)
+    settings = replace(default, newton=newton)
+    tissues = tissues_of(subject)
+
+    def on_mesh(coarsening: float, rougher: SolvedResponses | None = None) -> SolvedResponses:
+        own = replace(settings, mesh=settings.mesh.refined(1 / coarsening))
+        return SolvedResponses(
+            LegVariants(subject.section, subject.indenter, tissues, own),
+            depth,
+            folder,
+            {
+                **plane_strain_test(subject, own).fingerprint(),
+                "model": "plane strain with mechanisms",
+                "depth_mm": depth,
+            },
+            rougher=rougher,
+        )
+
+    return on_mesh(1.0), on_mesh(COARSENING, on_mesh(COARSER))

@@ -1,0 +1,255 @@
+"""``diagnosis.json``: everything that was found, with units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any, Protocol
+
+import numpy as np
+
+from legfem.common.documents import json_types
+from legfem.common.doubts import doubt_documents
+from legfem.common.versions import versions_of
+from legfem.data.recording import Origin
+from legfem.inverse.cross_validation import HeldOut
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.linearised import LinearisedFit
+from legfem.inverse.location import runs
+from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
+from legfem.legs.diagnosis import doubts_of
+from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.report.diagnosis_sentences import next_experiments
+
+SCHEMA = 3
+
+
+class Recorded(Protocol):
+    """Whose recordings they are: a subject, or another body that was pressed."""
+
+    @property
+    def id(self) -> str:
+        """Short name."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """In words."""
+        ...
+
+    @property
+    def origin(self) -> Origin:
+        """Of the recordings."""
+        ...
+
+
+def kind_of(subject: Recorded) -> str:
+    """Return what was pressed, in a word."""
+    return "Subject" if isinstance(subject, Subject) else "Specimen"
+
+
+def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
+    """Return the effects that were measured by themselves: of a leg's folder."""
+    return subject.measured if isinstance(subject, Subject) else ()
+
+
+def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
+    """Return the diagnosis as JSON types; what isn't finite is null."""
+    base, posterior = found.base, found.base.posterior
+    return json_types(
+        {
+            "schema": SCHEMA,
+            "subject": subject.id,
+            "origin": subject.origin,
+            "law": found.law,
+            "doubts": doubt_documents(doubts_of(found, subject)),
+            "verdict": found.verdict,
+            "probability_that_nothing_shows": found.explained.soundness,
+            "statements": [
+                {"mechanisms": list(one.names), "unknown": one.unknown, "probability": one.probability}
+                for one in found.explained.statements()
+                if one.nothing_shows or one.probability > 1e-4
+            ],
+            "explanations": [
+                {
+                    "mechanisms": list(e.names),
+                    "unknown": e.unknown,
+                    "probability": e.probability,
+                    "log_evidence": e.posterior.log_evidence,
+                }
+                for e in found.explained.every
+                if e.probability > 1e-4
+            ],
+            "noise": {
+                "force_sd_N": found.errors.noise.force_sd,
+                "white_sd_N": found.errors.noise.white_sd,
+                "correlation_time_s": found.errors.noise.correlation_time,
+                "displacement_wander_sd_mm": found.errors.noise.wander_sd,
+                "gain_sd": found.best.posterior.gain_sd,
+                "zero_sd_N": found.best.posterior.zero_sd,
+                "source": found.errors.noise.source,
+            },
+            "first_contact": [_contact(found, k) for k in range(len(found.observed.trials))],
+            "base_model": {
+                "cylinder_ends": found.with_ends,
+                "p_value": found.assessment.p_value,
+                "lack_of_fit_p_value": found.assessment.lack_of_fit,
+                "r_squared": r_squared(base.fit, found),
+                "held_out_rmse_N": found.base_held_out.rmse,
+                "held_out_noise_N": found.base_held_out.noise,
+                "held_out": found.base_held_out.how,
+                "emulator_error": found.emulator_error,
+            },
+            "not_known_exactly": [
+                {"what": name, "departure_in_sd": float(z)}
+                for name, z in zip(found.errors.names, posterior.effects, strict=True)
+            ],
+            "measured": [asdict(one) for one in measured_of(subject)],
+            "mismatch": mismatches(found),
+            "physics": [
+                entry
+                for model, held in zip(found.models, found.held_out, strict=True)
+                for entry in _physics(found, model, held)
+            ],
+            "models": [
+                {
+                    "mechanisms": list(model.names),
+                    "probability": model.probability,
+                    "in_part": model.in_part,
+                    "explained_share_of_misfit": explained_share(found, model),
+                    "remains": [asdict(r) for r in residual_intervals(found, model)],
+                    "held_out_rmse_N": held.rmse,
+                    "confirmed_by_full_solutions": model.confirmed,
+                }
+                for model, held in zip(found.models, found.held_out, strict=True)
+            ],
+            "indistinguishable": indistinguishable(found.models),
+            "score_tests": [
+                {
+                    "name": score.name,
+                    "statistic": score.statistic,
+                    "p_value": score.p_value,
+                    "share_concealed_by_refit": score.concealed,
+                }
+                for score in found.assessment.scores
+            ],
+            "upper_limits": [
+                {
+                    "name": limit.name,
+                    "parameter": limit.parameter,
+                    "unit": limit.unit,
+                    "between": [limit.low, limit.high],
+                    "greatest_change_of_force_N": limit.effect,
+                }
+                for limit in found.limits
+            ],
+            "untested": found.untested,
+            "remarks": list(found.observed.remarks),
+            "next_experiment": next_experiments(found),
+            "parameters_before": parameters(base),
+            "parameters_after": {**parameters(found.best), **_averaged(found)},
+            "full_solutions": found.solutions,
+            "seed": seed,
+            "wall_s": seconds,
+            "versions": versions(),
+        }
+    )
+
+
+def versions() -> dict[str, str]:
+    """Return those of the programs that a diagnosis rests on."""
+    return versions_of("legfem", "dolfinx", "python")
+
+
+def r_squared(fitted: LinearisedFit, found: Diagnosis) -> float:
+    """Return the coefficient of determination over all observations."""
+    force = found.observed.force
+    return 1.0 - float(np.sum(fitted.residual**2) / np.sum((force - force.mean()) ** 2))
+
+
+def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
+    """Return the intervals in which the base model errs by more than a trial's noise."""
+    observed, base = found.observed, found.base.fit
+    result = []
+    for k, trial in enumerate(observed.trials):
+        for segment in np.unique(observed.segment[observed.trial == k]):
+            here = np.flatnonzero((observed.trial == k) & (observed.segment == segment))
+            for first, end in runs(found.located[here].astype(int)):
+                run = here[first:end]
+                touching = [w.p_value for w in found.assessment.windows if set(w.stations) & set(map(int, run))]
+                d, t = observed.displacement[run], observed.time[run]
+                result.append(
+                    {
+                        "trial": trial,
+                        "phase": str(observed.phase[run[0]]),
+                        "displacement_mm": [float(d.min()), float(d.max())],
+                        "time_s": [float(t.min()), float(t.max())],
+                        "size_N": float(base.residual[run].mean()),
+                        "p_value": min([*touching, found.assessment.p_value]),
+                    }
+                )
+    return result
+
+
+def _contact(found: Diagnosis, k: int) -> dict[str, Any]:
+    """Return where a trial was touched: as found in the recording, moved by the fit."""
+    at, interval = found.first_contact(k)
+    return {"trial": found.observed.trials[k], "displacement_mm": at, "ci95": list(interval)}
+
+
+def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[str, Any]]:
+    entries = []
+    for mechanism in model.fit.mechanisms:
+        score = found.assessment.score(mechanism.name)
+        gain = model.posterior.log_evidence - found.alone.posterior.log_evidence
+        entries.append(
+            {
+                "name": mechanism.name,
+                "statement": mechanism.statement,
+                "together_with": [n for n in model.names if n != mechanism.name],
+                "probability": model.probability,
+                "parameters": {
+                    p.name: _parameter(model, f"{mechanism.name}.{p.name}", p.unit) for p in mechanism.parameters
+                },
+                "evidence": {
+                    # Twice the logarithm of the Bayes factor: what BIC estimates.
+                    "delta_bic": 2 * gain,
+                    "log_bayes_factor": gain,
+                    "p_value": score.p_value if score else None,
+                    "held_out_rmse_before_N": found.base_held_out.rmse,
+                    "held_out_rmse_after_N": held.rmse,
+                },
+            }
+        )
+    return entries
+
+
+def indistinguishable(models: Sequence[Explanation]) -> list[list[str]]:
+    """Return the set of names that the data can't tell apart, if there is one."""
+    if len(models) < 2:
+        return []
+    names = [set(model.names) for model in models]
+    common = set.intersection(*names)
+    return [sorted(set.union(*names) - common)]
+
+
+def parameters(model: Explanation) -> dict[str, Any]:
+    """Return an explanation's parameters with units and intervals."""
+    result = {f"{name.lower()}_deep": _parameter(model, name, "kPa") for name in model.fit.stiffness}
+    for mechanism in model.fit.mechanisms:
+        for p in mechanism.parameters:
+            name = f"{mechanism.name}.{p.name}"
+            result[name] = _parameter(model, name, p.unit)
+    return result
+
+
+def _averaged(found: Diagnosis) -> dict[str, Any]:
+    """Return the stiffness with intervals over all explanations."""
+    return {
+        f"{name.lower()}_deep": {"value": found.best.value(name), "unit": "kPa", "ci95": list(ends)}
+        for name, ends in found.intervals.items()
+    }
+
+
+def _parameter(model: Explanation, name: str, unit: str) -> dict[str, Any]:
+    return {"value": model.value(name), "unit": unit, "ci95": list(model.interval(name))}

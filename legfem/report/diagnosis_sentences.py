@@ -1,0 +1,144 @@
+"""The diagnosis in words that a clinician understands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
+from legfem.legs.mechanisms import Mechanism
+from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
+
+_HOLDS_RECORDED = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
+_NO_MECHANISM = (
+    "repeat the test on another day and rig; record at two rates with a hold, and look at the located intervals on film"
+)
+_AIR_FROM_MM = 0.2
+_CERTAIN = 0.95
+
+
+def verdict_sentence(found: Diagnosis) -> str:
+    """Return the verdict in some sentences."""
+    if found.verdict == "consistent":
+        return (
+            "The model describes the recordings to within their errors and what is not known of "
+            "what was pressed; nothing asks for more physics "
+            f"(probability {percent(found.explained.soundness)} that none shows). {air(found)}"
+        ).strip()
+    if found.verdict == "unexplained":
+        return (
+            f"{_contradiction(found)} None of the mechanisms known to legfem, alone or in pairs, "
+            "explains how. Don't rely on the stiffness."
+        )
+    first = found.models[0]
+    if found.verdict == "named":
+        whole = "What it left out" if not first.in_part else "What it left out, in part"
+        return (
+            f"{_contradiction(found)} {whole}: {statements(first)} (probability "
+            f"{percent(first.probability)}).{_in_part(found, first)} "
+            f"{stiffness_sentence(found.base, first)} {air(found)}"
+        ).strip()
+    candidates = "; or ".join(
+        f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
+    )
+    return (
+        f"{_contradiction(found)} What it left out is one of these, and the recordings can't tell "
+        f"which: {candidates}. "
+        f"{stiffness_range(found.base, found.models)} {air(found)}"
+    ).strip()
+
+
+def _contradiction(found: Diagnosis) -> str:
+    missing = 1 - found.explained.soundness
+    if missing > _CERTAIN:
+        return "The recordings contradict the model."
+    return f"The model probably left something out ({percent(missing)})."
+
+
+def air(found: Diagnosis) -> str:
+    """Return how much air there was before the skin, where there was some."""
+    rows = []
+    for k, trial in enumerate(found.observed.trials):
+        middle, (low, high) = found.first_contact(k)
+        half = 0.5 * (high - low)
+        if middle > max(_AIR_FROM_MM, half):
+            rows.append(f"{middle:.2f} ± {half:.2f} mm in {trial}")
+    if not rows:
+        return ""
+    return f"Air before first touch, which the stiffness allows for: {', '.join(rows)}."
+
+
+def percent(probability: float) -> str:
+    """Return a probability in whole per cent, never quite none or all."""
+    if probability > 0.99:
+        return "over 99 %"
+    return "below 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
+def _in_part(found: Diagnosis, model: Explanation) -> str:
+    if not model.in_part:
+        return ""
+    left = residual_intervals(found, model)
+    share = f" It explains {percent(explained_share(found, model))} of the misfit"
+    if not left:
+        return f"{share}; what remains is below a trial's noise."
+    most = left[0]
+    return (
+        f"{share}; {abs(most.size_N):.2g} N remains in {most.trial}, {most.phase}, from "
+        f"{most.displacement_mm[0]:.0f} to {most.displacement_mm[1]:.0f} mm."
+    )
+
+
+def _digits(value: float) -> str:
+    return f"{value:#.3g}".rstrip(".") if value else "0"
+
+
+def statements(model: Explanation) -> str:
+    """Return what a model's mechanisms say was left out."""
+    return " and ".join(m.statement for m in model.fit.mechanisms)
+
+
+def stiffness_range(before: Explanation, after: Sequence[Explanation]) -> str:
+    """Return between which values the stiffness moves by one of several explanations."""
+    parts = []
+    for name in before.fit.stiffness:
+        values = [model.value(name) for model in after]
+        ends = list(dict.fromkeys(_digits(value) for value in (min(values), max(values))))
+        there = f"between {ends[0]} and {ends[1]}" if len(ends) > 1 else ends[0]
+        parts.append(f"{name} from {_digits(before.value(name))} kPa to {there} kPa")
+    return f"Depending on which it is, putting it into the model moves {' and '.join(parts)}."
+
+
+def stiffness_sentence(before: Explanation, after: Explanation) -> str:
+    """Return how the stiffness changed."""
+    parts = []
+    for name in before.fit.stiffness:
+        if name in after.fit.free:
+            was, now = before.value(name), after.value(name)
+            change = f"{name} from {_digits(was)} to {_digits(now)} kPa"
+            if was > 1e-6:
+                change += f" ({100 * (now / was - 1):+.0f} %)"
+            parts.append(change)
+    return f"Putting it into the model moves {' and '.join(parts)}."
+
+
+def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
+    observed = found.observed
+    recorded = "hold" in observed.phases and len(observed.rates) > 1
+    if recorded and isinstance(mechanism, TissueRelaxation):
+        return _HOLDS_RECORDED
+    return mechanism.next_experiment
+
+
+def next_experiments(found: Diagnosis) -> list[str]:
+    """Return the measurements that would settle what is open, but those that were made."""
+    if found.verdict == "unexplained":
+        return [_NO_MECHANISM]
+    known = {reading.mechanism.name for reading in found.alone.problem.measured}
+    wanted = dict.fromkeys(
+        _wanted(found, m) for model in found.models for m in model.fit.mechanisms if m.name not in known
+    )
+    rate = any("rate" in why for why in found.untested.values())
+    if found.verdict == "consistent" and rate:
+        return ["hold the deepest position for a minute, and press at two rates"]
+    return list(wanted)
