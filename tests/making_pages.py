@@ -34,8 +34,8 @@ from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
-from legfem.inverse.search_log import SearchLog
 from legfem.inverse.plan import DesignValue
+from legfem.inverse.search_log import SearchLog
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
@@ -47,11 +47,8 @@ from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from legfem.plan.designs import designs
-from legfem.plan.reckon import Reckoned
-from legfem.plan.run import Expected
-from legfem.report.leg import leg_page
 from legfem.report.diagnosis_document import versions
+from legfem.report.leg import leg_page
 from legfem.report.look import recordings_toml
 from legfem.report.specimens import specimen_page
 from legfem.report.web.diagnosis import diagnosis_web_page

@@ -22,10 +22,8 @@ from legfem.app.runs import Run, RunState
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
-from legfem.diagnose.document import document
 from legfem.inverse.document import fit_document
 from legfem.legs.document import LegDocument
-from legfem.identify.document import result_document
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis_document import document
 from legfem.report.words import number

@@ -12,8 +12,6 @@ from making_diagnosis import observations, ramps
 from making_identification import DEPTH, identify, pressed_leg
 from making_results import law_document
 
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.identify.document import result_document
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import (
     FIBRES,

@@ -14,12 +14,8 @@ from legfem.inverse.mechanism import prior_of
 from legfem.inverse.plan import DISTINGUISHED, Candidate, DesignValue, DirectReadings, evaluate_readings
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.loading import load_subject
-from legfem.plan.designs import Readings
-from legfem.plan.reckon import TOLD_APART, Candidate, Reckoned
-from legfem.plan.reckon_readings import reckon_readings
 from legfem.legs.nuisances import Accuracy
 from legfem.report.diagnosis_sentences import next_experiments
-from legfem.report.plain import plain_page
 from legfem.report.plan import plan_lines
 from legfem.report.text import plain_page
 from legfem.report.web.diagnosis import diagnosis_web_page

@@ -50,13 +50,9 @@ def plan(
         from legfem.legs.loading import load_subject
         from legfem.legs.plan import Expected, plan_before
         from legfem.legs.plausibility import doubts_about
-        from legfem.plan.run import Expected, plan_before
-        from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
         from legfem.legs.variants import library_folder
         from legfem.report.diagnosis_document import versions
-        from legfem.report.in_place import REPORT, made_in_place
-        from legfem.report.listing import NUMBERS, ReportFile
-        from legfem.report.plain import brief, plain_page
+        from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
         from legfem.report.plan import plan_document
         from legfem.report.text import brief, plain_page
         from legfem.report.web.page import command_line, listed, write_page
