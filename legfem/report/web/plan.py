@@ -11,12 +11,12 @@ from legfem.legs.plan import Expected
 from legfem.legs.subject import Subject
 from legfem.report.diagnosis_sentences import percent
 from legfem.report.diagnosis_style import plain
-from legfem.report.leg import options_of
 from legfem.report.plan import NOTE, NOTHING, effects_of
 from legfem.report.style import LAW_NAMES
 from legfem.report.web import page as web
 from legfem.report.web.bars import Bars, LabelledBar
 from legfem.report.web.section import still_section
+from legfem.report.words import options_of
 
 RANKED, SHOWN = "Tests, the most telling first", "What each test would show"
 """Chapters."""
