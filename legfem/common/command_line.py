@@ -117,7 +117,7 @@ def study_edge(
     Parameters
     ----------
     name : str
-        Of the folder in ``results`` if none is given.
+        Name of the folder in ``results`` if none is given.
     out : Path, optional
         What the user gave.
     jobs : int, optional

@@ -51,7 +51,7 @@ class PhysicalRange:
     what : str
         The quantity, in words.
     unit : str
-        Of all the numbers.
+        Unit of all the numbers.
     usual : tuple of float
         Beyond which a value is doubted.
     possible : tuple of float

@@ -218,7 +218,7 @@ def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> 
     path : Path
         The file.
     schema : type
-        Of its content.
+        Pydantic model of its content.
     holder : str
         What should hold the file, for the error where it is missing.
 

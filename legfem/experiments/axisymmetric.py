@@ -1,4 +1,4 @@
-"""Tests with axial symmetry: a ball on a layer, a cylinder between plates."""
+"""Tests with axial symmetry: a ball on a layer, a cylinder between plates; on one tissue or on bonded layers."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class BallOnLayer:
     Parameters
     ----------
     thickness : float
-        Of the layer (mm).
+        Thickness of the layer, mm.
     ball_radius : float
         mm.
     layer_radius : float
-        Of the layer, whose side is free (mm).
+        Radius of the layer, whose side is free (mm).
     ball : {"rough", "frictionless"}
         Whether what touches the ball sticks.
     base : {"bonded", "sliding"}
@@ -70,7 +70,7 @@ class CylinderBetweenPlates:
     Parameters
     ----------
     radius, height : float
-        Of the cylinder (mm).
+        Radius and height of the cylinder, mm.
     ends : {"bonded", "sliding"}
         Whether the end faces stick to the plates. Where the bulging side comes onto the bonded
         plates, it sticks too.
@@ -92,11 +92,11 @@ class Layer:
     Parameters
     ----------
     name : str
-        By which its parameters are called: ``fat.C10`` and so on.
+        Prefix of its parameters' names: ``fat.C10`` and so on.
     thickness : float
         mm.
     law : Hyperelastic
-        Of the tissue.
+        Law of the tissue.
     """
 
     name: str
@@ -133,9 +133,9 @@ class Arrangement:
     """Which the contact's stiffness is measured by."""
     held: tuple[Support, ...]
     radius: float
-    """Of the body."""
+    """Radius of the body, mm."""
     height: float
-    """Of the body."""
+    """Height of the body, mm."""
     fine: tuple[float, float]
     """Distances from the axis between which the mesh is fine."""
     mesh: MeridianMeshSettings
@@ -156,12 +156,12 @@ class AxisymmetricBody[Sizes]:
     test
         Sizes and faces.
     law
-        Of the tissue, whose parameters are named ``deep.C10`` and so on; or several layers from the
+        Law of the tissue, whose parameters are named ``deep.C10`` and so on; or several layers from the
         base up, as thick together as the body is high.
     settings
         Numerical.
     comm
-        Over which one solution is spread.
+        Ranks that one solution is spread over.
     mechanisms
         Terms added to those of tissue and contact, each in place of one of its name if there is.
     """
@@ -333,12 +333,12 @@ class Compressed:
     force: FloatArray
     """(n,), N."""
     lost: Mapping[str, FloatArray]
-    """By the layer's name, from the base up; (n,), mm."""
+    """Thickness that each layer has lost, from the base up, by its name; (n,), mm."""
     report: SolveReport
 
     @property
     def total(self) -> FloatArray:
-        """Of all layers (n,), mm."""
+        """Thickness that all layers have lost, (n,), mm."""
         return np.asarray(sum(self.lost.values()))
 
 
@@ -352,7 +352,7 @@ def compress[Sizes](
     test
         On layers.
     depth
-        Of what presses (mm).
+        Displacement of what presses, mm.
     values
         Numbers that differ from the model's own, by full name.
 

@@ -35,9 +35,9 @@ class CompressionSettings:
     Parameters
     ----------
     formulation : {"continuous", "displacement"}
-        Of displacements and pressures, or of displacements alone, which locks.
+        Displacements and pressures as unknowns, or displacements alone, which locks.
     degree : int
-        Of the displacement; at 1 the pressures are stabilised.
+        Degree of the displacement; at 1 the pressures are stabilised.
     follower : bool
         Whether the pressure follows the deformed skin; else it is a dead load.
     ends : {"held", "free"}
@@ -45,7 +45,7 @@ class CompressionSettings:
     stabilisation : float
         Factor on the stabilisation.
     newton, linear
-        Of the solvers.
+        Settings of the solvers.
     first : float
         Share of the pressure in the first step.
     """
@@ -80,7 +80,7 @@ class Compressed:
 
     report: SolveReport
     unknown: FloatArray
-    """Of the system, ghosts included."""
+    """Unknown of the system, ghosts included."""
     sensitivities: Mapping[str, FloatArray]
     """Derivatives of the unknown by parameters at the given pressure, per unit of each."""
 
@@ -91,7 +91,7 @@ class LegCompression:
     Parameters
     ----------
     leg_mesh
-        Of the leg's segment.
+        Mesh of the leg's segment.
     tissues
         Law of every region the leg has.
     settings
@@ -195,9 +195,9 @@ class LegCompression:
         state
             The last one solved for.
         changes
-            Of the pressure, at `skin_points` (MPa).
+            Changes of the pressure at `skin_points`, MPa.
         tolerance
-            Of the linear solutions, where they are iterative; that of the settings by default.
+            Tolerance of the linear solutions, where they are iterative; that of the settings by default.
         """
         system, linear = self.system, self.solver.linear_solver
         if self._tangent_of is not state:

@@ -1,4 +1,4 @@
-"""A test that follows a protocol: what those with an indenter, a cup or grips share."""
+"""What every experiment is: parameters and a load in, a force curve with its derivatives out."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ ELSEWHERE = ("comm", "meshed")
 
 
 class Reported(typing.Protocol):
-    """An outcome that says how far it came."""
+    """An outcome with a report of how far its solution came."""
 
     @property
     def report(self) -> SolveReport:
-        """``report.complete`` tells whether it got there; giving up is a value."""
+        """Report of the solution; ``complete`` is False where it stopped short, which raises nothing."""
 
 
 class Experiment[Load, Outcome: Reported](typing.Protocol):
-    """A test of a body: numbers and a load in, an outcome out.
+    """A test of a body: parameters and a load in, an outcome out.
 
     The load is a `legfem.solve.protocol.Protocol` where an indenter moves, and a pressure where one
     acts on the skin. An experiment is picklable: its finite-element model is made when it is first
@@ -42,23 +42,23 @@ class Experiment[Load, Outcome: Reported](typing.Protocol):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Every number of the model by full name, at the value it has unless another is given."""
+        """Default values of all parameters by full name, MPa or 1/MPa."""
 
     def solve(self, values: Mapping[str, float] | None, load: Load, sensitivities: Sequence[str] = (), /) -> Outcome:
-        """Solve.
+        """Return the outcome for a load, up to where the solution came.
 
         Parameters
         ----------
         values
-            Numbers that differ from `parameters`, by full name.
+            Parameters that differ from the defaults, by full name.
         load
-            What is done to the body.
+            A protocol or a pressure, as the experiment says.
         sensitivities
             Full names of parameters to differentiate by.
         """
 
     def fingerprint(self) -> Mapping[str, Any]:
-        """Return all that an outcome depends on but what `solve` is given, as JSON types."""
+        """Return all that an outcome depends on beside the arguments of `solve`, as JSON types."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Solved:
     """The outcome of one simulated test; ``report.complete`` tells whether it got there."""
 
     parameters: Mapping[str, float]
-    """Of the model, by full name (MPa, 1/MPa)."""
+    """Parameters of the model by full name, MPa or 1/MPa."""
     curve: ForceCurve
     """Force (N) on the whole indenter against displacement, in the first loading."""
     path: Path
@@ -75,20 +75,20 @@ class Solved:
 
 
 class cached_in_process[T](cached_property[T]):  # noqa: N801
-    """A property made on first use, which stays behind when its object goes to another process."""
+    """A `cached_property` that is left out when its object is pickled: each process computes its own."""
 
 
 class Picklable:
-    """A dataclass of which what is `made_when_needed` can't leave its process."""
+    """A dataclass that pickles its fields alone: what is `cached_in_process` is computed anew where it arrives."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave what can be made again."""
+        """Return the state without what is `cached_in_process`."""
         kinds = (vars(kind).items() for kind in type(self).__mro__)
         made = {n for kind in kinds for n, value in kind if isinstance(value, cached_in_process)}
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
     def fingerprint(self) -> Mapping[str, Any]:
-        """Return the hash of all fields that change a result, and that of the code."""
+        """Return hashes of the fields that change a result and of the code."""
         given: Any = self
         made_from = [f.name for f in fields(given) if f.init and f.name not in ELSEWHERE]
         return {
@@ -113,7 +113,7 @@ class Meshed:
 
     @cached_property
     def trackers(self) -> Trackers:
-        """Of sensitivities along a path."""
+        """Solvers for sensitivities along a path, kept from solution to solution."""
         return Trackers(self.system)
 
 
@@ -128,12 +128,12 @@ class ProtocolTest(Picklable, ABC):
         *,
         depth: float | None = None,
     ) -> Solved:
-        """Follow a protocol; arguments as those of `PressingTest.solve`."""
-        return self._driven(values, as_protocol(protocol if depth is None else depth), sensitivities)
+        """Follow a protocol; arguments as those of `IndentationTest.solve`."""
+        return self._follow(values, as_protocol(protocol if depth is None else depth), sensitivities)
 
     @abstractmethod
-    def _driven(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
-        """Return the outcome of a protocol."""
+    def _follow(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
+        """Return the outcome of a protocol, up to where the solution came."""
 
 
 def as_protocol(given: Protocol | float | None) -> Protocol:
@@ -157,7 +157,7 @@ def sample_protocol(protocol: Protocol, points: int, until: float) -> tuple[Floa
     protocol
         To follow.
     points
-        Of every straight part.
+        Number of points on every straight part.
     until
         Greatest displacement that was reached (mm).
     """

@@ -66,13 +66,13 @@ class PunchOnLayer:
     Parameters
     ----------
     thickness : float
-        Of the layer (mm).
+        Thickness of the layer, mm.
     radius : float
-        Of the punch, the rounding of its edge included (mm).
+        Radius of the punch, the rounding of its edge included (mm).
     edge : float
         Radius of the rounding (mm).
     layer_radius : float
-        Of the layer, whose side is free (mm).
+        Radius of the layer, whose side is free (mm).
     punch : {"rough", "frictionless"}
         Whether what touches the punch sticks.
     base : {"bonded", "sliding"}

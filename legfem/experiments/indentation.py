@@ -1,4 +1,4 @@
-"""States of solutions in memory, from which pictures are made without solving again."""
+"""Indentation by a rigid body: what all tests with an indenter share, and their last solutions in memory."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def leg_model(
 
 @dataclass(frozen=True, eq=False)
 class IndentationRequest:
-    """What is asked of a test with an indenter; as the arguments of `PressingTest.solve`."""
+    """Arguments of `IndentationTest.solve`."""
 
     values: Mapping[str, float] | None
     protocol: Protocol
@@ -63,12 +63,12 @@ class IndentationModel(Meshed):
     contact
         How contact is enforced.
     radius
-        Of the indenter (mm), which the contact's stiffness is measured by.
+        Radius of the indenter (mm), which the contact's stiffness is measured by.
     whole
         Force of the whole indenter over that of the model: the cylinder's length (mm) in plane
         strain, the number of mirror images in 3D.
     steps
-        Sizes.
+        Sizes of the steps.
     """
 
     contact: ContactSettings
@@ -170,7 +170,7 @@ class IndentationModel(Meshed):
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """A way to solve what is asked."""
+    """One way to solve a test; further ones are tried where it stops short."""
 
     pressing: IndentationModel
     softness: float = 1.0
@@ -209,7 +209,7 @@ class IndentationTest(Picklable, ABC):
 
     @property
     def solver(self) -> NewtonSolver:
-        """Of the system."""
+        """Newton's solver of the system."""
         return self.pressing.solver
 
     @property
@@ -239,12 +239,12 @@ class IndentationTest(Picklable, ABC):
         values
             Numbers that differ from the model's own, by full name (``deep.C10`` in MPa).
         protocol
-            Of the indenter; a number is the depth (mm) of a loading at 1 mm/s, since tissues
+            Motion of the indenter; a number is the depth (mm) of a loading at 1 mm/s, since tissues
             without memory don't know of the rate.
         sensitivities
             Full names of parameters to differentiate the force by.
         depth
-            Of a loading at 1 mm/s (mm), in place of a protocol.
+            Depth of a loading at 1 mm/s (mm), in place of a protocol.
         on_step
             Called with the displacement (mm) of every accepted step.
         keep_in
@@ -300,9 +300,9 @@ def farthest(attempts: Iterable[Solved]) -> Solved:
 
 
 _STATES = 16
-"""About how many states of a solution are kept, between which a page interpolates."""
+"""Approximate number of states of a solution that are kept; a page interpolates between them."""
 _SOLUTIONS = 4
-"""The last ones, of some MB each."""
+"""Number of the last solutions that are kept, some MB each."""
 
 
 def is_due(at: float, last: float, depth: float) -> bool:
@@ -317,11 +317,11 @@ class SolutionStates:
     Parameters
     ----------
     test
-        That is solved.
+        The test that is solved.
     values
-        That differ from the model's own.
+        Parameters that differ from the model's own, by full name.
     depth
-        To which it is pressed (mm).
+        Depth to which it is pressed, mm.
     """
 
     test: IndentationTest

@@ -84,7 +84,7 @@ class IdealisedLegIndentation(IndentationTest):
     settings
         Numerical.
     comm
-        Over which one solution is spread.
+        Ranks that one solution is spread over.
     mechanisms
         Terms that are added to the model, for example `legfem.mechanics.terms.Fibres`.
 

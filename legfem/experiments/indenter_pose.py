@@ -1,4 +1,4 @@
-"""What presses a leg in 3D, and how it stands there."""
+"""Indenters of a leg in 3D, and their pose."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Ball:
     Parameters
     ----------
     radius : float
-        mm.
+        Radius, mm.
     """
 
     radius: float = 15.0
@@ -52,11 +52,11 @@ class Pose:
     aim : (float, float)
         A point on its line of travel (mm).
     level : float
-        Of its middle (mm).
+        Level of its middle, mm.
     direction_deg : float
-        Of its travel, from +x counter-clockwise.
+        Direction of its travel, degrees from +x counter-clockwise.
     axis_deg : float
-        By which a cylinder is turned about its travel, right-handed: 0 lies along the leg, 90
+        Turn of a cylinder about its travel, degrees, right-handed: 0 lies along the leg, 90
         across it.
     """
 
@@ -67,13 +67,13 @@ class Pose:
 
     @property
     def direction(self) -> FloatArray:
-        """Of the travel: a unit vector (3,)."""
+        """Unit vector of travel, (3,)."""
         angle = math.radians(self.direction_deg)
         return np.array([math.cos(angle), math.sin(angle), 0.0])
 
     @property
     def frame(self) -> FloatArray:
-        """Unit vectors (3, 3): of a cylinder's axis, square to it and the travel, of the travel."""
+        """Unit vectors (3, 3) along a cylinder's axis, square to axis and travel, and along the travel."""
         travel, up = self.direction, np.array([0.0, 0.0, 1.0])
         turn = math.radians(self.axis_deg)
         axis = math.cos(turn) * up + math.sin(turn) * np.cross(travel, up)
@@ -87,7 +87,7 @@ class IndenterInPose[Kind: Indenting](ABC):
     Parameters
     ----------
     given
-        Its sizes.
+        Sizes of the indenter.
     pose
         Where it stands.
     """
@@ -97,23 +97,23 @@ class IndenterInPose[Kind: Indenting](ABC):
 
     @property
     def axis(self) -> FloatArray:
-        """Of its symmetry: a unit vector (3,)."""
+        """Unit vector of the axis of symmetry, (3,)."""
         return np.asarray(self.pose.frame[0])
 
     @property
     @abstractmethod
     def shape(self) -> RigidIndenter:
-        """Its signed distance."""
+        """Signed distance from its surface."""
 
     @property
     @abstractmethod
     def reach(self) -> float:
-        """How far up and down along the leg it reaches from its middle (mm)."""
+        """Half of its extent along the leg, mm."""
 
     @property
     @abstractmethod
     def contact(self) -> tuple[float, float]:
-        """How far ahead of its middle it touches a flat body, and half that line's length (mm)."""
+        """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
 
     @abstractmethod
     def ahead(self, beside: FloatArray) -> FloatArray:
@@ -135,21 +135,21 @@ class CylinderInPose(IndenterInPose[Cylinder]):
 
     @property
     def shape(self) -> RigidIndenter:
-        """Its signed distance."""
+        """Signed distance from its surface."""
         if self.axis[2] == 1.0:
             return self.given.shape(3)
         return _turned(self.given, self.axis)
 
     @property
     def reach(self) -> float:
-        """How far up and down along the leg it reaches from its middle (mm)."""
+        """Half of its extent along the leg, mm."""
         upright = abs(float(self.axis[2]))
         lying = math.sqrt(max(1 - upright**2, 0.0))
         return self.given.length / 2 * upright + self.given.radius * lying
 
     @property
     def contact(self) -> tuple[float, float]:
-        """How far ahead of its middle it touches a flat body, and half that line's length (mm)."""
+        """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
         return self.given.radius, self.given.length / 2
 
     def ahead(self, beside: FloatArray) -> FloatArray:
@@ -174,12 +174,12 @@ class PunchInPose(CylinderInPose):
 
     @property
     def axis(self) -> FloatArray:
-        """Of its symmetry, which is its travel: a unit vector (3,)."""
+        """Unit vector of the axis of symmetry, which is that of travel, (3,)."""
         return self.pose.direction
 
     @property
     def contact(self) -> tuple[float, float]:
-        """How far ahead of its middle it touches a flat body, and half that line's length (mm)."""
+        """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
         return self.given.length / 2, 0.0
 
     def ahead(self, beside: FloatArray) -> FloatArray:
@@ -194,17 +194,17 @@ class BallInPose(IndenterInPose[Ball]):
 
     @property
     def shape(self) -> RigidIndenter:
-        """Its signed distance."""
+        """Signed distance from its surface."""
         return RigidBall(self.given.radius)
 
     @property
     def reach(self) -> float:
-        """How far up and down along the leg it reaches from its middle (mm)."""
+        """Half of its extent along the leg, mm."""
         return self.given.radius
 
     @property
     def contact(self) -> tuple[float, float]:
-        """How far ahead of its middle it touches a flat body, and half that line's length (mm)."""
+        """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
         return self.given.radius, 0.0
 
     def ahead(self, beside: FloatArray) -> FloatArray:

@@ -18,11 +18,11 @@ class CylinderOnBlock:
     Parameters
     ----------
     thickness, width : float
-        Of the block, along the travel and across the cylinder (mm).
+        Sizes of the block along the travel and across the cylinder, mm.
     cylinder_radius : float
         mm.
     length : float
-        Over which cylinder and block touch, along the cylinder (mm); ends don't count.
+        Length over which cylinder and block touch, along the cylinder (mm); ends don't count.
     cylinder : {"rough", "frictionless"}
         Whether what touches the cylinder sticks.
     base : {"bonded", "sliding"}

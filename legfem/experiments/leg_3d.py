@@ -76,17 +76,17 @@ class LegIndentation3D(IndentationTest):
     Parameters
     ----------
     shape
-        Of the leg, longer than the cylinder.
+        Shape of the leg, longer than the cylinder.
     indenter, pose
-        What presses, and where.
+        Indenter and its pose.
     tissues
-        Laws of the deep and the superficial tissue.
+        Laws of the deep and the superficial tissue, by region.
     fascia
-        As a membrane, see `membrane_of`; none by default.
+        Fascia as a membrane, see `membrane_of`; none by default.
     settings
-        Numerical.
+        Numerical settings.
     comm
-        Over which one solution is spread.
+        Ranks that one solution is spread over.
     mechanisms
         Terms that are added to the model.
 

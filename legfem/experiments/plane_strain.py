@@ -26,7 +26,7 @@ from legfem.experiments.indentation import (
     RecentSolutions,
     leg_model,
 )
-from legfem.fem.fields import most_drawn_out
+from legfem.fem.fields import most_stretched
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter
@@ -102,11 +102,12 @@ class Tissues:
     fascia: Hyperelastic
 
 
-_LIKE = 0.03
-"""Of the force: what a solution without pressures may be off, where both go."""
-_MANY = 6
-"""Degree of integration where the usual one stops."""
+_SAME_FORCE = 0.03
+"""Relative difference of force by which a form without pressures may depart from one with them, where both go."""
+_RAISED_DEGREE = 6
+"""Degree of quadrature that is tried where a solution with the usual one stops."""
 _NEAR_MM = 15.0
+"""Distance from a bone within which a message names it, mm."""
 
 
 @dataclass(frozen=True)
@@ -134,21 +135,21 @@ class PlaneStrainIndentation(IndentationTest):
     Parameters
     ----------
     section
-        Of the leg.
+        Section of the leg.
     indenter
         Cylinder and line of travel; the force is that of its whole length.
     tissues
-        Laws; their parameters are the defaults of `solve`.
+        Laws of the tissues; their parameters are the defaults of `solve`.
     settings
-        Numerical.
+        Numerical settings.
     comm
-        Over which one solution is spread.
+        Ranks that one solution is spread over.
     mechanisms
         Terms added to those of tissues and contact, each in place of one of its name if there is.
     moved
-        Where the mesh is moved to once it is made; it stays without it.
+        Motion of the mesh's outlines once it is made; none by default.
     meshed
-        If it is there already; made from the section without it.
+        Mesh of the section, if there is one already; by default it is made when first needed.
 
     Raises
     ------
@@ -220,18 +221,18 @@ class PlaneStrainIndentation(IndentationTest):
 
     @cached_in_process
     def _finer(self) -> PlaneStrainIndentation:
-        """The same on a finer mesh."""
+        """The same test on a finer mesh."""
         mesh = self.settings.mesh.refined(1.5)
         return replace(self, settings=replace(self.settings, mesh=mesh, defences=False))
 
     @cached_in_process
     def _well_integrated(self) -> PlaneStrainIndentation:
-        """The same with more points in every element, for films that are drawn out far."""
-        return self._on_this_mesh(quadrature_degree=max(self.settings.quadrature_degree, _MANY))
+        """The same test with more quadrature points, for thin layers of tissue that are stretched far."""
+        return self._on_this_mesh(quadrature_degree=max(self.settings.quadrature_degree, _RAISED_DEGREE))
 
     @cached_in_process
     def _of_displacements(self) -> PlaneStrainIndentation:
-        """The same without pressures of their own, whose films of soft fat are less unsteady."""
+        """The same test with displacements alone as unknowns, in which thin layers of soft fat are more stable."""
         return self._on_this_mesh(formulation="displacement")
 
     def _on_this_mesh(self, **changed: Any) -> PlaneStrainIndentation:
@@ -239,7 +240,7 @@ class PlaneStrainIndentation(IndentationTest):
         return replace(self, settings=settings, meshed=self.section_mesh)
 
     def attempts(self, placement: Placement | None = None) -> Iterator[Attempt]:
-        """Yield the model, better integrated, without pressures, softer, and on a finer mesh."""
+        """Yield the model, then with more quadrature points, without pressures, with a softer contact, and finer."""
         placement = placement or Placement()
         placed = self._placed(placement)
         if not self.settings.defences:
@@ -270,7 +271,7 @@ class PlaneStrainIndentation(IndentationTest):
         Parameters
         ----------
         values, protocol, sensitivities, depth, on_step, keep_in
-            As those of `PressingTest.solve`.
+            As those of `IndentationTest.solve`.
         placement
             Where the cylinder really stood; as stated without it.
 
@@ -288,21 +289,21 @@ class PlaneStrainIndentation(IndentationTest):
         if first.report.complete:
             yield first
             return
-        where = self._squeezed()
-        yield _told(first, where)
+        where = self._most_stretched()
+        yield _with_location(first, where)
         for solved in made:
             report = solved.report
-            apart = _apart(first.curve, solved.curve) if report.without_pressures else 0.0
-            if apart > _LIKE:
+            apart = _relative_difference(first.curve, solved.curve) if report.without_pressures else 0.0
+            if apart > _SAME_FORCE:
                 reason = f"without pressures the force is off by {100 * apart:.2g} %"
                 refused = replace(report, complete=False, reached=0.0, reason=reason)
                 yield replace(solved, report=refused)
             else:
-                yield solved if report.complete else _told(solved, where)
+                yield solved if report.complete else _with_location(solved, where)
 
-    def _squeezed(self) -> str:
+    def _most_stretched(self) -> str:
         """Return where the body that didn't go on is drawn out most, and what to do about it."""
-        found = most_drawn_out(self.system)
+        found = most_stretched(self.system)
         tissue = next(name for name, tag in REGIONS.items() if tag == found.region)
         x, y = found.place
         text = f"the {tissue} tissue is drawn out {found.stretch:.2g} times at ({x:.0f}, {y:.0f}) mm"
@@ -341,13 +342,13 @@ class PlaneStrainIndentation(IndentationTest):
         return self.pressing
 
 
-def _told(solved: Solved, where: str) -> Solved:
+def _with_location(solved: Solved, where: str) -> Solved:
     """Return an outcome whose reason says where, too."""
     report = solved.report
     return replace(solved, report=replace(report, reason=f"{report.reason}: {where}"))
 
 
-def _apart(first: ForceCurve, other: ForceCurve) -> float:
+def _relative_difference(first: ForceCurve, other: ForceCurve) -> float:
     """Return how far a curve is from the first, relative, in the last half of what both reach."""
     depth = min(first.depth, other.depth)
     if depth <= 0:

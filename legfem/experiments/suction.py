@@ -51,13 +51,13 @@ class CupOnLayer:
     Parameters
     ----------
     thickness : float
-        Of the layer (mm).
+        Thickness of the layer, mm.
     opening_radius : float
-        Of the cup's opening (mm).
+        Radius of the cup's opening, mm.
     rim_width : float
-        Of the cup's face on the skin, from the opening out (mm).
+        Width of the cup's face on the skin, from the opening out (mm).
     layer_radius : float
-        Of the layer, whose side is free (mm).
+        Radius of the layer, whose side is free (mm).
     rim : {"bonded", "sliding"}
         Whether the skin under the rim sticks; it doesn't lift off in either case.
     base : {"bonded", "sliding"}
@@ -138,7 +138,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
         """The model on its mesh, in the state last solved for."""
         return self._drawn.system
 
-    def _driven(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
+    def _follow(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
         """Draw the dome along a protocol of its height.
 
         What the tissue remembers doesn't count: returns and holds are those of its first rise.

@@ -58,7 +58,7 @@ class Bar:
     length : float
         Between the grips or plates, undeformed (mm).
     area : float
-        Of its undeformed cross-section (mm2).
+        Area of its undeformed cross-section, mm2.
     pulled : {"tension", "compression"}
         Displacement and force are positive that way.
     """
@@ -81,9 +81,9 @@ class UniaxialTest(ProtocolTest):
     test
         Sizes.
     law
-        Of the tissue, whose parameters are named ``deep.C10`` and so on.
+        Law of the tissue, whose parameters are named ``deep.C10`` and so on.
     fibres
-        Of the tissue, along an axis: the second is the bar's, the others are across.
+        Fibres of the tissue along an axis: the second is the bar's, the others are across.
     """
 
     test: Bar
@@ -101,7 +101,7 @@ class UniaxialTest(ProtocolTest):
         own = {f"deep.{name}": value for name, value in self.law.parameters.items()}
         return own | ({} if self.fibres is None else self.fibres.parameters)
 
-    def _driven(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
+    def _follow(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
         """Move the ends along a protocol.
 
         Derivatives are exact, by a complex step (J. N. Lyness, C. B. Moler, SIAM J. Numer. Anal. 4

@@ -22,7 +22,7 @@ class BodySurface:
     Parameters
     ----------
     surface : TriangleSurface
-        Of all ranks.
+        The whole surface, that of all ranks.
     nodes : (n,) int array
         The rank's part of the surface's points, as nodes of the displacement space.
     comm

@@ -34,7 +34,7 @@ class LegFields:
     """
 
     displacement: Any
-    """mm, continuous, of the order that was solved for."""
+    """Displacement, mm, continuous, of the order that was solved for."""
     pressure: Any
     """Hydrostatic Cauchy pressure ``-tr(sigma)/3`` (kPa), positive in compression."""
     von_mises: Any
@@ -42,16 +42,16 @@ class LegFields:
     stretch: Any
     """Greatest principal stretch, dimensionless."""
     volume_ratio: Any
-    """J, dimensionless."""
+    """Volume ratio J, dimensionless."""
     region: Any
     """Tag of the tissue, constant in every cell: the values of `legfem.meshing.section.REGIONS`."""
     skin_pressure: Any
-    """On the skin's mesh, per unit of deformed area (kPa): that of the contact, or the given one;
+    """Pressure on the skin's mesh, per unit of deformed area (kPa): that of the contact, or the given one;
     its name tells which."""
     skin_displacement: Any
-    """mm, on the skin's mesh."""
+    """Displacement on the skin's mesh, mm."""
     indenter_centre: FloatArray
-    """(dimension,), mm; without an indenter it means nothing."""
+    """Centre of the indenter, (dimension,), mm; without an indenter it means nothing."""
 
 
 def cauchy_stress(nominal: Expr, F: Expr) -> Expr:
@@ -112,8 +112,8 @@ class FieldReader:
         displacement.x.array[:] = system.unknown.x.array[spaces.displacement_dofs]
 
         linear = fem.functionspace(spaces.mesh, ("DG", 1))
-        untold = [t.name for t in self._terms if hasattr(t, "region") and not _tells(t)]
-        without = f"_without_{'_'.join(untold)}" if untold else ""
+        without_stress = [t.name for t in self._terms if hasattr(t, "region") and not _gives_stress(t)]
+        without = f"_without_{'_'.join(without_stress)}" if without_stress else ""
         names = {
             "pressure": f"pressure{without}",
             "von_mises": f"von_mises{without}",
@@ -159,11 +159,11 @@ class FieldReader:
         assert isinstance(body, Body)
         found, F = [], body.deformation_gradient
         for region, tag in spaces.regions.items():
-            telling = [t for t in self._terms if _tells(t) and t.region == region]
-            if not telling:
+            stressed = [t for t in self._terms if _gives_stress(t) and t.region == region]
+            if not stressed:
                 continue
             cells = spaces.cell_tags.find(tag).astype(np.int32)
-            sigma = cauchy_stress(sum(term.nominal_stress(body) for term in telling), F)
+            sigma = cauchy_stress(sum(term.nominal_stress(body) for term in stressed), F)
             both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
             found.append((cells, _at_points(both, spaces.mesh, body.quadrature_degree)))
         return found
@@ -204,7 +204,7 @@ class FieldReader:
         return function, displacement
 
 
-def _tells(term: Any) -> bool:
+def _gives_stress(term: Any) -> bool:
     return isinstance(term, Stressed)
 
 
@@ -214,13 +214,13 @@ def fit_in_cells(function: Any, values: FloatArray, cells: NDArray[np.int32], de
     Parameters
     ----------
     function
-        Scalar, discontinuous.
+        Scalar, discontinuous function.
     values
-        Flat by cell and quadrature point.
+        Values, flat by cell and quadrature point.
     cells
-        Local indices.
+        Local indices of the cells.
     degree
-        Of the quadrature.
+        Degree of the quadrature.
     """
     space = function.function_space
     points, weights = _quadrature(space.mesh, degree)
@@ -249,18 +249,18 @@ def _at_points(value: Expr, mesh: Any, degree: int) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnOut:
+class StretchedElement:
     """The element of a plane body that is drawn out most, on this rank."""
 
     region: int
     """Tag of its tissue."""
     stretch: float
-    """Greatest, from its corners' displacements."""
+    """Greatest stretch, from the displacements of its corners."""
     place: FloatArray
-    """(2,): its middle before it moved, mm."""
+    """Middle of the undeformed element, (2,), mm."""
 
 
-def most_drawn_out(system: System) -> DrawnOut:
+def most_stretched(system: System) -> StretchedElement:
     """Return the triangle of a section whose corners were drawn apart most, in the last state."""
     spaces = system.spaces
     space = spaces.displacement_space
@@ -272,4 +272,6 @@ def most_drawn_out(system: System) -> DrawnOut:
     after = np.swapaxes(now[:, 1:] - now[:, :1], 1, 2)
     stretch = np.linalg.svd(after @ np.linalg.inv(before), compute_uv=False)[:, 0]
     worst = int(np.argmax(stretch))
-    return DrawnOut(int(spaces.cell_tags.values[worst]), float(stretch[worst]), places[corners[worst]].mean(axis=0))
+    return StretchedElement(
+        int(spaces.cell_tags.values[worst]), float(stretch[worst]), places[corners[worst]].mean(axis=0)
+    )

@@ -1,4 +1,4 @@
-"""Unknown, history and forms of a model's body and of its skin."""
+"""Forms of a model's body and of its skin, with their history variables at quadrature points."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class History:
     Parameters
     ----------
     mesh
-        Of the domain.
+        Mesh of the domain.
     degree
-        Of the quadrature of the domain's forms.
+        Degree of the quadrature of the domain's forms.
     shapes
         Shape of every variable by its name.
     """
@@ -76,7 +76,7 @@ class History:
 
 SKIN_DEGREE = 3
 type Rounding = Callable[[FloatArray], FloatArray]
-"""From points on flat facets, (n, 3), to those of the surface they stand for (mm)."""
+"""Function from points on flat facets, (n, 3), mm, to those of the surface that they stand for."""
 
 
 class DomainForms:

@@ -38,12 +38,12 @@ class LegSpaces:
     facet_tags: Any
     formulation: Formulation
     space: Any
-    """Of the unknown: displacement, or displacement and pressure."""
+    """Space of the unknown: displacement, or displacement and pressure."""
     skin: Any
     """Mesh of the skin."""
     skin_space: Any
     skin_outward: NDArray[np.float64]
-    """1 or -1 a cell of the skin: what turns its own orientation's normal out of the body."""
+    """Sign (1 or -1) by cell of the skin that turns its own orientation's normal out of the body."""
     trace: NDArray[np.int32]
     """Dofs of ``space`` in the order of the dofs of ``skin_space``."""
     displacement_dofs: NDArray[np.int32]
@@ -52,7 +52,7 @@ class LegSpaces:
     pinned: NDArray[np.int32]
     """Dofs of ``space`` that a support holds at zero, or where the pressure is."""
     bone: NDArray[np.int32]
-    """Those of the bones, for their reaction."""
+    """Pinned dofs of the bones, for their reaction."""
     regions: Mapping[str, int]
     """Cell tags of the tissues that the mesh has."""
     symmetry: Symmetry = "plane"
@@ -60,7 +60,7 @@ class LegSpaces:
 
     @property
     def dimension(self) -> int:
-        """Of the displacement: 2 or 3."""
+        """Number of the displacement's components: 2 or 3."""
         return int(self.mesh.geometry.dim)
 
     @property
@@ -96,7 +96,7 @@ def build_spaces(
         others. The thin layer of the fascia, much stiffer and more compressible, keeps the two
         pressures apart; all its nodes have to be on its faces.
     degree
-        Of the displacement.
+        Degree of the displacement.
     regions
         Cell tags of the tissues that the mesh has.
     supports

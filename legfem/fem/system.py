@@ -27,9 +27,9 @@ class Balance:
     """Resultants of one state, (dimension,) in N per mm of leg (2D) or N (3D), and works."""
 
     contact_force: FloatArray
-    """Of the indenter on the skin."""
+    """Force of the indenter on the skin."""
     bone_reaction: FloatArray
-    """Of the bones on the tissue."""
+    """Force of the bones on the tissue."""
     contact_work: float
     """Virtual work of the contact forces over the displacement."""
     internal_work: float
@@ -42,16 +42,16 @@ class System:
     Parameters
     ----------
     spaces
-        Of the leg.
+        Finite-element spaces of the leg.
     model
         The sum of terms.
     start, direction
         Centre of the indenter at zero displacement (mm) and unit vector of its travel; none for a
         model without one.
     quadrature_degree
-        In the body.
+        Degree of the quadrature in the body.
     rounding
-        Of the skin in 3D, where the mesh's facets are flat and it isn't.
+        Rounding of the skin in 3D, where the mesh's facets are flat and the skin isn't.
     """
 
     def __init__(

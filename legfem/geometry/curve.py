@@ -102,9 +102,9 @@ def at_own_places(splines: CubicSpline, at: FloatArray) -> FloatArray:
     Parameters
     ----------
     splines : CubicSpline
-        Of values (n_knots, k, d).
+        Splines of values (n_knots, k, d).
     at : (m, k) array
-        Of each of the k splines.
+        Places on each of the k splines.
 
     Returns
     -------

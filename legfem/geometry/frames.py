@@ -26,7 +26,7 @@ class CuttingPlane:
     point : (3,) array
         On the plane, mm.
     normal : (3,) array
-        Of any length; upwards (towards +z).
+        Normal of any length, upwards (towards +z).
     """
 
     point: FloatArray
@@ -53,9 +53,9 @@ class CuttingPlane:
         position : (3,) array
             On the line of travel, mm.
         direction : (3,) array
-            Of travel.
+            Direction of the indenter's travel.
         axis : (3,) array, optional
-            Of the cylinder; without it the plane holds the horizontal that is square to the travel.
+            Direction of the cylinder's axis; without it the plane holds the horizontal square to the travel.
         source : str
             What errors name as the file.
 
@@ -120,9 +120,9 @@ def turn_about_travel(direction: FloatArray, axis: FloatArray, source: str) -> f
     Parameters
     ----------
     direction : (3,) array
-        Of travel.
+        Direction of the indenter's travel.
     axis : (3,) array
-        Of the cylinder.
+        Direction of the cylinder's axis.
     source : str
         What errors name as the file.
 

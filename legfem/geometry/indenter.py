@@ -18,17 +18,17 @@ class Indenter:
     """A rigid cylinder, ball or punch, and its line of travel."""
 
     radius: float
-    """mm."""
+    """Radius, mm."""
     length: float
-    """mm, of a cylinder along its axis; of a ball its diameter."""
+    """Length of a cylinder along its axis, diameter of a ball, mm."""
     aim: FloatArray
-    """(2,), mm: a point on the line of travel of the cylinder's axis."""
+    """A point on the line of travel of the indenter's middle, (2,), mm."""
     direction_deg: float
     """Direction of travel, degrees counter-clockwise from +x."""
     shape: IndenterShape = "cylinder"
     """A punch is a cylinder that is pressed with its flat end."""
     axis_deg: float = 0.0
-    """Of a cylinder, by which it is turned about its travel: 0 lies along the leg, 90 across."""
+    """Turn of a cylinder about its travel, degrees: 0 lies along the leg, 90 across."""
 
     def __post_init__(self) -> None:
         """Keep a read-only copy of the aim."""
@@ -47,7 +47,7 @@ class Indenter:
 
     @property
     def extent(self) -> float:
-        """How much of the leg's length it takes (mm)."""
+        """Extent along the leg, mm."""
         if self.shape != "cylinder":
             return 2 * self.radius
         turn = np.deg2rad(self.axis_deg)

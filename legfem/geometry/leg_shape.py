@@ -3,7 +3,7 @@
 z points along the leg. The parts are ``skin``, ``hull`` (the outer face of the deep tissue) and the
 bones, which may have any names. A part's contours hold the same number of points at every level, in
 correspondence: counter-clockwise and evenly spaced, from where the ray from the contour's centroid
-along +x leaves it.
+along +x leaves it. Checks of a shape, and what is measured on it level by level, stand here too.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class LegShape:
 
     @property
     def length(self) -> float:
-        """Of the segment (mm)."""
+        """Length of the segment, mm."""
         return float(self.levels[-1] - self.levels[0])
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Reading and writing a leg's shape: ``level_mm,part,i,x_mm,y_mm``.
+"""A leg's shape from outlines: smoothing, nesting with clearances, and files ``level_mm,part,i,x_mm,y_mm``.
 
 Cross-sections of surfaces (see `legfem.geometry.contours`) are read too: what they call
 ``muscle_hull`` is given room.
@@ -25,7 +25,11 @@ from legfem.geometry.section_from_outlines import Clearances, nested_outlines, p
 def smoothed(
     shape: LegShape, around: float = 0.0, along: float = 0.0, parts: Collection[str] | None = None
 ) -> LegShape:
-    """Return the shape without its short undulations.
+    r"""Return the shape without its short undulations, around its contours and along the leg.
+
+    Both ways penalise second differences (Whittaker's smoother): an undulation of wavelength
+    :math:`\lambda` keeps :math:`1/(1 + (\lambda_c/\lambda)^4)` of its amplitude, and what is straight
+    along the leg stays as it is, at the ends too. A contour's size is kept.
 
     Parameters
     ----------

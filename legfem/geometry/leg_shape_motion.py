@@ -47,9 +47,9 @@ def displaced(shape: LegShape, displacement: Mapping[str, FloatArray], levels: A
     shape : LegShape
         Undeformed.
     displacement : mapping of str to (n_levels, n_points, 3) array
-        Of the points of `LegShape.points`, mm; parts not named stay.
+        Displacement of the points of `LegShape.points`, mm, by part; parts not named stay.
     levels : (m,) array, optional
-        Of the result; see `resliced`.
+        Levels of the result, mm; see `resliced`.
     """
     points = {part: shape.points(part) + displacement.get(part, 0.0) for part in shape.contours}
     z = _levels_to_cut(points, levels)

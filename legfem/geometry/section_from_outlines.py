@@ -155,7 +155,7 @@ def nested_outlines(
     outlines : mapping of Polygon
         ``skin``, ``muscle_hull`` and the bones, mm.
     fascia_thickness : float
-        Of the layer that is to lie inwards of the hull's outline, mm; 0 without one.
+        Thickness of the layer that is to lie inwards of the hull's outline, mm; 0 without one.
     source : str or Path
         What errors name as the file.
     room : Clearances

@@ -1,4 +1,7 @@
-"""Whether the labels of a volume are a leg's: bone inside muscle inside fat."""
+"""Label volumes: every voxel of a scan is background, superficial or deep tissue, or bone.
+
+Coordinates are those of DICOM, in mm: x to the patient's left, y to the back, z towards the head.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ _SHEAR = 1e-3
 _HALF = 0.5
 
 
-def along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
+def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
     """Return labels resampled on a grid along the coordinates' axes, and its affine (4, 4).
 
     Every label's share is interpolated linearly, and the largest wins, so that outlines move by a
@@ -234,7 +237,7 @@ def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
 def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
     """Permute and flip an array so that its affine is diagonal and positive.
 
-    One that is turned otherwise is resampled; see `legfem.imaging.label_volume`.
+    A grid that is oblique to the patient's axes is resampled.
     """
     if array.ndim != 3 or affine.shape != (4, 4):
         raise InputError(source, "shape", f"{array.shape} is not a volume's", "give one volume")
@@ -262,7 +265,7 @@ def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> 
     if (aligned < 1 - _SQUARE).any():
         turned = np.eye(4)
         turned[:3, :3], turned[:3, 3] = columns, origin
-        return along_axes(array, turned, source)
+        return _resampled(array, turned, source)
     straight = np.diag([*spacing[order], 1.0])
     straight[:3, 3] = origin
     return np.ascontiguousarray(array), straight

@@ -139,7 +139,7 @@ class LegSource:
     volume: LabelVolume | None = None
     contours: Path | None = None
     surfaces: Mapping[str, list[Any]] | None = None
-    """By part, as `legfem.imaging.surfaces.read_surfaces` returns them."""
+    """Surfaces by part, as `legfem.imaging.surfaces.read_surfaces` returns them."""
     levels: tuple[float, float] = (-np.inf, np.inf)
     """Between which it is looked at, and checked (mm)."""
 

@@ -35,7 +35,7 @@ class Registration:
     """What moves one set of bone points onto another, and how well."""
 
     transform: RigidTransform
-    """Of the moving points."""
+    """Motion of the moving points onto the fixed ones."""
     residual: float
     """Root mean square of what is left between the two, mm: the distances of corresponding points,
     or of the patches' centres from the other surface."""
@@ -44,10 +44,10 @@ class Registration:
     left_out: int
     """Those that found no partner."""
     standard_error: FloatArray
-    """Of the moved bones' centre along x, y and z (mm), if errors of points, or of patches that do
+    """Standard error of the moved bones' centre along x, y and z (mm), if errors of points, or of patches that do
     not overlap, are independent. Shafts of bones leave the motion along them least certain."""
     rotation_error: FloatArray
-    """Of the turns about x, y and z (degrees), likewise."""
+    """Standard error of the turns about x, y and z (degrees), likewise."""
     iterations: int
     converged: bool
 
@@ -59,7 +59,7 @@ class IterationSettings:
     Parameters
     ----------
     radius : float
-        Of the patches over which both surfaces are averaged (mm); small against the bones'.
+        Radius of the patches over which both surfaces are averaged (mm); small against the bones'.
     spacing : float
         Between points (mm); denser ones are thinned out.
     reach : float
@@ -67,7 +67,7 @@ class IterationSettings:
     outlier : float
         Distance from the plane, in robust standard deviations, beyond which a patch is left out.
     tolerance : float
-        Of the last motion (mm).
+        Size of the last motion below which the iteration ends, mm.
     pairings : int
         Iterations in which partners are looked for anew; then they stay.
     iterations : int
@@ -125,7 +125,7 @@ def register_surfaces(
     start : RigidTransform, optional
         Where to start; by default the shift between the points' centres.
     settings : IterationSettings, optional
-        Of the iteration.
+        When the iteration ends.
 
     Raises
     ------

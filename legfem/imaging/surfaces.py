@@ -89,7 +89,7 @@ def outlines_of_surfaces(
     surfaces : mapping
         ``skin``, ``muscle_hull`` and the bones to their surfaces; the muscles may have several.
     plane : CuttingPlane
-        That cuts them.
+        Plane that cuts them.
     source : str or Path
         What errors name as the file.
 

@@ -27,9 +27,9 @@ def in_background[T](work: Callable[[], T], apart: bool = True) -> Iterator[Resu
     Parameters
     ----------
     work
-        Of this process; what it returns is picklable.
+        Function without arguments; what it returns is picklable.
     apart
-        Whether a copy may be made.
+        Whether a forked copy may be made.
     """
     if not (apart and sys.platform == "linux"):
         yield work

@@ -61,11 +61,11 @@ class Checkpoint:
     folder
         Made where it is missing; `clear` empties it.
     key
-        Of the solution; states of another one are passed over.
+        Hash of the solution's inputs; states of another one are passed over.
     comm
-        Over which the solution is spread.
+        Ranks that the solution is spread over.
     seconds
-        Between states.
+        Least time between states, s.
     """
 
     folder: Path

@@ -1,4 +1,4 @@
-"""Many tasks on one process, several, or the ranks of an MPI job."""
+"""Many tasks on one process, several, or the ranks of an MPI job, which Ctrl-C ends."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Workers[Context, Task, Outcome]:
     Parameters
     ----------
     work
-        Of a context and a task; a function of a module. Picklable, as are context and tasks, if
+        Function of a context and a task, defined in a module. Picklable, as are context and tasks, if
         there are several processes or ranks.
     context
         Sent to every process once.

@@ -67,9 +67,9 @@ class Together[Context, Task, Outcome]:
     Parameters
     ----------
     comm
-        Of the ranks.
+        The ranks.
     work
-        Of a context and a task, collective over ``comm``; a function of a module.
+        Function of a context and a task, defined in a module; collective over ``comm``.
     context
         Picklable; all of it that is collective has to be made by tasks.
     """

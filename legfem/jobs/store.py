@@ -29,7 +29,7 @@ class Store[Kept]:
     folder : Path
         Made when the first piece is kept.
     kind : type
-        Of what is kept: a dataclass, or a type of lists, mappings and numbers.
+        Type of a finished piece: a dataclass, or a type of lists, mappings and numbers.
     depends_on : object
         What all pieces depend on; see `key_of`.
     modules : sequence of str
@@ -116,19 +116,19 @@ def finish[Context, Task, Outcome](
     Parameters
     ----------
     workers, tasks
-        What does the tasks that have no outcome in the store.
+        Tasks, and the processes for those without an outcome in the store.
     store
         Where outcomes are kept.
     progress
-        Told of the stage and of every new outcome.
+        Where the stage and every new outcome are reported.
     stage, line
-        What it is told.
+        Text of the stage, and function from a task and its outcome to a line of progress.
     asked
-        Of a task: what the store knows it by.
+        Function from a task to what the store knows it by.
     worth
-        Whether to keep an outcome; others are tried again the next time.
+        Tells whether to keep an outcome; others are tried again the next time.
     on_found
-        Told all outcomes so far, by place in the list, whenever there is a new one.
+        Called with all outcomes so far, by place in the list, whenever there is a new one.
     """
     kept = ((place, store.get(asked(task))) for place, task in enumerate(tasks))
     found = {place: outcome for place, outcome in kept if outcome is not None}

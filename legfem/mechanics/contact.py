@@ -1,4 +1,4 @@
-r"""Contact of the skin with a rigid indenter: signed distance and pressure laws.
+r"""Contact of the skin with a rigid indenter: signed distances, laws of pressure and traction, settings.
 
 The indenter is an analytic signed distance, so no search for contact is needed. With :math:`y` the
 position of a skin point relative to the indenter, the gap is :math:`g(y)`, the overclosure
@@ -40,7 +40,7 @@ class RigidCylinder:
     Parameters
     ----------
     radius : float
-        mm.
+        Radius, mm.
     """
 
     radius: Scalar
@@ -61,7 +61,7 @@ class RigidBall(RigidCylinder):
     Parameters
     ----------
     radius : float
-        mm.
+        Radius, mm.
     """
 
 
@@ -92,7 +92,7 @@ class FiniteCylinder:
     Parameters
     ----------
     radius : float
-        mm.
+        Radius, mm.
     half_length : float
         :math:`l` (mm), the rounding included.
     edge : float
@@ -265,9 +265,9 @@ class TurnedCylinder(FiniteCylinder):
     Parameters
     ----------
     radius, half_length, edge : float
-        mm.
+        As those of `FiniteCylinder`, mm.
     axis_x, axis_y, axis_z : float
-        Of the unit vector.
+        Components of the unit vector.
     """
 
     axis_x: Scalar = 0.0
@@ -325,7 +325,7 @@ class Rough:
     Parameters
     ----------
     stiffness : float
-        Of the spring (MPa/mm).
+        Stiffness of the spring, MPa/mm.
     """
 
     stiffness: Scalar
@@ -348,7 +348,7 @@ class Coulomb:
     friction : float
         Coefficient :math:`\mu`.
     stiffness : float
-        Of the stick (MPa/mm).
+        Stiffness of the stick, MPa/mm.
     """
 
     friction: Scalar
@@ -380,7 +380,7 @@ class Tape:
     weakness : float
         Inverse of the shear strength (1/MPa).
     stiffness : float
-        Of the stick (MPa/mm).
+        Stiffness of the stick, MPa/mm.
     """
 
     weakness: Scalar

@@ -51,19 +51,19 @@ class IntegrationDomain:
 
     symbols: SymbolTable
     unknown: Any
-    """What is solved for on this mesh, a `dolfinx.fem.Function`."""
+    """Unknown on this mesh, a `dolfinx.fem.Function`."""
     test: Expr
-    """Its test function."""
+    """Test function of the unknown."""
     displacement: Expr
-    """mm; the unknown or a part of it."""
+    """Displacement, mm: the unknown or a part of it."""
     displacement_before: Expr
     variation: Expr
     """Test function of the displacement."""
     quadrature_degree: int
     time: Expr
-    """At the end of the step (s)."""
+    """Time at the end of the step, s."""
     time_step: Expr
-    """s."""
+    """Duration of the step, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Body(IntegrationDomain):
     regions: dict[str, Any]
     """Measure of every region."""
     pressures: Mapping[str, Expr] = field(default_factory=dict)
-    """By region, the pressure that is an unknown there (MPa), positive in tension."""
+    """Pressure that is an unknown (MPa), positive in tension, by region."""
     pressure_variations: Mapping[str, Expr] = field(default_factory=dict)
     """Their test functions."""
     porous: bool = False
@@ -99,17 +99,17 @@ class Body(IntegrationDomain):
 
     @property
     def deformation_gradient(self) -> Expr:
-        """Return F, (3, 3)."""
+        """Deformation gradient F, (3, 3)."""
         return deformation_gradient(self.displacement, self.radius)
 
     @property
     def varied_gradient(self) -> Expr:
-        """Return the variation of F, (3, 3)."""
+        """Variation of F, (3, 3)."""
         return displacement_gradient(self.variation, self.radius)
 
     @property
     def working(self) -> tuple[tuple[int, int], ...]:
-        """Return the indices of a symmetric tensor's components that do work."""
+        """Indices of the components of a symmetric tensor that do work."""
         d = self.displacement.ufl_shape[0]
         hoop = ((2, 2),) if self.radius is not None else ()
         return (*((i, j) for i in range(d) for j in range(i, d)), *hoop)
@@ -123,28 +123,28 @@ class Skin(IntegrationDomain):
     position: Expr
     """Reference position of the skin's points (mm)."""
     centre: Expr
-    """Of the indenter, now (mm)."""
+    """Centre of the indenter at the end of the step, mm."""
     centre_before: Expr
     dimension: int
     """2 or 3."""
     outward: Expr
-    """1 or -1: what turns the normal of a facet's own orientation out of the body."""
+    """Sign (1 or -1) that turns the normal of a facet's own orientation out of the body."""
     applied_pressure: Expr
-    """Given on the skin (MPa), positive inwards."""
+    """Given pressure on the skin (MPa), positive inwards."""
     radius: Expr | None = None
     """Reference distance from the axis of symmetry (mm); None without one."""
     rounding: Expr | None = None
-    """From the mesh's flat facets to the rounded skin that an indenter meets (mm); None where
+    """Vector from the mesh's flat facets to the rounded skin that an indenter meets (mm); None where
     facets are the skin."""
 
     @property
     def relative_position(self) -> Expr:
-        """Return the skin's points relative to the indenter, now (mm)."""
+        """Position of the skin's points relative to the indenter at the end of the step, mm."""
         return self._met + self.displacement - self.centre
 
     @property
     def relative_position_before(self) -> Expr:
-        """Return the same at the end of the last step (mm)."""
+        """Position of the skin's points relative to the indenter at the end of the last step, mm."""
         return self._met + self.displacement_before - self.centre_before
 
     @property
@@ -153,7 +153,7 @@ class Skin(IntegrationDomain):
 
     @property
     def sheet_invariants(self) -> tuple[Expr, Expr]:
-        r"""Return trace and determinant of the surface's right Cauchy-Green tensor :math:`C_s`.
+        r"""Trace and determinant of the surface's right Cauchy-Green tensor :math:`C_s`.
 
         It is that of a sheet of two dimensions: in a section the second stretch is that out of the
         plane, in axial symmetry the hoop's. The square root of the determinant is the change of

@@ -60,7 +60,7 @@ class Stressed(Protocol):
 
     @property
     def region(self) -> str:
-        """Of the body."""
+        """Region of the body where it acts."""
 
     def nominal_stress(self, body: Any) -> Expr:
         """Return its first Piola-Kirchhoff stress (MPa), (3, 3), out of a section's plane too."""

@@ -1,4 +1,15 @@
-"""A leg's mesh in files of other programs: nodes, elements, and names of regions and surfaces."""
+"""Files of a leg's mesh for other programs: nodes, elements, and names of regions and surfaces.
+
+.msh
+    gmsh's format 2.2, which gmsh, DOLFINx, FEBio Studio and meshio read: regions and surfaces are
+    physical groups with names.
+.xdmf
+    For DOLFINx and ParaView: the cells with their tags, and the surfaces in a second file.
+.vtu
+    For ParaView: tags, and a field of 0 and 1 for every name.
+.inp
+    For Abaqus, CalculiX and FEBio Studio: element sets, node sets and surfaces.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +68,7 @@ class NamedMesh:
     points : ndarray
         (n, 3), mm.
     cells : Elements
-        Of the tissue, none inside out.
+        Elements of the tissue, none inside out.
     facets : tuple of Elements
         On the surfaces, by kind.
     regions, surfaces : mapping
@@ -114,9 +125,9 @@ def extruded(section: NamedMesh, thickness: float) -> NamedMesh:
     Parameters
     ----------
     section : NamedMesh
-        Of triangles or quadrilaterals.
+        Mesh of triangles or quadrilaterals.
     thickness : float
-        Along z (mm).
+        Thickness of the slab along z, mm.
     """
     count = len(section.points)
     above = section.points + np.array([0.0, 0.0, thickness])
@@ -163,7 +174,11 @@ _FACES = {
 
 
 def abaqus_text(mesh: NamedMesh) -> str:
-    """Return nodes, elements by region, and every surface as nodes and as faces of elements."""
+    """Return an Abaqus input file: nodes, elements by region, every surface as nodes and as faces.
+
+    CalculiX and FEBio Studio read it too. meshio's own writer knows neither the elements of plane
+    strain nor surfaces of elements.
+    """
     return "\n".join(_lines(mesh)) + "\n"
 
 

@@ -20,7 +20,7 @@ from legfem.common.errors import InputError
 _gmsh_io = dolfinx_io.gmsh if hasattr(dolfinx_io, "gmsh") else dolfinx_io.gmshio
 
 _MOST_SECONDS = {2: 120.0, 3: 1200.0}
-"""By dimension: usual sections take a second, the finest leg in 3D some minutes."""
+"""Time limit by dimension, s: usual sections take a second, the finest leg in 3D some minutes."""
 _THREAD = "gmsh"
 
 
@@ -58,11 +58,11 @@ def generate(model: Any, dimension: int, seconds: float | None = None) -> None:
     Parameters
     ----------
     model
-        Of `gmsh_model`.
+        The model of `gmsh_model`.
     dimension : int
         2 or 3.
     seconds : float, optional
-        After which it is given up.
+        Time after which it is given up, s.
 
     Raises
     ------

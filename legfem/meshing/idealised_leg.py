@@ -41,9 +41,9 @@ class IdealisedLeg:
     radius, bone_radius : float
         mm.
     length : float
-        Of the leg's segment (mm).
+        Length of the leg's segment, mm.
     bone_offset : float
-        Of the bone's axis from the leg's, towards the cylinder (mm).
+        Offset of the bone's axis from the leg's, towards the cylinder (mm).
     fat, fascia : float
         Thickness of the superficial tissue and of the fascia (mm); without both the leg is of deep
         tissue alone, as the paper's.
@@ -115,7 +115,7 @@ class LegMeshSettings:
     cells : {"hexahedra", "tetrahedra"}
         Tetrahedra are six a hexahedron.
     degree : int
-        Of the displacement on these cells.
+        Degree of the displacement on these cells.
     """
 
     contact_size: float = 3.0
@@ -158,7 +158,7 @@ class LegMesh:
     copies: int
     """Number of mirror images that make the whole."""
     quality: MeshQuality | None = None
-    """Of the elements, where the mesh is not a bent grid."""
+    """Quality of the elements, where the mesh is not a bent grid."""
 
 
 def mesh_leg(

@@ -28,9 +28,9 @@ class MeridianMeshSettings:
     Parameters
     ----------
     size : float
-        Of an element where the specimen is pressed (mm).
+        Size of an element where the specimen is pressed (mm).
     growth : float
-        Of the size per mm of distance from there.
+        Growth of the size per mm of distance from there.
     far_size : float
         Greatest size (mm).
     """
@@ -76,7 +76,7 @@ def mesh_meridian(
     Parameters
     ----------
     radius, height
-        Of the specimen (mm).
+        Radius and height of the specimen, mm.
     fine
         Distances from the axis (mm) between which the mesh is fine, from the top down.
     settings
@@ -84,7 +84,7 @@ def mesh_meridian(
     side
         Whether what presses may touch the side too.
     comm
-        Of the mesh.
+        Ranks of the mesh.
     interfaces
         Heights (mm) at which one tissue meets the next, from the base up.
     rings

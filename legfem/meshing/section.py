@@ -35,18 +35,27 @@ Outline = Literal["skin", "fascia", "bones"]
 
 @dataclass(frozen=True)
 class MeshMotion:
-    """Motion of an outline of a section.
+    r"""Motion of an outline of a section, with which its mesh moves.
+
+    Skin and fascia move along their normals by hat functions of the arc from first touch; what is
+    between follows in proportion to the distances from both,
+
+    .. math:: V(x) = n(x)\, h(s(x))\, w(x), \quad
+              w = \frac{r_\text{other}}{r_\text{own} + r_\text{other}}.
+
+    The elements stay what they are: a force's change by an outline is free of the noise that another
+    mesh would bring.
 
     Parameters
     ----------
     outline : {"skin", "fascia", "bones"}
-        Which. The bones move together, along the travel.
+        Outline that moves. The bones move together, along the travel.
     arc : float
-        Of the hat function's top from first touch, along the skin, counter-clockwise (mm).
+        Position of the hat function's top from first touch, along the skin, counter-clockwise (mm).
     width : float
         Half of the hat's foot (mm).
     size : float
-        Outwards at the top; of the bones along the travel (mm).
+        Displacement at the top, outwards; that of the bones, along the travel (mm).
     """
 
     outline: Outline
@@ -62,9 +71,9 @@ class MeshMotion:
         Parameters
         ----------
         points
-            mm.
+            Points of the mesh, mm.
         section
-            Before the motion.
+            The section before the motion.
         touch
             Centre of the indenter at first touch (mm).
         travel
@@ -117,7 +126,7 @@ HULL = 16
 """Facets between deep and superficial tissue, where they meet without a layer between."""
 REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
 BONE_REGIONS = {"tibia": 4, "fibula": 5}
-"""Of meshes that have the bones' inside, too."""
+"""Cell tags of meshes that have the bones' inside, too."""
 
 
 @dataclass(frozen=True)
@@ -244,7 +253,7 @@ def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: 
     outline
         Corners of the polygon, (n, 2), mm.
     radius, aim, direction
-        Of the disk and of its line of travel.
+        Radius of the disk (mm), a point on its line of travel (mm) and the travel's unit vector.
 
     Returns
     -------

@@ -1,6 +1,11 @@
 """Mesh of a segment of a leg in 3D: first-order tetrahedra in the fat and in the deep tissue.
 
 The bones are holes whose surface is held. Elements are smaller where a layer of tissue is thin.
+
+Triangulated surfaces bound the tissues: every part's tube, and the end faces. A tube is meshed where
+it is flat, unrolled to (turns x mean perimeter, z), with its two edges in correspondence, and put
+onto the part's smooth surface: no loft or boolean operation can fail. The end faces are meshed
+between the tubes' ends.
 """
 
 from __future__ import annotations
@@ -42,7 +47,9 @@ _ALIKE = 1.1  # sizes within this ratio count as the same
 
 @dataclass(frozen=True, eq=False)
 class SizeField:
-    """Sizes at points, and how they grow from there.
+    r"""Sizes of elements that grow with the distance from where they are given.
+
+    .. math:: h(x) = \min\Big(h_\infty,\; \min_b\,(h_b + g\,|x - x_b|)\Big)
 
     Parameters
     ----------
@@ -267,7 +274,7 @@ class FineStrip:
     Parameters
     ----------
     ends : (3,) and (3,) tuple
-        Of the line on the skin that the strip lies about (mm); they may be one point.
+        Ends of the line on the skin that the strip lies about (mm); they may be one point.
     reach : float
         From the line, to where elements are this small (mm).
     size : float
@@ -311,7 +318,7 @@ class SolidMeshSettings:
     z_range : (float, float), optional
         Part of the leg to mesh; the whole by default.
     strip : FineStrip, optional
-        Of the skin, with smaller elements.
+        Strip of the skin with smaller elements.
     enclosing : bool
         Whether flat facets enclose the volume that the smooth surfaces do, instead of having their
         corners on them.
@@ -387,7 +394,7 @@ def mesh_solid_leg(
     settings : SolidMeshSettings, optional
         Sizes; see `settings_for_cells`.
     comm : MPI.Intracomm
-        Of the mesh; gmsh runs on its rank 0.
+        Ranks of the mesh; gmsh runs on rank 0.
 
     Returns
     -------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 
 from legfem.common.doubts import doubt_lines
@@ -21,7 +20,7 @@ from legfem.report.page import Curves, Dash, Line, PressedSection
 from legfem.report.section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
 from legfem.report.turned import pressed_leg
-from legfem.report.words import fit_probability
+from legfem.report.words import fit_probability, options_of
 
 type LegFit = Fit[LegDetails]
 
@@ -90,12 +89,6 @@ def leg_page(
         ],
         repeat=web.Repeat(command, chosen.versions, {"seed": f"{chosen.log.seed}"}),
     )
-
-
-def options_of(subject: Subject) -> str:
-    """Options of a command that name a subject."""
-    site = f" --site {shlex.quote(subject.site)}" if subject.site else ""
-    return f"--subject-dir {subject.directory}{site}"
 
 
 def fit_curves(

@@ -7,16 +7,16 @@ from typing import Any
 
 from legfem.common.doubts import Doubt, doubt_lines
 from legfem.geometry.section import girth
-from legfem.inverse.plan import DesignValue, DesignValue
+from legfem.inverse.plan import DesignValue
 from legfem.legs.plan import Expected
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import plain
 from legfem.report.diagnosis_sentences import percent
-from legfem.report.leg import options_of
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES
+from legfem.report.words import options_of
 
 SCHEMA = 1
 NOTHING = "nothing"

@@ -28,7 +28,11 @@ from legfem.mechanics.terms.tissue import Tissue
 
 
 class LaggedFactors:
-    """A PETSc preconditioner that keeps a tangent's factors.
+    """A PETSc preconditioner that keeps a tangent's factors for its neighbours.
+
+    Where many like systems are solved (states near each other, derivatives), factors of an earlier
+    tangent bring iterations on a later one to their end after a few. They are made anew once that
+    takes too many.
 
     Parameters
     ----------
@@ -86,12 +90,12 @@ class LinearSettings:
     solver : {"auto", "direct", "iterative"}
         ``"auto"`` iterates above ``direct_limit`` unknowns in 3D.
     direct_limit : int
-        Number of unknowns.
+        Number of unknowns above which ``"auto"`` iterates in 3D.
     tolerance : float
         Reduction of the residual of a linear system. One tied to Newton's (Eisenstat and Walker)
         takes as many linear iterations and more of Newton's, hence more tangents.
     max_iterations : int
-        Of an iterative solver.
+        Greatest number of iterations of an iterative solver.
     kept_iterations : int
         Iterations with factors of an earlier tangent that are worth less than new factors; 0
         factorises every tangent.
@@ -284,7 +288,16 @@ _TRIANGLE: Mapping[str, str | float] = {
 
 
 class SaddlePreconditioner:
-    """The preconditioner of a system in the formulation ``"continuous"``.
+    r"""The preconditioner of a system in the formulation ``"continuous"``.
+
+    The tangent of displacements and continuous pressures is a saddle point,
+
+    .. math:: \begin{pmatrix} A & B^T \\ B & -C \end{pmatrix},
+
+    and a block triangle of algebraic multigrid for :math:`A` and of the diagonal of
+    :math:`-C - M / \mu` for the Schur complement bounds the number of iterations, whatever the mesh's
+    size and however close to incompressible: M is the pressures' mass matrix, lumped. H. Elman, D.
+    Silvester, A. Wathen, Finite Elements and Fast Iterative Solvers (2014), chapter 4.
 
     Parameters
     ----------

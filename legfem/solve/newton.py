@@ -27,14 +27,19 @@ _SMALLEST = 1e-8
 
 
 class AndersonMixing:
-    """The states and updates since the tangent was factorised.
+    """Anderson's mixing of the updates since the tangent was factorised.
+
+    Updates with factors of an earlier tangent shrink by the same factor again and again. The
+    combination of the last ones that leaves the least update of all is about as good as a Krylov
+    method on the tangent would be, and needs no tangent: D. G. Anderson, J. ACM 12 (1965) 547-560;
+    H. F. Walker and P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715-1735.
 
     Parameters
     ----------
     comm
-        Over whose ranks the unknown is spread.
+        Ranks that the unknown is spread over.
     depth
-        Earlier updates that are remembered; 0 for none.
+        Number of earlier updates that are remembered; 0 for none.
     """
 
     def __init__(self, comm: MPI.Comm, depth: int) -> None:
@@ -74,9 +79,9 @@ class Damping:
     """A force on every displacement towards an earlier state; see `legfem.solve.relaxation`."""
 
     anchor: FloatArray
-    """The unknown there, ghosts included."""
+    """Unknown at the earlier state, ghosts included."""
     strength: float
-    """Over the median of the tangent's diagonal."""
+    """Stiffness of the damping over the median of the tangent's diagonal."""
 
 
 class Damper:
@@ -153,9 +158,9 @@ class NewtonSolver:
     system
         The model.
     settings
-        Of Newton's method.
+        Settings of Newton's method.
     linear
-        Of the linear solver.
+        Settings of the linear solver.
     """
 
     def __init__(
@@ -199,7 +204,7 @@ class NewtonSolver:
 
     @property
     def linear_solver(self) -> PETSc.KSP:
-        """Holding the factors of the last tangent."""
+        """Linear solver with the factors of the last tangent."""
         return self._snes.getKSP()
 
     def solve(self, damping: Damping | None = None) -> NewtonOutcome:
@@ -208,7 +213,7 @@ class NewtonSolver:
         Parameters
         ----------
         damping
-            Of a step on the way to an equilibrium, for which a rough solution is enough.
+            Damping of a step on the way to an equilibrium, for which a rough solution is enough.
         """
         self._norms, self._factorisations, self._evaluated_now = [], 0, False
         self._damper.turn_to(damping)

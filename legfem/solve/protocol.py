@@ -22,9 +22,9 @@ class Phase:
 
     name: PhaseName
     start: float
-    """s."""
+    """Time at its start, s."""
     end: float
-    """s."""
+    """Time at its end, s."""
 
 
 @dataclass(frozen=True)
@@ -32,24 +32,24 @@ class Segment:
     """The straight way between two waypoints."""
 
     start: float
-    """s."""
+    """Time at its start, s."""
     end: float
-    """s."""
+    """Time at its end, s."""
     first: float
-    """Displacement at its start (mm)."""
+    """Displacement at its start, mm."""
     last: float
-    """Displacement at its end (mm)."""
+    """Displacement at its end, mm."""
 
     @property
     def phase(self) -> PhaseName:
-        """What it belongs to."""
+        """Kind of phase that it belongs to."""
         if self.last == self.first:
             return "hold"
         return "loading" if self.last > self.first else "unloading"
 
     @property
     def duration(self) -> float:
-        """Return how long it lasts (s)."""
+        """Duration, s."""
         return self.end - self.start
 
     @property
@@ -65,9 +65,9 @@ class Protocol:
     Parameters
     ----------
     time : tuple of float
-        Of the waypoints (s), increasing.
+        Times of the waypoints (s), increasing.
     displacement : tuple of float
-        Of the indenter at the waypoints (mm), zero at first touch and positive inwards. The first
+        Displacements of the indenter at the waypoints (mm), zero at first touch, positive inwards. The first
         isn't positive: nothing is deformed at the start.
 
     Raises
@@ -151,7 +151,7 @@ class Protocol:
 
     @property
     def duration(self) -> float:
-        """From the first waypoint to the last (s)."""
+        """Time from the first waypoint to the last, s."""
         return self.time[-1] - self.time[0]
 
     @property

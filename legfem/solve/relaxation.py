@@ -41,7 +41,7 @@ class RelaxationSettings:
     eased, raised : float
         Factors.
     most : int
-        Damped steps.
+        Greatest number of damped steps.
     """
 
     first: float = 1.0
@@ -59,7 +59,7 @@ def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | N
     Returns
     -------
     NewtonOutcome
-        Of the last solution, with the factorisations and iterations of all.
+        Outcome of the last solution, with the factorisations and iterations of all.
     """
     given = settings or RelaxationSettings()
     unknown = system.unknown.x.array

@@ -10,17 +10,17 @@ class Step:
     """One attempted step."""
 
     displacement: float
-    """At its end (mm)."""
+    """Displacement at its end, mm."""
     time: float
-    """At its end (s)."""
+    """Time at its end, s."""
     size: float
-    """mm; in a hold, s."""
+    """Size, mm; in a hold, s."""
     accepted: bool
     reason: str
     factorisations: int
     iterations: int
     residual: float
-    """N/mm in 2D, N in 3D."""
+    """Norm of the residual, N/mm in 2D, N in 3D."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class SolveReport:
 
     @property
     def factorisations(self) -> int:
-        """Of all steps, accepted or not, and of all attempts."""
+        """Factorisations of all steps, accepted or not, and of all attempts."""
         own = sum(step.factorisations for step in self.steps)
         return own + sum(report.factorisations for report in self.earlier_attempts)
 
     @property
     def iterations(self) -> int:
-        """Newton iterations of all steps."""
+        """Newton iterations of all steps of this attempt."""
         return sum(step.iterations for step in self.steps)
 
     @property

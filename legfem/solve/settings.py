@@ -19,7 +19,7 @@ class NewtonSettings:
     absolute_tolerance : float
         Norm of the residual below which nothing is asked (N/mm in 2D, N in 3D).
     max_factorisations : int
-        In one step.
+        Greatest number of factorisations in one step.
     reuse : float
         The factors are used again after an iteration that reduced the residual by this factor.
     mixing : int
@@ -31,9 +31,9 @@ class NewtonSettings:
     memory : int
         An update is accepted if the residual falls below the largest of this many before it.
     max_halvings : int
-        Of an update that doesn't.
+        Greatest number of halvings of an update that doesn't.
     damped_tolerance : float
-        As ``relative_tolerance``, of a damped step.
+        ``relative_tolerance`` of a damped step.
     """
 
     relative_tolerance: float = 1e-9

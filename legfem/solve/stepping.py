@@ -20,18 +20,18 @@ from legfem.solve.report import SolveReport, Step
 from legfem.solve.settings import StepSettings
 
 MOST_GROWTH = 4.0
-"""Of the divided difference from step to step that is believed."""
+"""Greatest growth of the divided difference from step to step that is taken into account."""
 CLOSEST = 0.2
-"""Of steps to each other, over the new one's length: noise of close ones would be blown up."""
+"""Least distance between steps over the new one's length: closer ones would amplify noise."""
 FACTOR_UNIT = 1 / 32
-"""Of a step on the one before."""
+"""Unit in which the factor of a step on the one before is rounded."""
 FIRST_NOISE = 4.0
 """Over the tolerance: what the first divided difference may show, since the curve starts at a kink
 and the skin's first nodes close one after another."""
 
 
 class CurveWatch:
-    """The solved steps of one loading, and what the next should be.
+    """The solved steps of one loading, and the length of the next that keeps a spline near the curve.
 
     Parameters
     ----------
@@ -77,7 +77,14 @@ class CurveWatch:
 
 
 def curve_error(displacement: FloatArray, force: FloatArray) -> float:
-    """Return the greatest relative error of a spline between the last two of five steps or six.
+    r"""Return the greatest relative error of a spline between the last two of five steps or six.
+
+    Through the last four of them goes a cubic, whose error is
+
+    .. math:: F(d) - p(d) = F[d_{n-4}, \ldots, d_n]\,(d - d_{n-3}) \cdots (d - d_n)
+
+    with the divided difference of the last five. That one belongs to the middle of them: where the
+    last two have the same sign and grow, as near a bone, it is taken to grow once more.
 
     Parameters
     ----------
@@ -143,9 +150,9 @@ def follow(
     system, solver
         The model and its Newton solver; the system is reset first.
     protocol
-        Of the indenter.
+        Motion of the indenter.
     settings
-        Of the steps.
+        Sizes of the steps.
     on_step
         Called after every accepted step with its time (s) and displacement (mm), the system being
         in that state and its history not yet advanced.
@@ -154,7 +161,7 @@ def follow(
     recorded
         What ``on_step`` appends to, which is kept with the states and replaced by what is found.
     guess
-        Of the unknown at the end of the first step, where the path to it doesn't matter.
+        Guess of the unknown at the end of the first step, where the path to it doesn't matter.
 
     Returns
     -------
@@ -184,7 +191,7 @@ def follow(
 
 @dataclass(frozen=True)
 class _Sizes:
-    """Of the steps along one segment: mm where the indenter moves, s in a hold."""
+    """Sizes of the steps along one segment: mm where the indenter moves, s in a hold."""
 
     first: float
     largest: float

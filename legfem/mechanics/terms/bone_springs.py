@@ -16,9 +16,9 @@ from legfem.mechanics.model import Memoryless
 HELD = 1e5
 """Stiffness (N/mm) at which a bone is as good as held: a leg's own is some newtons a mm."""
 _RIGID = 1e3
-"""MPa: of the bone itself, which neither turns nor changes its shape."""
+"""Stiffness of the bone itself (MPa), which neither turns nor changes its shape."""
 _PRESSURE = 1.0
-"""MPa: any; a mixed form has pressures in the bone, too, where they are to be nothing."""
+"""Any modulus (MPa): a mixed form has pressures in the bone, too, where they are to vanish."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class BoneSprings(Memoryless):
     region : str
         ``tibia`` or ``fibula``; parameters are named ``<region>.springs.x`` and so on.
     area : float
-        Of its section (mm2).
+        Area of the bone's section, mm2.
     length : float
-        Of the leg that the springs hold (mm), as that of the cylinder that presses on it.
+        Length of the leg that the springs hold (mm), as that of the cylinder that presses on it.
     x, y : float
         :math:`k_x, k_y` (N/mm).
     """

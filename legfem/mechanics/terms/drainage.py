@@ -43,7 +43,7 @@ class Drainage:
     Parameters
     ----------
     region : str
-        Of the body; parameters are named ``<region>.drainage.permeability`` and so on.
+        Region of the body; parameters are named ``<region>.drainage.permeability`` and so on.
     law : Hyperelastic
         The region's law, whose symbol ``<region>.D1`` is shared.
     permeability : float

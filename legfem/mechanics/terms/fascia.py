@@ -1,4 +1,4 @@
-"""A thin sheet round the deep tissue."""
+"""The fascia: a thin sheet round the deep tissue, and its tension in the imaged state."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Prestress(Memoryless):
     tension : float
         :math:`\sigma_0` (MPa); below zero the fascia is compressed.
     region : str
-        Of the body; the parameter is named ``<region>.prestress.tension``.
+        Region of the body; the parameter is named ``<region>.prestress.tension``.
     """
 
     contour: FloatArray

@@ -40,7 +40,7 @@ class Fibres(EnergyTerm):
     Parameters
     ----------
     region : str
-        Of the body; parameters are named ``<region>.fibres.shear`` and ``.extension``.
+        Region of the body; parameters are named ``<region>.fibres.shear`` and ``.extension``.
     shear : float
         :math:`\mu_L - \mu_T` (MPa).
     extension : float
@@ -72,9 +72,9 @@ class Fibres(EnergyTerm):
         Parameters
         ----------
         region : str
-            Of the body.
+            Region of the body.
         C10 : float
-            Of the region's law, MPa.
+            C10 of the region's law, MPa.
         ratio : float
             :math:`\mu_L / \mu_T`, at least 1.
         axis : (3,) tuple
@@ -95,9 +95,9 @@ class Fibres(EnergyTerm):
         Parameters
         ----------
         region : str
-            Of the body.
+            Region of the body.
         C10 : float
-            Of the region's law, MPa.
+            C10 of the region's law, MPa.
         by : mapping
             Derivatives (n,) by shear and extension, 1/MPa, by the parameters' names.
         """
@@ -138,7 +138,7 @@ class Contraction(EnergyTerm):
     Parameters
     ----------
     region : str
-        Of the body; parameters are named ``<region>.contraction.stiffness`` and so on.
+        Region of the body; parameters are named ``<region>.contraction.stiffness`` and so on.
     stiffness : float
         :math:`C` (MPa), what C10 rises by.
     onset : float

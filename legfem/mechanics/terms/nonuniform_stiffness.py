@@ -26,7 +26,7 @@ class StiffnessGradient(EnergyTerm):
     Parameters
     ----------
     region : str
-        Of the body; parameters are named ``<region>.stiffness_gradient.gradient`` and so on.
+        Region of the body; parameters are named ``<region>.stiffness_gradient.gradient`` and so on.
     law : Hyperelastic
         The region's, whose symbols are shared.
     level : float
@@ -79,7 +79,7 @@ class UnevenStiffness(EnergyTerm):
     Parameters
     ----------
     region : str
-        Of the body; parameters are named ``<region>.uneven_stiffness.excess1`` and so on.
+        Region of the body; parameters are named ``<region>.uneven_stiffness.excess1`` and so on.
     law : Hyperelastic
         The region's, whose symbols are shared.
     points : tuple of tuples of float

@@ -31,7 +31,7 @@ class PressureStabilisation(Memoryless):
     Parameters
     ----------
     region : str
-        Of the body.
+        Region of the body.
     law : Hyperelastic
         The region's, whose symbol ``<region>.C10`` is shared.
     strength : float

@@ -38,7 +38,7 @@ class Viscoelasticity:
     Parameters
     ----------
     region : str
-        Of the body; parameters are named ``<region>.viscoelasticity<branch>.ratio`` and so on.
+        Region of the body; parameters are named ``<region>.viscoelasticity<branch>.ratio`` and so on.
     law : Hyperelastic
         The region's law, whose symbols are shared: the overstress follows ``<region>.C10``.
     ratio : float

@@ -27,9 +27,9 @@ class VolumeLoss(Memoryless):
     Parameters
     ----------
     region : str
-        Of the body; the parameter is named ``<region>.volume_loss.share``.
+        Region of the body; the parameter is named ``<region>.volume_loss.share``.
     share : float
-        :math:`s`, dimensionless.
+        Share :math:`s` of the volume that is lost, dimensionless.
     """
 
     region: str
