@@ -16,13 +16,13 @@ from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
+from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_edge
 from legfem.common.documents import write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.legs.correction import smooth_ratio
 from legfem.study.correction.calibration import run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
-from legfem.study.options import Jobs, Out
 
 REACH = 30.0
 """mm."""

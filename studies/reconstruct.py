@@ -15,6 +15,7 @@ import numpy as np
 import typer
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from legfem.commands.study import Jobs
 from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
@@ -31,7 +32,6 @@ from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
-from legfem.study.options import Jobs
 from studies.lab.synthesis import InstrumentNoise, record_path
 from studies.legs.calf import Calf, calf_section
 

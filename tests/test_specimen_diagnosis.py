@@ -188,7 +188,7 @@ def test_a_specimen_pressed_to_a_tenth_of_its_length_ends_with_a_verdict(tmp_pat
     [
         (["--specimen", "nobody"], "is no specimen of the folder"),
         (["--subject", "3"], "is given too"),
-        (["--seed", "-1"], "is negative"),
+        (["--seed", "-1"], "is no such whole number"),
     ],
 )
 def test_a_wrong_option_is_one_line(tmp_path: Path, more: list[str], words: str) -> None:

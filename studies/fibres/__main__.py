@@ -10,6 +10,7 @@ import numpy as np
 import typer
 from matplotlib.figure import Figure
 
+from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_edge
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.errors import UnsolvedError
@@ -22,7 +23,6 @@ from legfem.legs.correction_of_leg import TABLE
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.report.style import save
 from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
-from legfem.study.options import Jobs, Out
 from studies.fibres import concealed
 from studies.fibres.table import tabulate
 

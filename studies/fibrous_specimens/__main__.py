@@ -9,13 +9,13 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
+from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_edge
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.intervals import VERDICTS
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from legfem.study.options import Jobs, Out
 from studies.fibrous_specimens.planting import RATIOS, SETUPS, Found, Outcome, Plant, Setup, identified, plants
 from studies.lab.rate import Rate
 

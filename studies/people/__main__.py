@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_edge
-from legfem.study.options import Jobs, Out
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 

@@ -9,10 +9,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import end_without_a_solution, study_edge
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.study.options import Jobs, Out
 from studies.lab.rate import Rate
 from studies.reach.pressing import Reached, ReachTask, press_all
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_edge
 from legfem.common.progress import progress_on
-from legfem.study.options import Jobs, Library, Out
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 

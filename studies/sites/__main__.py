@@ -9,13 +9,13 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_edge
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from legfem.study.options import Jobs, Out
 from studies.lab.rate import Rate
 from studies.sites.identifying import FAT, PARAMETERS, FoundLeg, Interval, identified
 from studies.sites.planted import LEAST_MM, Truth, truths

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from legfem.commands.study import Jobs
 from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
-from legfem.study.options import Jobs
 
 
 class Part(StrEnum):

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_edge
-from legfem.study.options import Jobs, Library, Out
 
 
 class WorkedExample(StrEnum):

@@ -19,7 +19,11 @@ from legfem.common.command_line import (
     usable_cores,
 )
 from legfem.common.errors import check_finite
-from legfem.study.options import Jobs, Out
+
+Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
+Library = Annotated[Path | None, typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default.")]
+
 
 app = typer.Typer(
     add_completion=False,
@@ -48,7 +52,7 @@ def convergence(
     """
     with study_edge("convergence", out, jobs, quiet=quiet) as (folder, processes):
         check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
-        from legfem.study.convergence import command as convergence_command
+        from legfem.study import convergence as convergence_command
 
         with brief_output(quiet, as_json) as written:
             convergence_command.run(subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet)
@@ -121,8 +125,8 @@ def doe(
     with command_edge(resume, quiet):
         from mpi4py import MPI
 
-        from legfem.study.doe.command import DoeOptions, run
-        from legfem.study.doe.definition import IDENTIFIED, PAPER
+        from legfem.study.doe.design import IDENTIFIED, PAPER
+        from legfem.study.doe.report import DoeOptions, run
 
         folder = out or Path("results") / "doe"
         check_out_folder(folder)
