@@ -28,13 +28,8 @@ from legfem.report.specimens import specimen_page
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.web.stocking_leg import by_height, inward, stretch_round
 from legfem.report.write import PAGE_FILES
-from legfem.study.correction.web_page import correction_web_page
-from legfem.study.doe.advice import not_seen, shares, to_measure
-from legfem.study.doe.web_page import study_web_page
-from legfem.report.web.turned import Marked, SkinField, Slider, View, turned_leg
 from legfem.study.correction.page import correction_web_page
-from legfem.study.doe.claims import not_seen, to_measure
-from legfem.study.doe.report import study_web_page
+from legfem.study.doe.report import not_seen, study_web_page, to_measure
 from studies.legs.parametric_leg import round_leg
 
 MOST_BYTES = 2_000_000

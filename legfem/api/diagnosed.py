@@ -70,8 +70,7 @@ class DiagnosedLeg(Result):
         """Write diagnosis.json, report.txt, report.html and the figures; return report.txt's path."""
         from legfem.common.documents import write_document
         from legfem.report.diagnosis_folder import write_diagnosis_report
-        from legfem.report.diagnosis import write_diagnosis_report
-        from legfem.report.web.page import command_line
+        from legfem.report.page import command_line
 
         write_document(Path(folder) / DIAGNOSIS, self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
@@ -149,8 +148,7 @@ class DiagnosedFolder(Result):
     def write(self, folder: Given) -> Path:
         """Write what the command writes; return the report's path."""
         from legfem.report.diagnosis_folder import write_specimen_diagnoses
-        from legfem.report.specimen_diagnosis import write_specimen_diagnoses
-        from legfem.report.web.page import command_line
+        from legfem.report.page import command_line
 
         out = Path(folder)
         if out in self._written:
@@ -304,8 +302,8 @@ def _diagnosed_specimens(
     seed: int,
     out: Path | None,
 ) -> DiagnosedFolder:
-    from legfem.report.specimen_diagnosis import write_specimen_diagnoses
-    from legfem.report.web.page import command_line
+    from legfem.report.diagnosis_folder import write_specimen_diagnoses
+    from legfem.report.page import command_line
     from legfem.specimens.diagnosis import diagnose_specimens
 
     made: list[DiagnosedSpecimen] = []
