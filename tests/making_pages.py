@@ -243,7 +243,7 @@ def stocking() -> StockingResult:
 
 def dressed(folder: Path) -> WebPage:
     found = stocking()
-    moved = {part: found.model.displacement(part, found.worn.state.unknown) for part in SURFACES}
+    moved = {part: found.model.displacement(part, found.equilibrium.state.unknown) for part in SURFACES}
     return stocking_web_page(found, moved, command=COMMAND)
 
 
