@@ -59,8 +59,9 @@ def look(
         from legfem.data.quality import quality_of
         from legfem.data.reader import propose, recording_of
         from legfem.report.look import LOOK, draw_look, look_document, look_text, recordings_toml
+        from legfem.report.page import PAGE, command_line
+        from legfem.report.render.html import rendered
         from legfem.report.web.look import Looked, look_web_page
-        from legfem.report.web.page import PAGE, command_line, write_page
 
         # A required argument's help would end in a backslash and [required].
         if not files:
@@ -100,7 +101,7 @@ def look(
         folder.mkdir(parents=True, exist_ok=True)
         text = "\n".join(look_text(*parts) for parts in seen)
         pictures = [draw_look(recording, quality, folder) for recording, _, quality in seen]
-        write_page(look_web_page(seen, tomls[first], text, command_line()), folder)
+        write_atomically(folder / PAGE, rendered(look_web_page(seen, tomls[first], text, command_line())))
         write_atomically(folder / "report.txt", text)
         write_atomically(folder / "recordings.toml", tomls[first])
         path = write_document(folder / LOOK, look_document(seen))

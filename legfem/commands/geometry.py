@@ -62,7 +62,7 @@ def convert(
         from legfem.legs.folder import folder_of_leg
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
-        from legfem.report.placement_figure import placement_figure
+        from legfem.report.leg_figure import placement_figure
         from legfem.report.style import save
 
         given = [source for source in (cross_sections, scan, surface, subject_dir) if source]

@@ -42,8 +42,8 @@ def stocking(
         from mpi4py import MPI
 
         from legfem.commands.options import print_outcome
+        from legfem.report.page import command_line
         from legfem.report.stocking import NUMBERS, write_stocking_report
-        from legfem.report.web.page import command_line
         from legfem.stockings.loading import LEGS, load_leg
         from legfem.stockings.result import StockingSettings, run_leg
 

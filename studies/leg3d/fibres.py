@@ -21,12 +21,12 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Goodness
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
-from legfem.legs.fit_in_3d import leg_models
+from legfem.legs.details import SpatialSites
+from legfem.legs.fit_in_3d import fit_in_3d, leg_models
 from legfem.legs.loading import load_sites
 from legfem.legs.model_3d import start_of_ratio
 from legfem.legs.site_test import measured_curve
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.sites.identification import identify_in_3d
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted
 
@@ -95,15 +95,16 @@ def found_of(planted: Planted, tests: str, elements: str, seed: int, out: Path, 
         curves = [measured_curve(site) for site in leg.sites]
         models = leg_models(leg, curves, request, ELEMENTS[elements])
         request = replace(request, out=out / "solves" / place.name)
-        (result,) = identify_in_3d(leg, ["neo-hookean"], request, models=models)
-        assert result.spatial is not None
+        (result,) = fit_in_3d(leg, ["neo-hookean"], request, models=models)
+        spatial = result.details.spatial
+        assert isinstance(spatial, SpatialSites)
         found = FibreResult(
-            _told(result.parameters[DEEP_C10]),
-            _told(result.parameters[DEEP_RATIO]),
-            bool(result.spatial.untold),
-            result.misfit,
-            result.converged,
-            result.spatial.full_solves,
+            _told(result.estimates[DEEP_C10]),
+            _told(result.estimates[DEEP_RATIO]),
+            bool(spatial.untold),
+            result.goodness,
+            result.log.converged,
+            spatial.full_solves,
             time.process_time() - started,
         )
         del models, result

@@ -8,7 +8,7 @@ import numpy as np
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_mmhg
-from legfem.report.web import page as web
+from legfem.report import page as web
 from legfem.report.web.stocking_numbers import known_of
 from legfem.report.web.stocking_pressures import (
     ORIGINS,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
-from legfem.report.web.elastography import modulus_rows
-from legfem.report.web.page import Known, Provenance
+from legfem.report.estimates import modulus_rows
+from legfem.report.page import Known, Provenance
 from legfem.report.web.stocking_pressures import (
     both_units,
     low_in_fat,
