@@ -25,7 +25,8 @@ from legfem.app.runs import ACTIONS, Run, RunState, rename_input
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
-from legfem.identify.document import result_document
+from legfem.inverse.document import fit_document
+from legfem.legs.document import LegDocument
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis_document import document
 from legfem.report.words import number
@@ -180,7 +181,7 @@ def test_both_laws_of_an_identification_are_compared(workspace):
     (run.results / "result.json").write_text('[{"half')
     (row,) = answers_of(run)
     assert (row.kind, row.state, row.verdict) == ("identify", RunState.LOST, "")
-    write_document(run.results / "result.json", [result_document(one) for one in both])
+    write_document(run.results / "result.json", fit_document(both, LegDocument()))
     for row, one in zip(answers_of(run), both, strict=True):
         shown = one.parameters["deep.C10"].shown
         low, high = shown.ci95
@@ -205,7 +206,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
 
 def test_all_numbers_of_all_runs_are_a_table_for_other_programs(workspace):
     run, both = pretended(workspace, "identify"), [result("neo-hookean"), result("reduced-polynomial")]
-    write_document(run.results / "result.json", [result_document(one) for one in both])
+    write_document(run.results / "result.json", fit_document(both, LegDocument()))
     rows = list(csv.DictReader(io.StringIO(as_csv(answers_of(run)).decode("utf-8-sig"))))
     assert [(row["law"], row["parameter"]) for row in rows] == [
         ("neo-hookean", "c10_deep"),
@@ -227,18 +228,6 @@ def test_a_name_that_would_be_a_formula_is_none_in_a_spreadsheet(name):
         io.StringIO(as_csv([Answer("run", name, "identify", "done")]).decode("utf-8-sig").split("\n", 1)[1])
     )
     assert row[1] == f"'{name}"
-
-
-def test_one_schema_with_its_laws_as_members_is_read_like_lists(workspace):
-    run, both = pretended(workspace, "identify"), [result("neo-hookean"), result("reduced-polynomial")]
-    documents = [result_document(one) for one in both]
-    listed, shared = run.results / "result.json", ("title", "origin")
-    write_document(listed, documents)
-    by_list = answers_of(run)
-    laws = {one["law"]: {key: one[key] for key in ("parameters", "identifiability")} for one in documents}
-    subject = {"id": "3", **{key: documents[0][key] for key in shared}}
-    write_document(listed, {"schema": "legfem.fit/1", "kind": "leg", "subject": subject, "laws": laws})
-    assert answers_of(run) == by_list
 
 
 def test_a_renamed_input_keeps_its_runs_and_what_is_deleted_can_be_put_back(workspace):

@@ -24,9 +24,9 @@ from legfem.inverse.intervals import quantile
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.leg_directions import Directions, angle_round, unwrapped
-from legfem.report.plain import plain_page
+from legfem.report.render.html import rendered
+from legfem.report.render.text import plain_page
 from legfem.report.stocking import write_stocking_report
-from legfem.report.web.page import rendered
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_pressures import stiffness_interval, vein_interval
 from legfem.report.web.stocking_stiffness import verdict_sentence

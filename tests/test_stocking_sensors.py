@@ -16,7 +16,7 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.report.plain import plain_page
+from legfem.report.render.text import plain_page
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_pressures import sensor_rows
 from legfem.stockings.equilibrium import EquilibriumSolver

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpi4py import MPI
 
-    from legfem.report.web.page import WebPage
+    from legfem.report.page import WebPage
     from legfem.stockings.leg import StockingLeg
     from legfem.stockings.result import StockingResult
 
@@ -30,7 +30,7 @@ class LegInStocking(Result):
 
     def summary(self) -> str:
         """Return what was found, in words."""
-        from legfem.report.plain import brief
+        from legfem.report.render.text import brief
         from legfem.report.web.stocking import stocking_web_page
         from legfem.report.web.stocking_pressures import PRESSURES
         from legfem.report.web.stocking_stiffness import STIFFNESS

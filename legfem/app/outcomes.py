@@ -85,9 +85,6 @@ def sentence_of(run: Run) -> str:
 
 def _by_law(content: Any) -> Iterator[Mapping[str, Any]]:
     """Yield one law after another, each with what the document says of all."""
-    if isinstance(content, list):
-        yield from content
-        return
     laws = content.get("laws", {"": {}})
     shared = {**content, **(content["subject"] if isinstance(content.get("subject"), dict) else {})}
     for law, own in laws.items():

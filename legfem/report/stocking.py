@@ -10,10 +10,8 @@ import numpy as np
 from legfem.common.documents import write_document
 from legfem.common.units import FloatArray
 from legfem.fem.fields import fields_of
-from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.listing import ReportFile
+from legfem.report.folder import REPORT, ReportFile, made_in_place
 from legfem.report.paraview import write_fields
-from legfem.report.plain import plain_page
 from legfem.report.stocking_figures import (
     stocking_contours_figure,
     stocking_fat_figure,
@@ -21,8 +19,8 @@ from legfem.report.stocking_figures import (
     stocking_section_figure,
 )
 from legfem.report.style import save
-from legfem.report.web.page import listed, write_page
 from legfem.report.web.stocking import stocking_web_page
+from legfem.report.write import write_page
 from legfem.stockings.document import stocking_document
 from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.pressures import FatPressures, PressureProbe, SectionPressures, fat_pressures, section_pressures
@@ -64,7 +62,7 @@ def write_stocking_report(result: StockingResult, folder: Path, command: str = "
             numbers = write_document(hidden / NUMBERS, stocking_document(result, sampled.fat))
             entries.append(ReportFile([numbers], "all numbers with their units"))
             page = stocking_web_page(result, sampled.moved, sampled.fat, command)
-            write_page(page, hidden, plain_page(page, [listed("the leg to turn"), *entries]))
+            write_page(page, hidden, "the leg to turn", entries)
     return folder / REPORT
 
 

@@ -22,9 +22,10 @@ from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.label_volume import check_same_spacing
-from legfem.imaging.leg_source import LegSource, ShapeEntry, existing
+from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration, register_shapes
+from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.elastography import ShearModulus, doubts_about_elastography
 from legfem.legs.plausibility import doubts_about_size
 from legfem.mechanics.materials import NeoHookean

@@ -18,7 +18,7 @@ from legfem.common.input_files import (
     parse_toml,
     trouble,
 )
-from legfem.imaging.leg_source import LabelsEntry, ShapeEntry
+from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.legs.elastography import ElastographyEntry, check_once
 from legfem.stockings.sensors import KINDS
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.identify.document import result_document
-from legfem.identify.result import IdentificationResult
-from legfem.identify.run import identify_subject
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.document import fit_document
+from legfem.inverse.fit import Fit
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import correction_of, size_of
+from legfem.legs.details import LegDetails
+from legfem.legs.document import LegDocument
+from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 
@@ -56,18 +57,18 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = 
     quiet
         Whether progress isn't told.
     """
-    found: dict[str, list[IdentificationResult]] = {}
-    with_correction: dict[str, list[IdentificationResult]] = {}
+    found: dict[str, list[Fit[LegDetails]]] = {}
+    with_correction: dict[str, list[Fit[LegDetails]]] = {}
     settings = IdentificationSettings(seed=seed)
     with progress_on(quiet=quiet) as progress:
         request = SearchRequest(settings=settings, jobs=jobs, progress=progress)
 
-        def identify(name: str, correction: TabulatedCorrection | None) -> list[IdentificationResult]:
-            return identify_subject(
+        def identify(name: str, correction: TabulatedCorrection | None) -> list[Fit[LegDetails]]:
+            return fit_leg(
                 load_subject(SUBJECTS.find(name)),
                 ["neo-hookean", "reduced-polynomial"],
                 replace(request, out=out / f"subject-{name}"),
-                correction,
+                [correction],
             )
 
         for name in PAPER:
@@ -78,16 +79,14 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = 
     tables = neo_hookean_table(found) + "\n" + polynomial_table(found) + "\n" + effort_table(found)
     if corrected:
         tables += "\n" + correction_table(found, with_correction) + "\n" + own_corrections_table()
-    documents: list[Any] = [
-        result_document(result) for pair in (*found.values(), *with_correction.values()) for result in pair
-    ]
+    documents = [fit_document(pair, LegDocument()) for pair in (*found.values(), *with_correction.values())]
     write_document(out / "result.json", documents)
     write_atomically(out / "tables.md", tables)
     print(tables)
     print(f"tables: {out / 'tables.md'}\nresult: {out / 'result.json'}")
 
 
-def neo_hookean_table(found: dict[str, list[IdentificationResult]]) -> str:
+def neo_hookean_table(found: dict[str, list[Fit[LegDetails]]]) -> str:
     """Return Table 4, the paper's and ours, in Markdown."""
     rows = []
     for name, (neo_hookean, _) in found.items():
@@ -113,12 +112,12 @@ def neo_hookean_table(found: dict[str, list[IdentificationResult]]) -> str:
     return markdown_table(header, rows)
 
 
-def polynomial_table(found: dict[str, list[IdentificationResult]]) -> str:
+def polynomial_table(found: dict[str, list[Fit[LegDetails]]]) -> str:
     """Return Table 5, the paper's (the truth of the reconstruction) and ours, in Markdown."""
     rows = []
     for name, (_, polynomial) in found.items():
         paper, cost = PAPER[name], polynomial.cost
-        c10, c20 = polynomial.parameters[DEEP_C10], polynomial.parameters[DEEP_C20]
+        c10, c20 = polynomial.estimates[DEEP_C10], polynomial.estimates[DEEP_C20]
         rows.append(
             [
                 name,
@@ -146,24 +145,22 @@ def polynomial_table(found: dict[str, list[IdentificationResult]]) -> str:
     return markdown_table(header, rows)
 
 
-def effort_table(found: dict[str, list[IdentificationResult]]) -> str:
+def effort_table(found: dict[str, list[Fit[LegDetails]]]) -> str:
     """Return the work done, in Markdown."""
     rows = []
     for name, pair in found.items():
-        solves = ", ".join(str(result.forward_solves) for result in pair)
-        rows.append([name, solves, f"{sum(result.wall_s for result in pair):.0f}"])
+        solves = ", ".join(str(result.log.forward_solves) for result in pair)
+        rows.append([name, solves, f"{sum(result.log.wall_s for result in pair):.0f}"])
     header = ["subject", "forward solves (neo-Hookean, reduced polynomial)", "seconds (both)"]
     return markdown_table(header, rows)
 
 
-def correction_table(
-    without: dict[str, list[IdentificationResult]], corrected: dict[str, list[IdentificationResult]]
-) -> str:
+def correction_table(without: dict[str, list[Fit[LegDetails]]], corrected: dict[str, list[Fit[LegDetails]]]) -> str:
     """Return the stiffnesses without and with the 3D correction, in Markdown."""
     rows = []
     for name, pair in without.items():
         cells = [
-            " and ".join(_estimate(result, stiffness) for stiffness in result.parameters)
+            " and ".join(_estimate(result, stiffness) for stiffness in result.estimates)
             for law in (0, 1)
             for result in (pair[law], corrected[name][law])
         ]
@@ -194,6 +191,6 @@ def own_corrections_table() -> str:
     return markdown_table(["subject", "radius, depth to bone (mm)", *at], rows)
 
 
-def _estimate(result: IdentificationResult, name: str) -> str:
-    found = result.parameters[name].shown
+def _estimate(result: Fit[LegDetails], name: str) -> str:
+    found = result.estimates[name].shown
     return f"{found.value:.3f} [{found.ci95[0]:.3f}, {found.ci95[1]:.3f}]"

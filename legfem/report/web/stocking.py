@@ -8,8 +8,8 @@ import numpy as np
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
-from legfem.report.web import page as web
-from legfem.report.web.elastography import modulus_rows
+from legfem.report import page as web
+from legfem.report.estimates import modulus_rows
 from legfem.report.web.stocking_pressures import (
     ORIGINS,
     PRESSURES,

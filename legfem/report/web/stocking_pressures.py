@@ -11,9 +11,8 @@ from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.page import Block, Prose, WebTable
-from legfem.report.web.turned import Marked, SkinField, Slider, TurnedLeg, View, turned_leg
+from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
+from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.stockings.notices import TISSUES, unloaded_skin
 from legfem.stockings.pressures import FatPressures, TissuePressures, too_low_by
 from legfem.stockings.result import StockingResult
@@ -225,25 +224,25 @@ def _postures(result: StockingResult) -> list[Block]:
 def _bars(result: StockingResult, found: TissuePressures) -> Bars:
     leg, load = result.leg, result.equilibrium.load
     bars = [
-        Bar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
-        Bar(
+        LabelledBar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
+        LabelledBar(
             f"skin, greatest ({highest_place(result)})",
             mpa_to_mmhg(found.greatest_interface),
             both_units(found.greatest_interface),
         ),
-        Bar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
-        Bar(
+        LabelledBar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
+        LabelledBar(
             "fat, greatest",
             mpa_to_mmhg(found.greatest_in_fat),
             f"{both_units(found.greatest_in_fat)}, {_share(found.greatest_in_fat, found)}",
         ),
-        Bar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
+        LabelledBar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
     ]
     for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
         low, high = vein_interval(result, k)
         known = np.isfinite(high)
         bars.append(
-            Bar(
+            LabelledBar(
                 f"vein, {vein.name}",
                 mpa_to_mmhg(pressure) if np.isfinite(pressure) else 0.0,
                 both_units(pressure)

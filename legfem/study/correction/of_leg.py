@@ -21,22 +21,23 @@ from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
-from legfem.report.plain import table
-from legfem.report.style import FAINT, new_figure, save, styled
-from legfem.report.web.curves import Curves, Line
-from legfem.report.web.page import (
+from legfem.report.page import (
     PAGE,
     Bullets,
     Chapter,
+    Curves,
     Headline,
     Known,
+    Line,
     Prose,
     Repeat,
     WebPage,
     WebTable,
     command_line,
-    rendered,
 )
+from legfem.report.render.html import rendered
+from legfem.report.render.text import table
+from legfem.report.style import FAINT, new_figure, save, styled
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.page import SHOWN, Cells
