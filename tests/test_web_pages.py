@@ -25,8 +25,8 @@ from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render.html import embedded, rendered
 from legfem.report.specimens import specimen_page
+from legfem.report.stocking_pressures import by_height, inward, stretch_round
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
-from legfem.report.web.stocking_pressures import by_height, inward, stretch_round
 from legfem.report.write import PAGE_FILES
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.report import not_seen, study_web_page, to_measure

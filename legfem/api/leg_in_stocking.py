@@ -31,9 +31,9 @@ class LegInStocking(Result):
     def summary(self) -> str:
         """Return what was found, in words."""
         from legfem.report.render.text import brief
-        from legfem.report.web.stocking import stocking_web_page
-        from legfem.report.web.stocking_pressures import PRESSURES
-        from legfem.report.web.stocking_stiffness import STIFFNESS
+        from legfem.report.stocking_page import stocking_web_page
+        from legfem.report.stocking_pressures import PRESSURES
+        from legfem.report.stocking_stiffness import STIFFNESS
 
         return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
 
@@ -57,7 +57,7 @@ class LegInStocking(Result):
 
     def _page(self) -> WebPage:
         from legfem.report.stocking import moved_surfaces
-        from legfem.report.web.stocking import stocking_web_page
+        from legfem.report.stocking_page import stocking_web_page
 
         return stocking_web_page(self.result, moved_surfaces(self.result))
 

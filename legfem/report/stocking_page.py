@@ -10,7 +10,7 @@ from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
 from legfem.report.estimates import modulus_rows
-from legfem.report.web.stocking_pressures import (
+from legfem.report.stocking_pressures import (
     ORIGINS,
     PRESSURES,
     both_units,
@@ -24,7 +24,7 @@ from legfem.report.web.stocking_pressures import (
     tension_text,
     vein_interval,
 )
-from legfem.report.web.stocking_stiffness import (
+from legfem.report.stocking_stiffness import (
     STIFFNESS,
     discrepancy_blocks,
     discrepancy_verdict,
