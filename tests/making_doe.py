@@ -14,9 +14,8 @@ import pandas as pd
 from making import write_subject
 from mpi4py import MPI
 
-from legfem.study.doe.command import DoeOptions, run
-from legfem.study.doe.definition import PAPER, Definition, read_definition
-from legfem.study.doe.design import factorial_design
+from legfem.study.doe.design import PAPER, Definition, factorial_design, read_definition
+from legfem.study.doe.report import DoeOptions, run
 from legfem.study.doe.simulator import Record, Request
 
 TOML = PAPER.read_text().replace("training = 80", "training = 30").replace("= 20", "= 8")

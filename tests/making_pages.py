@@ -70,12 +70,12 @@ from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.result import StockingResult, StockingSettings, run_leg
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
-from legfem.study.correction.web_page import correction_web_page
-from legfem.study.doe.definition import read_definition
+from legfem.study.correction.page import correction_web_page
+from legfem.study.doe.design import read_definition
+from legfem.study.doe.report import study_web_page
 from legfem.study.doe.runs import Workshop, simulate
 from legfem.study.doe.simulator import Record
 from legfem.study.doe.study import StudyResult, study
-from legfem.study.doe.web_page import study_web_page
 from studies.legs.parametric_leg import round_leg
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
@@ -243,7 +243,7 @@ def stocking() -> StockingResult:
 
 def dressed(folder: Path) -> WebPage:
     found = stocking()
-    moved = {part: found.model.displacement(part, found.worn.state.unknown) for part in SURFACES}
+    moved = {part: found.model.displacement(part, found.equilibrium.state.unknown) for part in SURFACES}
     return stocking_web_page(found, moved, command=COMMAND)
 
 

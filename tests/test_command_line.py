@@ -9,7 +9,7 @@ import sys
 import pytest
 import typer
 
-from legfem.common.command_line import BAD_INPUT, command_edge
+from legfem.common.command_line import BAD_INPUT, command_context
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, parse_toml
 
@@ -25,7 +25,7 @@ from legfem.common.input_files import FileTable, parse_toml
     ],
 )
 def test_what_the_machine_lacks_is_one_line(capsys, error, words):
-    with pytest.raises(typer.Exit) as left, command_edge():
+    with pytest.raises(typer.Exit) as left, command_context():
         raise error
     said = capsys.readouterr().err
     assert left.value.exit_code == BAD_INPUT
@@ -33,7 +33,7 @@ def test_what_the_machine_lacks_is_one_line(capsys, error, words):
 
 
 def test_a_reader_that_left_is_not_a_full_disk():
-    with pytest.raises(BrokenPipeError), command_edge():
+    with pytest.raises(BrokenPipeError), command_context():
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
 
@@ -41,10 +41,10 @@ def test_a_reader_that_left_is_not_a_full_disk():
 def test_a_reader_that_leaves_after_petsc_was_loaded_ends_a_command_quietly(loaded):
     petsc = {loaded: "import petsc4py.PETSc"}
     work = f"""
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 {petsc.get("before", "")}
 try:
-    with command_edge():
+    with command_context():
         {petsc.get("inside", "")}
         input()
         print("x" * 100_000, flush=True)

@@ -79,7 +79,7 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
     named = found["named"]
     text = flat(text_of(named, subject))
     model, base = named.models[0], named.base
-    alone = named.alone
+    alone = named.weighted_base
     factor = "fascia-stiffness.factor"
     low, high = model.interval(factor)
     spread = (high - low) / 4
@@ -147,7 +147,7 @@ def test_parameters_that_are_at_a_bound_or_unseen_are_flagged(found):
     def with_sd(sd: float):
         covariance = model.posterior.covariance.copy()
         covariance[k, k] = sd**2
-        posterior = replace(model.posterior, covariance=covariance, strands=None)
+        posterior = replace(model.posterior, covariance=covariance, components=None)
         return replace(model, posterior=posterior)
 
     values = {**model.fit.values, "C20": model.fit.parameters[k].bounds[1]}
@@ -192,7 +192,7 @@ def test_signature_of_the_true_mechanism_matches_the_misfit(found):
     named = found["named"]
     assert leading(named)[0] == "fascia-stiffness"
     shape, share = matched(named, strongest(named, "fascia-stiffness"))
-    base = named.alone.fit
+    base = named.weighted_base.fit
     assert share > 0.9, "the true mechanism's signature is nearly all of the misfit"
     left = named.errors.whitened(base.residual - shape)
     assert left @ left < base.chi2

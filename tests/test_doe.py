@@ -13,19 +13,14 @@ import pytest
 from making_doe import TOML, definition, planted_table
 from typer.testing import CliRunner
 
+from legfem.commands.study import app
 from legfem.solve.path import ForceCurve
-from legfem.study.cli import app
-from legfem.study.doe.anova import anova, coefficient_tests
-from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition
-from legfem.study.doe.design import factorial_design, space_filling_design
-from legfem.study.doe.effects import lenth_of
-from legfem.study.doe.factors import Factor
-from legfem.study.doe.metrics import Metric, metrics_in
-from legfem.study.doe.paper import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3
+from legfem.study.doe.claims import ClaimFinding, _in_words
+from legfem.study.doe.design import IDENTIFIED, PAPER, Factor, factorial_design, read_definition, space_filling_design
+from legfem.study.doe.runs import Metric, metrics_in
 from legfem.study.doe.study import analyse
-from legfem.study.doe.surface import NotEstimableError, fit_surface
-from legfem.study.doe.tables import table_3_cells
-from legfem.study.doe.verdict import ClaimFinding, _in_words
+from legfem.study.doe.surface import NotEstimableError, anova, coefficient_tests, fit_surface, lenth_of
+from legfem.study.doe.tables import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3, table_3_cells
 
 SLOPE = Metric("slope", 0.0, 5.0)
 

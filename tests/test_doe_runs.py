@@ -22,11 +22,11 @@ from making_ranks import environment
 from mpi4py import MPI
 from typer.testing import CliRunner
 
+from legfem.commands.study import app
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.study.cli import app
-from legfem.study.doe import command
-from legfem.study.doe.command import run
+from legfem.study.doe import report as command
+from legfem.study.doe.report import run
 from legfem.study.doe.runs import simulate
 from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, failed
 

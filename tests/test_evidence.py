@@ -71,7 +71,7 @@ def in_full(errors: ErrorModel, given: Linearisation, unknowns: list[Discrepancy
         total = replace(errors, gain_sd=gain, zero_sd=zero).covariance + model
         if unknown.covariance is not None:
             total = total + unknown.covariance
-        centred = given.residual + given.jacobian @ given.departure
+        centred = given.residual + given.jacobian @ given.prior_z
         logs.append(
             multivariate_normal.logpdf(centred, np.zeros(N), total) + shares[0][k] + shares[1][j] + unknown.log_prior
         )
@@ -101,7 +101,7 @@ def test_evidence_is_the_likelihood_s_integral_over_a_parameter_within_its_bound
     errors = errors_of()
     low, high = np.array([-0.2, -60.0]), np.array([0.9, 60.0])
     given = about(low=low, high=high)
-    alone = Linearisation(given.residual, given.jacobian[:, :1], given.departure[:1], low[:1], high[:1])
+    alone = Linearisation(given.residual, given.jacobian[:, :1], given.prior_z[:1], low[:1], high[:1])
     fine = np.linspace(low[0], high[0], 201)
     evidence = Evidence(errors, [NONE])
     without = Linearisation(given.residual, np.zeros((N, 1)), np.zeros(1), np.array([-60.0]), np.array([60.0]))
@@ -147,7 +147,7 @@ def test_a_parameter_drawn_far_beyond_its_bound_pays_for_all_of_the_way(pull):
 def test_what_the_data_say_is_that_of_a_linear_model_with_normal_errors():
     """One size of gains and zeros dominates none: moments of the mixture, by Bayes' rule."""
     errors, given = errors_of(), about((1.0, 1.0))
-    centred = given.residual + given.jacobian @ given.departure
+    centred = given.residual + given.jacobian @ given.prior_z
     logs, means, spreads = [], [], []
     shares = log_shares(len(GAIN_SDS)), log_shares(len(ZERO_FACTORS))
     for (k, gain), (j, zero) in product(enumerate(GAIN_SDS), enumerate(errors.zero_sds)):
@@ -167,7 +167,7 @@ def test_what_the_data_say_is_that_of_a_linear_model_with_normal_errors():
     np.testing.assert_allclose(found.covariance, second, atol=1e-10)
     gains = np.repeat(GAIN_SDS, len(ZERO_FACTORS))
     assert found.gain_sd == pytest.approx(float(weights @ gains), rel=1e-9)
-    assert found.unknown == 0.0 and found.unknown_size == 0.0
+    assert found.discrepancy_probability == 0.0 and found.discrepancy_size == 0.0
 
 
 def test_means_are_the_truth_s_where_data_are_many_and_intervals_hold_it_in_95_of_100():
@@ -196,12 +196,12 @@ def test_something_unknown_is_probable_only_where_it_is_there():
     wave = about()
     wave = replace(wave, residual=wave.residual + 0.6 * np.sin(20 * ALONG))
     loud = of(errors, wave, unknowns)
-    assert quiet.unknown < 0.4
-    assert loud.unknown > 0.99
-    assert loud.unknown_size == pytest.approx(0.05, abs=0.01)
+    assert quiet.discrepancy_probability < 0.4
+    assert loud.discrepancy_probability > 0.99
+    assert loud.discrepancy_size == pytest.approx(0.05, abs=0.01)
     # Shares given beside an explanation stand in for those the unknowns were made with.
     barred = Evidence(errors, unknowns).of(wave, [0.0, -np.inf, -np.inf])
-    assert barred.unknown == 0.0
+    assert barred.discrepancy_probability == 0.0
     assert barred.log_evidence == pytest.approx(of(errors, wave, [NONE]).log_evidence, abs=1e-9)
 
 

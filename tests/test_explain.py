@@ -72,11 +72,11 @@ def test_a_single_effect_is_named_and_its_bias_removed(effects, recordings):
 def test_nothing_is_named_where_nothing_is(seed):
     problem, base = problem_of(ramps(), seed=seed)
     explained = explain(problem, base, SOUGHT)
-    assert explained.every[0].nothing
-    assert explained.base.probability > 0.68 and explained.soundness > 0.99
+    assert explained.every[0].is_base
+    assert explained.base.probability > 0.68 and explained.adequacy > 0.99
     assert all(len(e.names) < 2 for e in explained.every), "no pairs where nothing asks for more"
     said = explained.statements()
-    assert said[0].nothing_shows and said[0].probability == pytest.approx(explained.soundness)
+    assert said[0].nothing_shows and said[0].probability == pytest.approx(explained.adequacy)
     assert said[0].probability > explained.base.probability, "what adds nothing counts, too"
     assert sum(one.probability for one in said) == pytest.approx(1.0)
 
@@ -91,7 +91,7 @@ def test_probabilities_sum_to_one_and_explanations_are_listed_to_nine_tenths():
     held = [e.probability for e in listed]
     assert sum(held) >= HELD > sum(held[:-1])
     assert listed[0].names == ("contact-onset",)
-    assert not any(e.nothing for e in listed)
+    assert not any(e.is_base for e in listed)
     said = explained.statements()
     assert said[0].names == ("contact-onset",)
     assert sum(one.probability for one in said) == pytest.approx(1.0)
@@ -103,7 +103,7 @@ def test_a_ripple_is_located_and_not_explained():
     ripple = 0.2 * np.sin(2 * np.pi * observed.displacement / 3.0)
     problem, base = problem_of(ramps(), seed=2, extra=ripple)
     explained = explain(problem, base, SOUGHT)
-    assert explained.every[0].unknown
+    assert explained.every[0].unnamed
     assert explained.every[0].probability > 0.9
     assert not explained.every[0].names
 
@@ -115,7 +115,7 @@ def test_an_error_below_a_trial_s_noise_is_no_contradiction(size, sound):
     ripple = size * noise * np.sin(2 * np.pi * observed.displacement / 3.0)
     problem, base = problem_of(ramps(), seed=2, extra=ripple)
     explained = explain(problem, base, SOUGHT)
-    assert (explained.soundness >= 0.5) is sound
+    assert (explained.adequacy >= 0.5) is sound
 
 
 def test_two_effects_are_explained_by_the_pair():
@@ -144,12 +144,12 @@ def test_behind_one_effect_that_suffices_others_are_tried_and_widen_the_interval
 def test_the_interval_of_consistent_recordings_has_room_for_what_they_may_hide():
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.006}, seed=1)
     explained = explain(problem, base, SOUGHT)
-    assert explained.every[0].nothing and explained.soundness > 0.9
+    assert explained.every[0].is_base and explained.adequacy > 0.9
     low, high = averaged_interval(explained, "C10")
     alone = explained.base.interval("C10")
     assert low < TRUTH["C10"] < high
     assert high - low > 1.3 * (alone[1] - alone[0])
-    surer = [replace(e, probability=100 * e.probability) if e.nothing else e for e in explained.every]
+    surer = [replace(e, probability=100 * e.probability) if e.is_base else e for e in explained.every]
     again = averaged_interval(replace(explained, every=tuple(surer)), "C10")
     assert again == pytest.approx((low, high)), "nothing at all is no explanation of a leg"
 
@@ -248,7 +248,7 @@ def test_fat_is_named_only_beyond_what_is_known_of_it(factor, named):
     base = fit(problem, (), TRUTH)
     explained = explain(problem, base, [*SOUGHT, mechanism])
     assert (explained.every[0].names == (mechanism.name,)) == named
-    assert explained.every[0].nothing != named
+    assert explained.every[0].is_base != named
     if not named:
         fats = dict(zip(errors.names, explained.base.posterior.effects, strict=True))
         expected = np.log(factor) / MATERIAL_LOG_SD["superficial.C10"]
@@ -287,17 +287,17 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
         "integrate_strength",
         lambda own, fitted, posterior, of: seen.append((own, fitted, of.keywords)) or posterior,
     )
-    weighed = [e for e in explain(problem, base, SOUGHT).every if e.whole]
-    assert {e.fit_alone is None for e in weighed} == {True, False}
+    weighed = [e for e in explain(problem, base, SOUGHT).every if e.strength_integrated]
+    assert {e.fit_without_discrepancy is None for e in weighed} == {True, False}
     for own, fitted, keywords in seen:
         (one,) = (e for e in weighed if e.fit is fitted)
-        assert keywords["shares"] == one.shares
-        assert (own is one.problem) is (one.fit_alone is None)
+        assert keywords["shares"] == one.log_discrepancy_weights
+        assert (own is one.problem) is (one.fit_without_discrepancy is None)
         again = contact_posterior(
             Evidence(problem.errors, possible_discrepancies(observed, base.prediction)),
             fitted,
             observed,
-            list(one.shares),
+            list(one.log_discrepancy_weights),
         )
         of_any_width = again.log_evidence + gain_of_widths(fitted, again)
         assert of_any_width == pytest.approx(one.posterior.log_evidence)

@@ -16,7 +16,7 @@ from legfem.inverse.averaging import averaged_interval, untried_pairs
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.explain import explain
-from legfem.inverse.explanation import INEXACT, Explained, Explanation, gain_over, singles_of
+from legfem.inverse.explanation import INEXACT, Explained, Explanation, log_bayes_factor, singles_of
 from legfem.inverse.laplace import gain_of_widths, laplace_posterior
 from legfem.inverse.linearised import fit
 from legfem.inverse.posterior import Mixture
@@ -59,7 +59,7 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     """Beside the pairs' own fits: evidence, and mean and spread of C10."""
     problem, base = problem_of(ramps(), seed=1)
     found = explain(problem, base, SOUGHT)
-    assert found.every[0].nothing
+    assert found.every[0].is_base
     assert not any(len(e.names) > 1 for e in found.every)
     singles = singles_of(found.every)
     pairs = {pair.names: pair for pair in untried_pairs(found, "C10")}
@@ -68,9 +68,9 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     names = next(names for names in pairs if set(names) == {"force-drift", "preconditioning"})
     one, other = (singles[name,] for name in names)
     joint = fit(problem, [*one.fit.mechanisms, *other.fit.mechanisms], base.values)
-    told, k = laplace_posterior(problem, evidence, joint, one.shares), joint.free.index("C10")
+    told, k = laplace_posterior(problem, evidence, joint, one.log_discrepancy_weights), joint.free.index("C10")
     told = replace(told, log_evidence=told.log_evidence + gain_of_widths(joint, told))
-    summed = one.posterior.log_evidence + gain_over(other, found.base)
+    summed = one.posterior.log_evidence + log_bayes_factor(other, found.base)
     assert told.log_evidence == pytest.approx(summed, abs=0.5)
     mean, variance = pairs[names].distribution.moments
     sd = np.sqrt(told.covariance[k, k])
@@ -78,7 +78,7 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     # The recordings bound both effects' sum better than each: the sum is no narrower.
     assert sd < np.sqrt(variance) < 1.25 * sd
     low, high = averaged_interval(found, "C10")
-    parts = [(e.probability, e.distribution("C10")) for e in found.every if not e.nothing]
+    parts = [(e.probability, e.distribution("C10")) for e in found.every if not e.is_base]
     alone = Mixture.joined(*zip(*parts, strict=True))
     prior = base.parameters[0].prior
     assert low < prior.value_at(alone.quantile(0.025))
@@ -142,19 +142,19 @@ def test_the_best_of_bad_explanations_is_none():
     assert not found.explained.describes(best)
     assert (found.verdict, found.models) == ("unexplained", ())
     said = found.explained.statements()[0]
-    assert said.unknown and said.probability > 0.9
+    assert said.unnamed and said.probability > 0.9
 
 
 def test_nothing_remains_beside_an_explanation_that_suits():
     found = diagnosed({"support-compliance.compliance": 0.15}, asked=("support-compliance",))
     model = found.models[0]
     assert not model.in_part
-    for unknown, in_part in ((INEXACT, False), (INEXACT + 0.1, False), (0.8, True), (1.0, True)):
-        posterior = replace(model.posterior, unknown=unknown)
+    for share, in_part in ((INEXACT, False), (INEXACT + 0.1, False), (0.8, True), (1.0, True)):
+        posterior = replace(model.posterior, discrepancy_probability=share)
         assert replace(model, posterior=posterior).in_part is in_part  # no coin's toss
     assert residual_intervals(found, model) == []
     assert explained_share(found, model) > 0.9
-    assert explained_share(found, found.alone) == pytest.approx(0.0, abs=1e-9)
+    assert explained_share(found, found.weighted_base) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_stopped_response_is_no_number_in_the_prediction():

@@ -15,7 +15,7 @@ from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
-from legfem.experiments.uniaxial import Bar
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.parse_parameters import Written
 from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
@@ -127,7 +127,7 @@ def test_sizes_and_slip_are_those_of_the_test_within() -> None:
     assert isinstance(thicker, FibrousTest) and lengths_of(thicker)["fat_thickness"] == 6.0
     free = slipping(test)
     assert isinstance(free, FibrousTest) and isinstance(free.whole, LayeredTest)
-    assert slipping(FibrousTest(Bar(10.0, 100.0), "load")) is None
+    assert slipping(FibrousTest(UniaxialSpecimen(10.0, 100.0), "load")) is None
 
 
 def test_typical_specimens_of_each_direction_have_a_mean_of_their_own() -> None:
@@ -218,7 +218,7 @@ def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path
 def test_a_diagnosis_has_the_stated_fibres_and_asks_for_an_open_ratio(tmp_path: Path) -> None:
     at, depth, c10 = np.linspace(0.4, 1.0, 4), 1.0, 8e-3
     stated = replace(TISSUE, stated={"fibre_ratio": 3.0})
-    for sizes in (FibrousTest(Bar(10.0, 100.0), "across"), FibrousTest(BALL, "load")):
+    for sizes in (FibrousTest(UniaxialSpecimen(10.0, 100.0), "across"), FibrousTest(BALL, "load")):
         models = SpecimenVariants(sizes, depth, (replace(stated, law=None),))
         found = models.follow(
             Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"), ("deep.C10",)

@@ -52,7 +52,7 @@ def test_what_is_known_beforehand_holds_a_parameter_that_the_data_do_not_see(dra
     assert found.values["drag.unseen"] == pytest.approx(0.0, abs=1e-6)
     assert found.sd("drag.unseen") == pytest.approx(0.7, rel=1e-6)
     assert 0.0 < found.sd("drag.share") < 0.5
-    away = {name: z for name, z in zip(found.free, found.departure, strict=True)}
+    away = {name: z for name, z in zip(found.free, found.prior_z, strict=True)}
     assert away["drag.share"] == pytest.approx(found.values["drag.share"] / 0.5, rel=1e-6)
     assert found.cost - found.chi2 == pytest.approx(sum(z**2 for z in away.values()))
 
@@ -64,11 +64,7 @@ def test_an_unseen_parameter_costs_no_evidence(dragged):
     given = found.linearised
     seen = np.array(found.free) != "drag.unseen"
     without = replace(
-        given,
-        jacobian=given.jacobian[:, seen],
-        departure=given.departure[seen],
-        low=given.low[seen],
-        high=given.high[seen],
+        given, jacobian=given.jacobian[:, seen], prior_z=given.prior_z[seen], low=given.low[seen], high=given.high[seen]
     )
     one, other = evidence.of(given), evidence.of(without)
     assert one.log_evidence == pytest.approx(other.log_evidence, abs=1e-6)
@@ -83,8 +79,8 @@ def test_a_fit_s_interval_and_derivatives_are_those_of_the_prediction(dragged):
     assert low < TRUTH["C10"] < high
     step = np.zeros(len(found.free))
     step[0] = 1e-4
-    moved = problem.predictor(found.moved(found.departure + step), found.mechanisms)
-    np.testing.assert_allclose((moved - found.prediction) / 1e-4, found.change[:, 0], rtol=2e-3, atol=1e-3)
+    moved = problem.predictor(found.moved(found.prior_z + step), found.mechanisms)
+    np.testing.assert_allclose((moved - found.prediction) / 1e-4, found.sensitivities[:, 0], rtol=2e-3, atol=1e-3)
     assert found.at_bound == ()
 
 

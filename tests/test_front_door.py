@@ -16,6 +16,7 @@ from making_identification import pressed_leg
 
 import legfem as lf
 from legfem.common.errors import InputError
+from legfem.inverse.plan import Design, DesignValue
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.schema import SUBJECTS
 
@@ -61,12 +62,13 @@ def options_of(command: typer.Typer) -> set[str]:
 
 def test_the_command_and_the_function_take_the_same() -> None:
     """What one has the other has: the folder is the first argument, and progress is what isn't quiet."""
-    from legfem.commands import identify, stocking
+    from legfem.commands import diagnose, identify, stocking
 
     folder = {"subject", "subject_dir", "specimen_dir"}
     for command, call, of_python in (
         (identify, lf.identify, {"leg", "settings", "mesh", "comm"}),
         (stocking, lf.stocking, {"leg", "comm"}),
+        (diagnose, lf.diagnose, {"leg"}),
     ):
         options, keywords = options_of(command.app), set(inspect.signature(call).parameters)
         assert options - keywords <= {*folder, "quiet", "as_json"}
@@ -152,3 +154,16 @@ def subject_mesh_size() -> float:
     from legfem.meshing.section import SectionMeshSettings
 
     return SectionMeshSettings().contact_size
+
+
+def test_an_ambiguous_diagnosis_is_written_with_the_next_tests_ranked(subject, tmp_path: Path) -> None:
+    """As the command writes it."""
+    asked = ("fascia-stiffness", "prestress", "force-drift")
+    made = diagnosed({"fascia-stiffness.factor": 4.0}, asked=asked)
+    best = DesignValue(Design("hold it", ()), {("fascia-stiffness", "prestress"): 0.9}, 0.9)
+    found = lf.DiagnosedLeg(subject, made, 0, 1.0, (best,))
+    report = found.write(tmp_path).read_text()
+    assert "Hold it: 90 % chance of telling the candidates apart" in " ".join(report.split())
+    (first,) = json.loads((tmp_path / "diagnosis.json").read_text())["next_experiment_ranked"]
+    assert first["test"] == "hold it" and first["chance"] == 0.9
+    assert "hold it" in found.summary().lower()

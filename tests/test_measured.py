@@ -121,7 +121,7 @@ def test_readings_of_effects_that_are_not_weighed_tell_nothing():
     given = Accuracy(effects=(MeasuredEffect("force-drift", 0.001, 0.001, "zeros"),))
     assert measured_strengths(given, [SUPPORT]) == ()
     (one,) = measured_strengths(given, [SUPPORT, DRIFT])
-    assert one.name == "force-drift.rate" and one.departure == pytest.approx(0.2)
+    assert one.name == "force-drift.rate" and one.prior_z == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("mechanism", mechanisms(), ids=lambda m: m.name)

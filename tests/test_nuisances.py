@@ -126,7 +126,7 @@ def test_displaced_geometries_are_one_standard_deviation_off_each():
 def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
     """A bound takes variance away, not what the errors' sizes are known by."""
     problem, base = problem_of(ramps(), seed=1)
-    known, names = 0.1 * base.change[:, :1], ("outline of the skin, mode 1",)
+    known, names = 0.1 * base.sensitivities[:, :1], ("outline of the skin, mode 1",)
     problem = problem.with_errors(replace(problem.errors, known=known, names=names))
     problem = replace(problem, causes={names[0]: OUTLINE})
     one = explain(problem, base, SOUGHT[:1]).base
@@ -139,9 +139,9 @@ def test_what_is_known_poorly_of_the_leg_widens_intervals():
     """An effect of the outlines that is all that errs: its own degrees of freedom remain."""
     problem, base = problem_of(ramps(), seed=1)
     errors = problem.errors
-    effect = base.change[:, :1]
+    effect = base.sensitivities[:, :1]
     known = replace(errors, known=effect, names=("outline of the skin, mode 1",))
-    estimator = np.linalg.pinv(base.change)
+    estimator = np.linalg.pinv(base.sensitivities)
     variance = np.full((len(base.free),) * 2, 1.0)
     degrees = variance_degrees(variance, estimator, known, {known.names[0]: OUTLINE})
     assert degrees[0] == pytest.approx(3.0)

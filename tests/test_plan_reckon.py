@@ -32,7 +32,7 @@ def candidate(model: Explanation) -> Candidate:
 
 
 def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int = 3) -> float:
-    predictor = found.alone.problem.predictor
+    predictor = found.weighted_base.problem.predictor
 
     def nuisances(design, blank, force):
         return nuisance_effects(predictor.responses.nuisances, blank, force, Accuracy())
@@ -46,7 +46,7 @@ def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int 
 @pytest.fixture
 def against_nothing(found) -> list[Candidate]:
     stiff = next(m for m in found.models if m.names == ("fascia-stiffness",))
-    return [candidate(stiff), candidate(found.alone)]
+    return [candidate(stiff), candidate(found.weighted_base)]
 
 
 def test_twins_are_told_apart_by_no_repeat(found, against_nothing):
@@ -71,7 +71,7 @@ def test_a_form_that_is_off_tells_less(found, against_nothing, monkeypatch):
 
 
 def test_what_has_no_effect_has_no_form(found):
-    nothing = candidate(found.alone)
-    predictor = found.alone.problem.predictor
+    nothing = candidate(found.weighted_base)
+    predictor = found.weighted_base.problem.predictor
     force = predictor(nothing.fit.values)
     assert not np.any(reckoning._inexact(predictor.observed, force, np.zeros_like(force)))

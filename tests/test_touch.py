@@ -47,8 +47,8 @@ def test_what_is_stated_or_seen_leaves_one_reading(airs, stated):
 def in_full(fitted, errors, priors) -> float:
     """Return the linearised model's density in millimetres and kPa's logarithm, bounds left out."""
     own = [prior_of(p) for p in fitted.parameters]
-    by_value = fitted.change / np.array([q.sd for q in own])
-    at = np.array([q.sd * z for q, z in zip(own, fitted.departure, strict=True)])
+    by_value = fitted.sensitivities / np.array([q.sd for q in own])
+    at = np.array([q.sd * z for q, z in zip(own, fitted.prior_z, strict=True)])
     at += [q.centre if q.scale == "linear" else 0.0 for q in own]
     middle = np.array([q.centre if q.scale == "linear" else 0.0 for q in priors])
     centred = fitted.residual + by_value @ (at - middle)

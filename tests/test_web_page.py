@@ -138,7 +138,7 @@ def test_a_sound_model_whose_stiffness_may_be_moved_unseen_is_a_range_and_says_b
     k = wide.fit.free.index("C10")
     covariance = wide.posterior.covariance.copy()
     covariance[k, k] = (0.5 / wide.fit.parameters[k].prior.sd) ** 2
-    moved = replace(wide, probability=0.3, posterior=replace(wide.posterior, covariance=covariance, strands=None))
+    moved = replace(wide, probability=0.3, posterior=replace(wide.posterior, covariance=covariance, components=None))
     every = tuple(moved if e is wide else e for e in found.explained.every)
     found = replace(found, explained=replace(found.explained, every=every))
     headline = diagnosis_web_page(found, subject).headline

@@ -28,9 +28,16 @@ from legfem.report.specimens import specimen_page
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.web.stocking_leg import by_height, inward, stretch_round
 from legfem.report.write import PAGE_FILES
-from legfem.study.correction.web_page import correction_web_page
-from legfem.study.doe.advice import not_seen, shares, to_measure
-from legfem.study.doe.web_page import study_web_page
+from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.curves import Curves, Line, embedded
+from legfem.report.web.page import rendered
+from legfem.report.web.plan import plan_web_page
+from legfem.report.web.pressed_leg import pressed_leg
+from legfem.report.web.specimen import specimen_web_page
+from legfem.report.web.stocking_pressures import by_height, inward, stretch_round
+from legfem.report.web.turned import Marked, SkinField, Slider, View, turned_leg
+from legfem.study.correction.page import correction_web_page
+from legfem.study.doe.report import not_seen, study_web_page, to_measure
 from studies.legs.parametric_leg import round_leg
 
 MOST_BYTES = 2_000_000
@@ -99,7 +106,7 @@ def test_a_study_says_what_a_press_shows_and_what_to_measure(study):
 
 def test_shares_are_those_of_the_variance_that_the_surface_explains(study):
     for analysis in study.analyses:
-        main, interactions = shares(analysis)
+        main, interactions = analysis.shares()
         assert sum(main.values()) + interactions == pytest.approx(1.0)
         fit = analysis.surface.fit
         corners = np.asarray(fit.model.exog)[:32]

@@ -28,7 +28,7 @@ from legfem.legs.correction import read_correction
 from legfem.imaging.volume_file import read_volume
 from legfem.stockings.loading import LEGS
 from legfem.stockings.loading import parse_leg_file
-from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition
+from legfem.study.doe.design import IDENTIFIED, PAPER, read_definition
 from legfem.legs.loading import SUBJECTS, load_subject
 
 installed = Path(legfem.__file__).resolve()

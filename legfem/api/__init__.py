@@ -4,12 +4,13 @@ A function loads what it is given by id or path, does all that the command of it
 The commands call the functions of the modules here; those of the door itself name keywords where something is wrong.
 """
 
-from legfem.api import identification, leg_in_stocking, loading
+from legfem.api import diagnosed, identification, leg_in_stocking, loading
 from legfem.api.arguments import in_python_words
-from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
+from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg
 from legfem.api.leg_in_stocking import LegInStocking
 from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
 
+diagnose = in_python_words()(diagnosed.diagnose)
 identify = in_python_words()(identification.identify)
 load_leg = in_python_words()(loading.load_leg)
 load_sites = in_python_words()(loading.load_sites)

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from legfem.api.arguments import check_folder, check_names, check_unused, check_whole, in_python_words
+from legfem.api.arguments import check_folder, check_names, check_unused, check_whole
 from legfem.api.loading import Given, one_of
 from legfem.api.results import Result, row
 from legfem.common.errors import InputError
-from legfem.common.progress import progress_on
+from legfem.common.progress import Progress, progress_on
 from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from legfem.inverse.plan import DesignValue
     from legfem.inverse.verdict import Diagnosis
     from legfem.report.page import WebPage
     from legfem.specimens.diagnosis import DiagnosedSpecimen
     from legfem.specimens.folder import SpecimenFolder
+
+
+DIAGNOSIS = "diagnosis.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +36,8 @@ class DiagnosedLeg(Result):
     diagnosis: Diagnosis
     seed: int
     seconds: float
+    next_tests: tuple[DesignValue, ...] = ()
+    """Tests that would tell what an ambiguous verdict leaves open, the most telling first."""
 
     @property
     def verdict(self) -> str:
@@ -47,8 +53,12 @@ class DiagnosedLeg(Result):
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds."""
         from legfem.report.diagnosis_document import document
+        from legfem.report.plan import plan_document
 
-        return document(self.diagnosis, self.subject, self.seed, self.seconds)
+        content = document(self.diagnosis, self.subject, self.seed, self.seconds)
+        if self.next_tests:
+            content["next_experiment_ranked"] = plan_document(self.next_tests, self.subject.id)["tests"]
+        return content
 
     def plot(self) -> Figure:
         """Return the recordings against the model, what it misses, and where."""
@@ -57,17 +67,24 @@ class DiagnosedLeg(Result):
         return recording_figure(self.diagnosis, 0, self.subject.title, self.subject.origin)
 
     def write(self, folder: Given) -> Path:
-        """Write diagnosis.json, report.txt and the figures; return the report's path."""
+        """Write diagnosis.json, report.txt, report.html and the figures; return report.txt's path."""
         from legfem.common.documents import write_document
         from legfem.report.diagnosis_folder import write_diagnosis_report
+        from legfem.report.page import command_line
 
-        write_document(Path(folder) / "diagnosis.json", self.document())
-        return write_diagnosis_report(self.diagnosis, self.subject, Path(folder))
+        write_document(Path(folder) / DIAGNOSIS, self.document())
+        return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
+
+    @property
+    def _plan(self) -> list[str]:
+        from legfem.report.plan import plan_lines
+
+        return plan_lines(self.next_tests)
 
     def _page(self) -> WebPage:
         from legfem.report.diagnosis import diagnosis_web_page
 
-        return diagnosis_web_page(self.diagnosis, self.subject)
+        return diagnosis_web_page(self.diagnosis, self.subject, self._plan)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         yield from _before_and_after(self.document())
@@ -81,6 +98,8 @@ class DiagnosedFolder(Result):
     specimens: tuple[DiagnosedSpecimen, ...]
     """In the folder's order; one that couldn't be diagnosed has a problem instead."""
     seed: int
+    _written: Mapping[Path, Path] = field(default_factory=dict)
+    """Reports by the folders that they were written into as each diagnosis was made."""
 
     def __getitem__(self, name: str) -> DiagnosedSpecimen:
         """Return a specimen's by its name; raises KeyError for one that isn't there."""
@@ -129,8 +148,12 @@ class DiagnosedFolder(Result):
     def write(self, folder: Given) -> Path:
         """Write what the command writes; return the report's path."""
         from legfem.report.diagnosis_folder import write_specimen_diagnoses
+        from legfem.report.page import command_line
 
-        return write_specimen_diagnoses(self.specimens, self.folder, Path(folder), self.seed)[1]
+        out = Path(folder)
+        if out in self._written:
+            return self._written[out]
+        return write_specimen_diagnoses(self.specimens, self.folder, out, self.seed, command_line())[1]
 
     @property
     def _first(self) -> tuple[DiagnosedSpecimen, Diagnosis]:
@@ -167,7 +190,9 @@ def diagnose(
     leg: Subject | SitedLeg | Given,
     *,
     library: Given | None = None,
+    correction: Given | None = None,
     seed: int = 0,
+    out: Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     site: str = "",
@@ -178,16 +203,31 @@ def diagnose(
     *,
     library: Given | None = None,
     seed: int = 0,
+    out: Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     specimens: Sequence[str] = (),
 ) -> DiagnosedFolder: ...
-@in_python_words()
+@overload
 def diagnose(
     leg: Subject | SitedLeg | SpecimenFolder | Given,
     *,
     library: Given | None = None,
+    correction: Given | None = None,
     seed: int = 0,
+    out: Given | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+    specimens: Sequence[str] = (),
+    site: str = "",
+) -> DiagnosedLeg | DiagnosedFolder: ...
+def diagnose(
+    leg: Subject | SitedLeg | SpecimenFolder | Given,
+    *,
+    library: Given | None = None,
+    correction: Given | None = None,
+    seed: int = 0,
+    out: Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     specimens: Sequence[str] = (),
@@ -195,7 +235,8 @@ def diagnose(
 ) -> DiagnosedLeg | DiagnosedFolder:
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
-    The first diagnosis of a leg solves its library of responses, which takes minutes.
+    The first diagnosis of a leg solves its library of responses, which takes minutes. After an ambiguous verdict tests
+    that would settle it are ranked.
 
     Parameters
     ----------
@@ -203,8 +244,12 @@ def diagnose(
         What `load_subject`, `load_sites` or `load_specimen` returned; or a leg's id or folder.
     library : str or Path, optional
         Folder of the legs' responses; ``~/.cache/legfem/responses`` without it.
+    correction : str or Path, optional
+        File of the 3D correction behind ``end-effects``; that of legfem without it.
     seed : int
         Of the draws behind p-values.
+    out : str or Path, optional
+        Folder into which specimens' reports are written as each is diagnosed; `write` then has nothing left to do.
     jobs : int
         Processes. More than one needs the calling script's ``if __name__ == "__main__":``.
     progress : bool
@@ -223,24 +268,52 @@ def diagnose(
     from legfem.legs.correction import read_correction
     from legfem.legs.correction_of_leg import REFERENCE
     from legfem.legs.diagnosis import Diagnoser
+    from legfem.legs.plan import plan_after
     from legfem.legs.variants import library_folder
     from legfem.specimens.folder import SpecimenFolder
 
     check_whole("seed", seed, 0)
     check_whole("jobs", jobs, 1)
-    folder = library_folder() if library is None else Path(library)
-    check_folder("library", folder)
+    responses = library_folder() if library is None else Path(library)
+    check_folder("library", responses)
     if isinstance(leg, SpecimenFolder):
-        check_unused("specimens", {"site": site != ""})
+        check_unused("specimens", {"site": site != "", "correction": correction is not None})
         check_names("specimens", specimens)
-        from legfem.specimens.diagnosis import diagnose_specimens
-
-        with progress_on(quiet=not progress) as told:
-            each = tuple(diagnose_specimens(leg, specimens, folder, jobs, told, seed))
-        return DiagnosedFolder(leg, each, seed)
+        with progress_on(quiet=not progress) as shown:
+            return _diagnosed_specimens(
+                leg, specimens, responses, jobs, shown, seed, None if out is None else Path(out)
+            )
     check_unused("a leg", {"specimens": bool(specimens)})
     subject = one_of(leg, site)
     started = time.perf_counter()
-    with progress_on(quiet=not progress) as told:
-        found = Diagnoser(folder, read_correction(REFERENCE), jobs).diagnose(subject, told, seed)
-    return DiagnosedLeg(subject, found, seed, time.perf_counter() - started)
+    diagnoser = Diagnoser(responses, read_correction(REFERENCE if correction is None else Path(correction)), jobs)
+    with progress_on(quiet=not progress) as shown:
+        found = diagnoser.diagnose(subject, shown, seed)
+        ranked = plan_after(found, subject, diagnoser, shown)
+    return DiagnosedLeg(subject, found, seed, time.perf_counter() - started, tuple(ranked))
+
+
+def _diagnosed_specimens(
+    folder: SpecimenFolder,
+    names: Sequence[str],
+    responses: Path,
+    jobs: int,
+    progress: Progress,
+    seed: int,
+    out: Path | None,
+) -> DiagnosedFolder:
+    from legfem.report.diagnosis_folder import write_specimen_diagnoses
+    from legfem.report.page import command_line
+    from legfem.specimens.diagnosis import diagnose_specimens
+
+    made: list[DiagnosedSpecimen] = []
+
+    def each() -> Iterator[DiagnosedSpecimen]:
+        for one in diagnose_specimens(folder, names, responses, jobs, progress, seed):
+            made.append(one)
+            yield one
+
+    if out is None:
+        return DiagnosedFolder(folder, tuple(each()), seed)
+    report = write_specimen_diagnoses(each(), folder, out, seed, command_line())[1]
+    return DiagnosedFolder(folder, tuple(made), seed, {out: report})

@@ -43,7 +43,7 @@ class LegInStocking(Result):
 
     def plot(self) -> Figure:
         """Return the pressure of the stocking on the skin, unrolled and on the leg."""
-        from legfem.report.stocking_pressure_figure import stocking_pressure_figure
+        from legfem.report.stocking_figures import stocking_pressure_figure
 
         return stocking_pressure_figure(self.result)
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.common.errors import InputError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -30,7 +30,7 @@ def serve(
 
     Example: python -m legfem.app --workspace my-legs
     """
-    with command_edge("start it again; runs went on meanwhile"):
+    with command_context("start it again; runs went on meanwhile"):
         _check_free(port)
         from legfem.app.workspace import Workspace
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, check_out_folder, command_edge
+from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, check_out_folder, command_context
 from legfem.common.errors import InputError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -50,7 +50,7 @@ def look(
 
     Example: python -m legfem.data look trial1.tdms trial2.tdms
     """
-    with command_edge(quiet=quiet):
+    with command_context(quiet=quiet):
         from legfem.common.documents import write_atomically, write_document
         from legfem.data import Scales, segment
         from legfem.data.contact import LEG
@@ -129,7 +129,7 @@ def preview(
 
     Example: python -m legfem.data preview path/to/folder --out seen
     """
-    with command_edge(quiet=quiet):
+    with command_context(quiet=quiet):
         from legfem.report.preview import PREVIEW, preview_of
 
         target = out or Path("results") / "preview"

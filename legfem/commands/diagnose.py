@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
-from legfem.common.doubts import log_doubts
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, print_outcome
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
 from legfem.common.errors import InputError
-from legfem.common.progress import progress_on
-from legfem.legs.schema import SUBJECTS
 
 if TYPE_CHECKING:
+    from legfem.legs.subject import Subject as LoadedLeg
     from legfem.specimens.folder import SpecimenFolder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -28,10 +24,12 @@ def diagnose(
     subject_dir: SubjectDir = None,
     site: Site = None,
     specimen_dir: SpecimenDir = None,
-    specimen: Annotated[
+    specimens: Annotated[
         list[str] | None,
         typer.Option(
-            help="Of several specimens the one to diagnose; may be given again. All by default.", show_default=False
+            "--specimen",
+            help="Of several specimens the one to diagnose; may be given again. All by default.",
+            show_default=False,
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/diagnose-ID by default.")] = None,
@@ -60,76 +58,36 @@ def diagnose(
     Example: python -m legfem.diagnose --subject 3 --out results/diagnose-3
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with work_edge(jobs, resume, quiet) as processes:
-        if seed < 0:
-            raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
-        if specimen_dir is not None:
-            legs_alone = {
-                "--subject": subject,
-                "--subject-dir": subject_dir,
-                "--site": site,
-                "--correction": correction,
-            }
-            found_specimens = specimens_for("diagnose", specimen_dir, out, legs_alone)
-            _run_specimens(*found_specimens, specimen or (), library, processes, seed, quiet, as_json)
-            return
-        if specimen:
-            raise InputError("--specimen", specimen[0], "is for specimens", "give --specimen-dir")
-        from legfem.commands.options import print_outcome
-        from legfem.common.documents import write_document
-        from legfem.legs.correction import read_correction
-        from legfem.legs.correction_of_leg import REFERENCE
-        from legfem.legs.diagnosis import Diagnoser
-        from legfem.legs.loading import load_subject
-        from legfem.legs.plan import plan_after
-        from legfem.legs.plausibility import doubts_about
+    with parallel_context(jobs, resume, quiet) as processes:
+        from legfem.api.arguments import check_whole
+        from legfem.api.diagnosed import DIAGNOSIS
+        from legfem.api.diagnosed import diagnose as diagnose_in_full
+        from legfem.api.loading import load_specimen, load_subject
+        from legfem.legs.schema import SUBJECTS
         from legfem.legs.variants import library_folder
-        from legfem.report.diagnosis_document import document
-        from legfem.report.diagnosis_folder import write_diagnosis_report
-        from legfem.report.page import command_line
-        from legfem.report.plan import plan_document, plan_lines
 
-        folder = SUBJECTS.named(subject, subject_dir)
-        found = load_subject(folder, need_instrument=False, site=site or "")
-        log_doubts(doubts_about(found))
-        ends = read_correction(correction or REFERENCE)
-        folder = out or Path("results") / f"diagnose-{found.id}"
-        check_out_folder(folder)
+        check_whole("seed", seed, 0)
         responses = library or library_folder()
+        leg: LoadedLeg | SpecimenFolder
+        if specimen_dir is None:
+            leg = load_subject(SUBJECTS.named(subject, subject_dir), site or "")
+        elif subject is None and subject_dir is None:
+            leg = load_specimen(specimen_dir)
+        else:
+            raise InputError("--subject", "--specimen-dir", "is given too", "leave one out")
+        folder = out or Path("results") / f"diagnose-{leg.id}"
+        check_out_folder(folder)
         check_out_folder(responses)
-        diagnoser = Diagnoser(responses, ends, processes)
-        started = time.perf_counter()
-        with progress_on(quiet=quiet) as progress:
-            diagnosis = diagnoser.diagnose(found, progress, seed)
-            ranked = plan_after(diagnosis, found, diagnoser, progress)
-        seconds = time.perf_counter() - started
-        content = document(diagnosis, found, seed, seconds)
-        if ranked:
-            content["next_experiment_ranked"] = plan_document(ranked, found.id)["tests"]
-        path = write_document(folder / "diagnosis.json", content)
-        report = write_diagnosis_report(diagnosis, found, folder, plan_lines(ranked), command_line())
-        print_outcome([report.read_text(encoding="utf-8")], path, report, quiet, as_json)
-
-
-def _run_specimens(
-    found: SpecimenFolder,
-    folder: Path,
-    names: Sequence[str],
-    library: Path | None,
-    jobs: int,
-    seed: int,
-    quiet: bool,
-    as_json: bool,
-) -> None:
-    from legfem.commands.options import print_outcome
-    from legfem.legs.variants import library_folder
-    from legfem.report.diagnosis_folder import write_specimen_diagnoses
-    from legfem.report.page import command_line
-    from legfem.specimens.diagnosis import diagnose_specimens
-
-    responses = library or library_folder()
-    check_out_folder(responses)
-    with progress_on(quiet=quiet) as progress:
-        every = diagnose_specimens(found, names, responses, jobs, progress, seed)
-        path, report = write_specimen_diagnoses(every, found, folder, seed, command_line())
-    print_outcome([report.read_text(encoding="utf-8")], path, report, quiet, as_json)
+        found = diagnose_in_full(
+            leg,
+            library=responses,
+            correction=correction,
+            seed=seed,
+            out=folder,
+            jobs=processes,
+            progress=not quiet,
+            specimens=specimens or (),
+            site=site or "",
+        )
+        report = found.write(folder)
+        print_outcome([report.read_text(encoding="utf-8")], folder / DIAGNOSIS, report, quiet, as_json)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import check_finite
 from legfem.common.progress import progress_on
@@ -41,7 +41,7 @@ def plan(
     Example: python -m legfem.plan --subject 3 --c10 0.7 --c20 0.8 --depth 20 --rate 0.4
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with work_edge(jobs, resume, quiet) as processes:
+    with parallel_context(jobs, resume, quiet) as processes:
         from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
         from legfem.legs.correction import read_correction

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from legfem.inverse.explain import ExplanationPriors
-from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, gain_over, singles_of
+from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, log_bayes_factor, singles_of
 from legfem.inverse.posterior import Mixture
 
 _COUNTS = 1e-4
@@ -78,7 +78,7 @@ def widened_by(explained: Explained, name: str) -> Explanation | None:
 
 def _averaged(explained: Explained, name: str) -> list[Explanation]:
     every = [e for e in explained.every if e.probability > _COUNTS and name in e.fit.free]
-    return [e for e in every if not e.nothing] or every
+    return [e for e in every if not e.is_base] or every
 
 
 def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
@@ -88,13 +88,13 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     they bound the sum, this is somewhat too wide.
     """
     base = explained.base
-    like = next((e for e in explained.every if not e.nothing), None)
+    like = next((e for e in explained.every if not e.is_base), None)
     if like is None or name not in base.fit.free:
         return []
     alone = singles_of(explained.every).values()
     priors = ExplanationPriors.among([e.fit.mechanisms[0] for e in alone])
     # Two that explain the same misfit don't add: those that explain none do.
-    singles = [e for e in alone if name in e.fit.free and gain_over(e, base) < ADDS_FROM]
+    singles = [e for e in alone if name in e.fit.free and log_bayes_factor(e, base) < ADDS_FROM]
     each = {e.names[0]: e.distribution(name) for e in singles}
     # What all have in common: the base model's, and what is unknown beside any mechanism.
     mean, variance = base.distribution(name).moments
@@ -103,7 +103,7 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     found = []
     for one, other in combinations(singles, 2):
         names = one.names[0], other.names[0]
-        log_evidence = one.posterior.log_evidence + gain_over(other, base)
+        log_evidence = one.posterior.log_evidence + log_bayes_factor(other, base)
         log_weight = priors.log_of(*names) + log_evidence
         probability = like.probability * float(np.exp(log_weight - like.log_weight))
         if frozenset(names) not in tried and probability > _COUNTS:

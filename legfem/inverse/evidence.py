@@ -37,7 +37,7 @@ class Linearisation:
         (n,), N: observed less predicted at the fit.
     jacobian
         (n, p), N: change of the prediction by one standard deviation of each parameter.
-    departure
+    prior_z
         (p,): of the fit from what was expected.
     low, high
         (p,): between which departures are possible.
@@ -45,14 +45,14 @@ class Linearisation:
 
     residual: FloatArray
     jacobian: FloatArray
-    departure: FloatArray
+    prior_z: FloatArray
     low: FloatArray
     high: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class _Factor:
-    unknown: Discrepancy
+    discrepancy: Discrepancy
     lower: FloatArray
     log_det: float
     columns: FloatArray
@@ -106,7 +106,7 @@ class Evidence:
         """
         n, p = about.jacobian.shape
         k, trials = self.errors.known.shape[1], self.errors.gains.shape[1]
-        centred = about.residual + about.jacobian @ about.departure
+        centred = about.residual + about.jacobian @ about.prior_z
         logs, means, spreads, effects = [], [], [], []
         scales = np.array(
             [
@@ -121,7 +121,7 @@ class Evidence:
             columns = np.hstack([white[:, 1:], factor.columns])
             gram, along = columns.T @ columns, columns.T @ white[:, 0]
             square = float(white[:, 0] @ white[:, 0])
-            prior = factor.unknown.log_prior if log_unknown is None else log_unknown[number]
+            prior = factor.discrepancy.log_prior if log_unknown is None else log_unknown[number]
             # All sizes of gains and zeros at once: (sizes, m) and (sizes, m, m).
             inner = np.eye(scales.shape[1]) + scales[:, :, None] * gram * scales[:, None, :]
             lower = np.linalg.cholesky(inner)
@@ -143,7 +143,7 @@ class Evidence:
         spread += np.einsum("i,ij,ik->jk", weights, apart, apart)
         each = len(self._sizes)
         of_unknown = weights.reshape(-1, each).sum(axis=1)
-        sizes = np.array([factor.unknown.size for factor in self._factors])
+        sizes = np.array([factor.discrepancy.size for factor in self._factors])
         some = float(of_unknown[sizes > 0].sum())
         of_sizes = weights.reshape(-1, each).sum(axis=0)
         inside = _inside(about, mean, spread)

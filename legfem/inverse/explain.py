@@ -16,7 +16,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.inverse.discrepancy import Discrepancy, possible_discrepancies, with_discrepancy
 from legfem.inverse.evidence import Evidence, probabilities
-from legfem.inverse.explanation import INEXACT, Explained, Explanation, counts_for, gain_over, singles_of
+from legfem.inverse.explanation import INEXACT, Explained, Explanation, counts_for, log_bayes_factor, singles_of
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, ordinary_fit
 from legfem.inverse.mechanism import Mechanism
@@ -127,12 +127,12 @@ def explain(
 
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:
-    return next(e for e in found if e.nothing)
+    return next(e for e in found if e.is_base)
 
 
 def _open(found: Sequence[Explanation]) -> bool:
     """Tell whether pairs may matter: nothing alone isn't what most probably describes the data."""
-    return not with_probabilities(found)[0].nothing
+    return not with_probabilities(found)[0].is_base
 
 
 def _base(
@@ -164,7 +164,7 @@ def _explanation(
 ) -> Explanation:
     shares = _shares_beside(problem, fitted, base, unknowns)
     posterior, plain = laplace_posterior(problem, evidence, fitted, shares), fitted
-    if posterior.unknown > 0.5:
+    if posterior.discrepancy_probability > 0.5:
         # Beside something unknown the parameters are elsewhere than a fit without it finds them,
         # and the evidence is linear about where they are.
         aware = _beside(problem, fitted, _aware(problem, posterior, unknowns))
@@ -179,8 +179,8 @@ def _explanation(
         log_prior,
         False,
         confirmed,
-        shares=tuple(shares),
-        fit_alone=None if fitted is plain else plain,
+        log_discrepancy_weights=tuple(shares),
+        fit_without_discrepancy=None if fitted is plain else plain,
     )
 
 
@@ -201,32 +201,32 @@ def _shares_beside(
 
 def _integrated(found: list[Explanation], evidence: Evidence, unknowns: Sequence[Discrepancy]) -> list[Explanation]:
     """Integrate out the strength of every explanation that may be what was left out."""
-    while waiting := [e for e in found if e.names and not e.whole and e.probability >= CONFIRMED_FROM]:
+    while waiting := [e for e in found if e.names and not e.strength_integrated and e.probability >= CONFIRMED_FROM]:
         for one in waiting:
             problem = one.problem
             # Steps are fitted as the fit itself was, or they begin at another minimum.
-            aware = None if one.fit_alone is None else _aware(problem, one.posterior, unknowns)
+            aware = None if one.fit_without_discrepancy is None else _aware(problem, one.posterior, unknowns)
             posterior = integrate_strength(
                 aware or problem,
                 one.fit,
                 one.posterior,
-                partial(laplace_posterior, problem, evidence, shares=one.shares),
+                partial(laplace_posterior, problem, evidence, shares=one.log_discrepancy_weights),
             )
-            found[found.index(one)] = replace(one, posterior=posterior, whole=True)
+            found[found.index(one)] = replace(one, posterior=posterior, strength_integrated=True)
         found = with_probabilities(found)
     return found
 
 
 def _aware(problem: LinearisedProblem, posterior: Posterior, unknowns: Sequence[Discrepancy]) -> LinearisedProblem:
     """Return the problem with the most probable of the unknown errors among its own."""
-    most = unknowns[int(np.argmax(posterior.of_unknown))]
+    most = unknowns[int(np.argmax(posterior.discrepancy_weights))]
     return problem.with_errors(with_discrepancy(problem.errors, most))
 
 
 def _beside(problem: LinearisedProblem, fitted: LinearisedFit, aware: LinearisedProblem) -> LinearisedFit:
     """Refit with something unknown among the errors; its misfit is told by the errors alone."""
     refit = fit(aware, fitted.mechanisms, fitted.values)
-    return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.change))
+    return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.sensitivities))
 
 
 def shown_effect(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> float:
@@ -288,7 +288,7 @@ def _confirmed(
             if not e.confirmed
             and e.names
             and e.probability >= CONFIRMED_FROM
-            and gain_over(e, nothing) > 0.0
+            and log_bayes_factor(e, nothing) > 0.0
             and counts_for(e, singles_of(found)) is e
         ]
         if not waiting:

@@ -35,18 +35,18 @@ class Explanation:
     fit: LinearisedFit
     posterior: Posterior
     log_prior: float
-    unknown: bool
+    unnamed: bool
     """Whether something unknown is all that it adds to the base model."""
     confirmed: bool
     """Whether a full solution stands behind the fit."""
     probability: float = 0.0
-    whole: bool = False
+    strength_integrated: bool = False
     """Whether its strength is integrated out; see `legfem.inverse.laplace`."""
     degrees: FloatArray | None = None
     """See `degrees_of_freedom`, where the fit isn't weighed by the errors."""
-    shares: tuple[float, ...] = ()
+    log_discrepancy_weights: tuple[float, ...] = ()
     """Logarithms of the shares of unknown errors beside its mechanisms."""
-    fit_alone: LinearisedFit | None = None
+    fit_without_discrepancy: LinearisedFit | None = None
     """Its mechanisms' fit with nothing unknown beside them, where that is another one."""
 
     @cached_property
@@ -54,7 +54,7 @@ class Explanation:
         """Of the variances of the parameters' departures (p,); see `variance_degrees`."""
         if self.degrees is not None:
             return self.degrees
-        errors, change = self.problem.errors, self.fit.change
+        errors, change = self.problem.errors, self.fit.sensitivities
         white = errors.whitened(change)
         spread = np.linalg.inv(white.T @ white + np.eye(change.shape[1]))
         gain = spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
@@ -73,14 +73,14 @@ class Explanation:
         return self.log_prior + self.posterior.log_evidence
 
     @property
-    def misfit_left(self) -> float:
+    def excess_misfit(self) -> float:
         """What its mechanisms leave of the misfit beyond noise at the least."""
-        return (self.fit_alone or self.fit).beyond_noise
+        return (self.fit_without_discrepancy or self.fit).excess_misfit
 
     @property
-    def nothing(self) -> bool:
+    def is_base(self) -> bool:
         """Whether it is the base model alone."""
-        return not self.unknown and not self.names
+        return not self.unnamed and not self.names
 
     @property
     def in_part(self) -> bool:
@@ -89,12 +89,12 @@ class Explanation:
         Where they tell nothing of it, its probability is its prior's.
         """
         asked_for = expit(logit(INEXACT) + ADDS_FROM)
-        return bool(self.names and self.posterior.unknown > asked_for)
+        return bool(self.names and self.posterior.discrepancy_probability > asked_for)
 
     @property
-    def leaves(self) -> bool:
+    def leaves_discrepancy(self) -> bool:
         """Whether something unknown is left: beside its mechanisms, or as all that it adds."""
-        return self.unknown or self.in_part
+        return self.unnamed or self.in_part
 
     def value(self, name: str) -> float:
         """Return a parameter's expected value, in its unit."""
@@ -113,7 +113,7 @@ class Explanation:
     def distribution(self, name: str) -> Mixture:
         """Return a fitted parameter's distribution, as a departure from what was known."""
         k, posterior = self.fit.free.index(name), self.posterior
-        strands = posterior.strands or MixtureComponents(
+        strands = posterior.components or MixtureComponents(
             np.ones(1), posterior.mean[None], np.sqrt(np.diag(posterior.covariance))[None]
         )
         degrees = np.full(len(strands.weights), self.degrees_of_freedom[k])
@@ -130,13 +130,13 @@ class Statement:
 
     names: tuple[str, ...]
     """Of mechanisms."""
-    unknown: bool
+    unnamed: bool
     probability: float
 
     @property
     def nothing_shows(self) -> bool:
         """Whether it is that nothing was left out that shows."""
-        return not self.names and not self.unknown
+        return not self.names and not self.unnamed
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ class Explained:
         held = self._held()
         total = sum(held.values())
         shares = {names: probability / total for names, probability in held.items()}
-        by_names = {one.names: one for one in self.every if not one.nothing}
+        by_names = {one.names: one for one in self.every if not one.is_base}
         kept: list[Explanation] = []
         for names, share in sorted(shares.items(), key=lambda pair: -pair[1]):
             kept.append(replace(by_names[names], probability=share))
@@ -168,7 +168,7 @@ class Explained:
 
         "Nothing at all" isn't among them: no data tell it from what is too small to show.
         """
-        found = [Statement((), False, self.soundness)]
+        found = [Statement((), False, self.adequacy)]
         found += [Statement(names, not names, held) for names, held in self._held().items()]
         return tuple(sorted(found, key=lambda one: -one.probability))
 
@@ -195,10 +195,10 @@ class Explained:
 
         Misfits are sums of squares over the errors', beyond the one that noise makes a value.
         """
-        return one.misfit_left <= max(self.base.misfit_left - one.misfit_left, float(len(one.fit.residual)))
+        return one.excess_misfit <= max(self.base.excess_misfit - one.excess_misfit, float(len(one.fit.residual)))
 
     @property
-    def soundness(self) -> float:
+    def adequacy(self) -> float:
         """Probability that nothing was left out that shows.
 
         Of the base model alone, and of explanations that add to it what the data don't ask for.
@@ -206,7 +206,7 @@ class Explained:
         return min(1.0, sum(e.probability for e in self.every if not self._adds(e)))
 
     @cached_property
-    def plain(self) -> tuple[Explanation, ...]:
+    def adequate(self) -> tuple[Explanation, ...]:
         """What leaves nothing out that matters: the base model, or a trifling error beside it.
 
         An error of unknown shape below a trial's noise is no contradiction: real noise is never
@@ -214,11 +214,13 @@ class Explained:
         """
         noise = float(self.base.problem.errors.trial_sd.max())
         largest = float(np.abs(self.base.fit.prediction).max())
-        return tuple(e for e in self.every if e.nothing or (e.unknown and e.posterior.unknown_size * largest < noise))
+        return tuple(
+            e for e in self.every if e.is_base or (e.unnamed and e.posterior.discrepancy_size * largest < noise)
+        )
 
     def _adds(self, one: Explanation) -> bool:
-        most = max(self.plain, key=lambda e: e.posterior.log_evidence)
-        return one not in self.plain and gain_over(one, most) > ADDS_FROM
+        most = max(self.adequate, key=lambda e: e.posterior.log_evidence)
+        return one not in self.adequate and log_bayes_factor(one, most) > ADDS_FROM
 
 
 def singles_of(every: Sequence[Explanation]) -> dict[tuple[str, ...], Explanation]:
@@ -230,10 +232,10 @@ def counts_for(one: Explanation, singles: Mapping[tuple[str, ...], Explanation])
     """Return the better one of a pair's mechanisms, if the pair explains no more; else itself."""
     alone = [singles[n,] for n in one.names if (n,) in singles and len(one.names) > 1]
     best = max(alone, key=lambda e: e.posterior.log_evidence, default=one)
-    return best if gain_over(one, best) < MORE_THAN_ALONE else one
+    return best if log_bayes_factor(one, best) < MORE_THAN_ALONE else one
 
 
-def gain_over(one: Explanation, nothing: Explanation) -> float:
+def log_bayes_factor(one: Explanation, nothing: Explanation) -> float:
     """Return the ln of the Bayes factor over nothing."""
     return one.posterior.log_evidence - nothing.posterior.log_evidence
 
@@ -242,8 +244,8 @@ def unknown_course(explanation: Explanation, unknowns: Sequence[Discrepancy]) ->
     """Return the expected course (n,), N, of what is unknown beside an explanation, if it is."""
     residual, total = explanation.fit.residual, explanation.problem.errors.covariance
     course = np.zeros_like(residual)
-    shares = explanation.posterior.of_unknown
+    shares = explanation.posterior.discrepancy_weights
     for unknown, share in zip(unknowns, shares, strict=True):
         if unknown.covariance is not None and share > _COUNTS * shares.max():
             course += share * unknown.covariance @ np.linalg.solve(total + unknown.covariance, residual)
-    return np.asarray(course / max(explanation.posterior.unknown, _COUNTS))
+    return np.asarray(course / max(explanation.posterior.discrepancy_probability, _COUNTS))

@@ -88,7 +88,7 @@ def _rescaled(about: Linearisation, scale: FloatArray, shift: FloatArray) -> Lin
     return Linearisation(
         about.residual,
         about.jacobian * scale,
-        (about.departure - shift) / scale,
+        (about.prior_z - shift) / scale,
         (about.low - shift) / scale,
         (about.high - shift) / scale,
     )
@@ -121,11 +121,11 @@ def _told(reading: MeasuredStrength, fitted: LinearisedFit, posterior: Posterior
         strength = reading.mechanism.parameters[0]
         held = reading.mechanism.name in fitted.names
         at = prior_of(strength).departure(fitted.values[reading.name]) if held else 0.0
-        return _likelier(posterior, float(norm.logpdf(reading.departure, at, reading.sd)))
+        return _likelier(posterior, float(norm.logpdf(reading.prior_z, at, reading.sd)))
     k = fitted.free.index(reading.name)
     along = posterior.covariance[:, k]
     variance = float(along[k]) + reading.sd**2
-    away = reading.departure - float(posterior.mean[k])
+    away = reading.prior_z - float(posterior.mean[k])
     moved = replace(
         posterior,
         mean=posterior.mean + along * away / variance,
@@ -209,7 +209,7 @@ def integrate_strength(
     mean, covariance = moments_of(shares, means, covariances)
     strands = MixtureComponents(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
     found = mixed(total - _log_inside(prior, low, high), hats @ shares, parts)
-    return replace(found, mean=mean, covariance=covariance, strands=strands)
+    return replace(found, mean=mean, covariance=covariance, components=strands)
 
 
 def _steps(
@@ -217,7 +217,7 @@ def _steps(
 ) -> list[_Step]:
     """Return steps in order, from the fit to either side."""
     sd = float(np.sqrt(fitted.covariance[k, k]))
-    first = _held(problem, fitted, k, float(np.clip(fitted.departure[k], *ends)), of)
+    first = _held(problem, fitted, k, float(np.clip(fitted.prior_z[k], *ends)), of)
     found = [first]
     for end, side in zip(ends, (-1.0, 1.0), strict=True):
         last, size = first, sd

@@ -93,13 +93,13 @@ class LinearisedFit:
     """All parameters: kPa, mm and the mechanisms' units."""
     parameters: tuple[Parameter, ...]
     """Those that were fitted, by full name."""
-    departure: FloatArray
+    prior_z: FloatArray
     """(p,): of those from what was known, in its standard deviations."""
     prediction: FloatArray
     """(n,), N: at all observations, fitted or not."""
     residual: FloatArray
     """(n,), N: observed less predicted."""
-    change: FloatArray
+    sensitivities: FloatArray
     """(n, p), N: of the prediction by one standard deviation of each parameter."""
     whitened: FloatArray
     """(k,): the fitted part's residual over its errors' Cholesky factor."""
@@ -129,20 +129,20 @@ class LinearisedFit:
     @property
     def cost(self) -> float:
         """The same with the departures from what was known: what a fit minimises."""
-        return self.chi2 + float(self.departure @ self.departure)
+        return self.chi2 + float(self.prior_z @ self.prior_z)
 
     @property
-    def beyond_noise(self) -> float:
+    def excess_misfit(self) -> float:
         """What is more in the cost than noise makes, which is one a value."""
         return max(self.cost - len(self.residual), 0.0)
 
     @property
-    def left(self) -> FloatArray:
+    def augmented_residual(self) -> FloatArray:
         """What is left (k + p,): the whitened residual, and departures from what was known."""
-        return np.concatenate([self.whitened, -self.departure])
+        return np.concatenate([self.whitened, -self.prior_z])
 
     @property
-    def span(self) -> FloatArray:
+    def augmented_jacobian(self) -> FloatArray:
         """What the parameters move of that, (k + p, p)."""
         return np.vstack([self.jacobian, np.eye(len(self.free))])
 
@@ -190,13 +190,13 @@ class LinearisedFit:
 
     def _at(self, k: int, deviations: float) -> float:
         sd = float(np.sqrt(self.covariance[k, k]))
-        return prior_of(self.parameters[k]).value_at(self.departure[k] + deviations * sd)
+        return prior_of(self.parameters[k]).value_at(self.prior_z[k] + deviations * sd)
 
     @property
     def linearised(self) -> Linearisation:
         """The fit as the evidence sees it."""
         ends = np.array([[prior_of(p).departure(end) for end in p.bounds] for p in self.parameters])
-        return Linearisation(self.residual, self.change, self.departure, ends[:, 0], ends[:, 1])
+        return Linearisation(self.residual, self.sensitivities, self.prior_z, ends[:, 0], ends[:, 1])
 
     def moved(self, departure: FloatArray) -> dict[str, float]:
         """Return all values with the fitted ones at other departures."""

@@ -133,7 +133,7 @@ class Signature:
 
     mechanism: Mechanism
     direction: FloatArray
-    """(n + p,): whitened, projected off the base parameters; see `Fit.left`."""
+    """(n + p,): whitened, projected off the base parameters; see `LinearisedFit.augmented_residual`."""
     one_sided: bool
     shown: FloatArray
     """(n,), N: the response before whitening, for a figure."""
@@ -179,7 +179,7 @@ def signatures_of(
     problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism]
 ) -> tuple[list[Signature], list[float]]:
     """Return the projected signatures at a fit, and the share of each that is concealed."""
-    basis = np.linalg.qr(fitted.span)[0]
+    basis = np.linalg.qr(fitted.augmented_jacobian)[0]
     observed = problem.predictor.observed
     found: list[Signature] = []
     hidden: list[float] = []
@@ -214,7 +214,7 @@ def score_tests(
 ) -> MisfitAssessment:
     """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
     found, hidden = signatures_of(problem, fitted, mechanisms)
-    basis = np.linalg.qr(fitted.span)[0]
+    basis = np.linalg.qr(fitted.augmented_jacobian)[0]
     windows, boxes = windows_of(problem.predictor.observed)
     white_boxes = _padded(problem.whitened(boxes), fitted)
     white_boxes -= basis @ (basis.T @ white_boxes)
@@ -222,7 +222,7 @@ def score_tests(
     errors = problem.errors.draw(DRAWS, generator)
     known = generator.normal(size=(DRAWS, len(fitted.free)))
     drawn = np.hstack([problem.whitened(errors.T).T, known])
-    everything = np.vstack([fitted.left, drawn])
+    everything = np.vstack([fitted.augmented_residual, drawn])
     everything -= (everything @ basis) @ basis.T
 
     strength = _by_mechanism(found, everything)

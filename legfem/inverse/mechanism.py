@@ -222,12 +222,12 @@ class MeasuredStrength:
     ----------
     mechanism
         Which.
-    departure, sd
+    prior_z, sd
         In standard deviations of what is known of the strength beforehand.
     """
 
     mechanism: Mechanism
-    departure: float
+    prior_z: float
     sd: float
 
     @property

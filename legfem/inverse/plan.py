@@ -289,13 +289,13 @@ def prior_candidates(
     mechanisms
         Those that are to be told.
     """
-    found = [Candidate("nothing", base, base.departure, np.eye(len(base.free)), 1.0)]
+    found = [Candidate("nothing", base, base.prior_z, np.eye(len(base.free)), 1.0)]
     for mechanism in mechanisms:
         parameters = problem.parameters([mechanism])
         departure = np.zeros(len(parameters))
-        departure[: len(base.free)] = base.departure
+        departure[: len(base.free)] = base.prior_z
         departure[len(base.free)] = 0.7
-        fitted = replace(base, mechanisms=(mechanism,), parameters=parameters, departure=departure)
+        fitted = replace(base, mechanisms=(mechanism,), parameters=parameters, prior_z=departure)
         found.append(Candidate(mechanism.name, fitted, departure, np.eye(len(parameters)), 1.0))
     return found
 

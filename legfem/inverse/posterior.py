@@ -40,18 +40,18 @@ class Posterior:
     """(p,): departures, within their bounds."""
     covariance: FloatArray
     """(p, p)."""
-    unknown: float
+    discrepancy_probability: float
     """Probability that something unknown is left beside it."""
-    unknown_size: float
+    discrepancy_size: float
     """Its expected standard deviation over the largest force, where there is something."""
     gain_sd: float
     zero_sd: float
     """Expected sizes (N) of the trials' gains and zeros."""
     effects: FloatArray
     """(k,): expected effects of what the model doesn't know, in standard deviations."""
-    of_unknown: FloatArray
+    discrepancy_weights: FloatArray
     """(u,): probabilities of the unknown errors, none among them."""
-    strands: MixtureComponents | None = None
+    components: MixtureComponents | None = None
     """The parameters' distributions, where these are no normal ones."""
 
 
@@ -76,9 +76,9 @@ def mixed(total: float, weights: FloatArray, parts: Sequence[Posterior]) -> Post
         log_evidence=total,
         mean=mean,
         covariance=spread,
-        unknown=average("unknown"),
-        unknown_size=average("unknown_size"),
-        of_unknown=_averaged(weights, [p.of_unknown for p in parts]),
+        discrepancy_probability=average("discrepancy_probability"),
+        discrepancy_size=average("discrepancy_size"),
+        discrepancy_weights=_averaged(weights, [p.discrepancy_weights for p in parts]),
         gain_sd=average("gain_sd"),
         zero_sd=average("zero_sd"),
         effects=_averaged(weights, [p.effects for p in parts]),

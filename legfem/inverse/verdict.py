@@ -72,7 +72,7 @@ def limits_of(explained: Explained) -> tuple[Limit, ...]:
 
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
-SOUND = 0.5
+ADEQUATE = 0.5
 """Probability of the base model alone from which the recordings are called consistent."""
 SHOWN_MOST = 6
 _SLOWEST_OF_TEST, _SLOWEST_MM = 0.02, 5.0
@@ -86,7 +86,7 @@ class Diagnosis:
     law: LawName
     observed: Observations
     explained: Explained
-    ordinary: Explanation
+    ordinary_base: Explanation
     """The base model by ordinary least squares."""
     models: tuple[Explanation, ...]
     """Explanations that are listed, the most probable first; none if consistent."""
@@ -112,17 +112,17 @@ class Diagnosis:
     @property
     def base(self) -> Explanation:
         """The base model: by its errors, or as near to the data as it gets if it is wrong."""
-        return self.explained.base if self.verdict == "consistent" else self.ordinary
+        return self.explained.base if self.verdict == "consistent" else self.ordinary_base
 
     @property
-    def alone(self) -> Explanation:
+    def weighted_base(self) -> Explanation:
         """The base model by its errors: what evidence and signs are reckoned about."""
         return self.explained.base
 
     @property
     def errors(self) -> ErrorModel:
         """Of the observations about the base model."""
-        return self.alone.problem.errors
+        return self.weighted_base.problem.errors
 
     @property
     def best(self) -> Explanation:
@@ -261,10 +261,10 @@ def _fitted(
 
 
 def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
-    if explained.soundness >= SOUND:
+    if explained.adequacy >= ADEQUATE:
         return "consistent", ()
     listed = explained.listed()
-    if listed[0].unknown:
+    if listed[0].unnamed:
         return "unexplained", ()
     models = tuple(e for e in listed if e.names)[:SHOWN_MOST]
     return ("named" if len(listed) == 1 else "ambiguous"), models
@@ -282,7 +282,7 @@ def _located(
     Where a model suits, it tells what the base model misses without the noise; else the windows do.
     """
     located = np.zeros(len(base.residual), dtype=bool)
-    if explained.soundness >= SOUND:
+    if explained.adequacy >= ADEQUATE:
         return located
     if models:
         return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)
@@ -304,16 +304,16 @@ def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base
         The base model by its errors.
     """
     same = equally_weighted(problem, fitted.residual)
-    weighed = fitted.change / np.diag(same.errors.dense)[:, None]
+    weighed = fitted.sensitivities / np.diag(same.errors.dense)[:, None]
     own = np.eye(len(fitted.free))
-    spread = np.linalg.inv(fitted.change.T @ weighed + own)
+    spread = np.linalg.inv(fitted.sensitivities.T @ weighed + own)
     estimator = spread @ weighed.T
     covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
     return replace(
         base,
         problem=same,
         fit=fitted,
-        posterior=replace(base.posterior, mean=fitted.departure, covariance=covariance),
+        posterior=replace(base.posterior, mean=fitted.prior_z, covariance=covariance),
         degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
     )
 
@@ -340,15 +340,15 @@ def explained_share(found: Diagnosis, model: Explanation) -> float:
 
     Misfits are sums of squares over the errors', less as many as there are observations.
     """
-    before, after = found.alone.misfit_left, model.misfit_left
+    before, after = found.weighted_base.excess_misfit, model.excess_misfit
     return 1.0 - min(after / before, 1.0) if before > 0 else 0.0
 
 
 def residual_intervals(found: Diagnosis, model: Explanation) -> list[ResidualInterval]:
     """Return where something unknown is left beside an explanation, the greatest first."""
-    if not model.leaves:
+    if not model.leaves_discrepancy:
         return []
-    observed, base = found.observed, found.alone.fit
+    observed, base = found.observed, found.weighted_base.fit
     course = unknown_course(model, possible_discrepancies(observed, base.prediction))
     least = np.maximum(_LEAST_OF_NOISE * found.errors.trial_sd, _LEAST_OF_FORCE * np.abs(base.prediction).max())
     marked = np.where(np.abs(course) > least, np.sign(course), 0).astype(int)

@@ -132,7 +132,7 @@ def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
         return
     known = elastography_priors(subject.elastography).get(DEEP_C10)
     if known is not None:
-        alone = found.alone
+        alone = found.weighted_base
         yield from disagreement(DEEP_C10, known, kpa_to_mpa(alone.value("C10")), kpa_to_mpa(alone.fit.sd("C10")))
 
 

@@ -40,14 +40,14 @@ def plain(name: str) -> str:
 
 def model_name(model: Explanation) -> str:
     """Return an explanation's name for people."""
-    if model.unknown:
+    if model.unnamed:
         return UNKNOWN_NAME
     return " + ".join(plain(name) for name in model.names) or BASE_NAME
 
 
 def statement_name(one: Statement) -> str:
     """Return what a statement says, in short."""
-    if one.unknown:
+    if one.unnamed:
         return UNKNOWN_NAME
     return " + ".join(plain(name) for name in one.names) or "nothing detectable"
 

@@ -64,16 +64,16 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "law": found.law,
             "doubts": doubt_documents(doubts_of(found, subject)),
             "verdict": found.verdict,
-            "probability_that_nothing_shows": found.explained.soundness,
+            "probability_that_nothing_shows": found.explained.adequacy,
             "statements": [
-                {"mechanisms": list(one.names), "unknown": one.unknown, "probability": one.probability}
+                {"mechanisms": list(one.names), "unknown": one.unnamed, "probability": one.probability}
                 for one in found.explained.statements()
                 if one.nothing_shows or one.probability > 1e-4
             ],
             "explanations": [
                 {
                     "mechanisms": list(e.names),
-                    "unknown": e.unknown,
+                    "unknown": e.unnamed,
                     "probability": e.probability,
                     "log_evidence": e.posterior.log_evidence,
                 }
@@ -201,7 +201,7 @@ def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[s
     entries = []
     for mechanism in model.fit.mechanisms:
         score = found.assessment.score(mechanism.name)
-        gain = model.posterior.log_evidence - found.alone.posterior.log_evidence
+        gain = model.posterior.log_evidence - found.weighted_base.posterior.log_evidence
         entries.append(
             {
                 "name": mechanism.name,

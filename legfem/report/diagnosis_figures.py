@@ -16,7 +16,7 @@ from legfem.inverse.explanation import Explanation, Statement
 from legfem.inverse.location import Signature
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.stations import Stations
-from legfem.inverse.verdict import SOUND, Diagnosis
+from legfem.inverse.verdict import ADEQUATE, Diagnosis
 from legfem.report.diagnosis_curves import (
     BASE_COLOUR,
     BASE_NAME,
@@ -62,7 +62,7 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     axes.set_ylim(len(every) - 0.4, -0.7)
     axes.set_xlim(0.0, 1.18)
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
-    axes.axvline(SOUND, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
+    axes.axvline(ADEQUATE, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
     axes.set_xlabel("probability (dotted: above it, 'nothing detectable' gives the verdict consistent)")
     handles = [Patch(color=colour, label=text) for colour, text in _MEANING.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
@@ -80,7 +80,7 @@ _MEANING = {
 def _colour(one: Statement, reported: bool) -> str:
     if one.nothing_shows:
         return BASE_COLOUR
-    if one.unknown:
+    if one.unnamed:
         return SUITING_COLOUR
     return REPAIRED_COLOUR if reported else CONTRADICTED_COLOUR
 
@@ -257,7 +257,7 @@ def matched(found: Diagnosis, signature: Signature) -> tuple[FloatArray, float |
     The share is of the squares (in units of the noise) above those that noise makes; None where
     there are hardly more. With the wrong sign it is zero.
     """
-    fitted, direction = found.alone.fit, signature.direction
+    fitted, direction = found.weighted_base.fit, signature.direction
     along = _along(found, signature)
     square = float(direction @ direction)
     shown = direction[: len(fitted.whitened)]
@@ -270,7 +270,7 @@ def matched(found: Diagnosis, signature: Signature) -> tuple[FloatArray, float |
 
 
 def _along(found: Diagnosis, signature: Signature) -> float:
-    along = float(signature.direction @ found.alone.fit.left)
+    along = float(signature.direction @ found.weighted_base.fit.augmented_residual)
     return max(along, 0.0) if signature.one_sided else along
 
 
@@ -281,7 +281,7 @@ def _statistic(found: Diagnosis, signature: Signature) -> float:
 def _draw_signature(axes: Axes, found: Diagnosis, number: int, scaled: FloatArray, reported: bool) -> None:
     observed = found.observed
     trials = observed.trials_of(number)
-    missed = np.array([-found.alone.fit.residual[observed.trial == k] for k in trials])
+    missed = np.array([-found.weighted_base.fit.residual[observed.trial == k] for k in trials])
     shape = np.array([-scaled[observed.trial == k] for k in trials])
     x = np.arange(missed.shape[1])
     axes.axhline(0.0, color=DATA_COLOUR, linewidth=0.5)

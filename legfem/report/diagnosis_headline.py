@@ -110,7 +110,7 @@ def _place(found: Diagnosis) -> str:
 
 
 def _sure(found: Diagnosis) -> str:
-    soundness = found.explained.soundness
+    soundness = found.explained.adequacy
     if found.verdict == "consistent":
         fits = f"{percent(soundness)} sure that the computer model fits this test"
         return f"{capital(fits)}. The range {_NINETEEN_OF_20}"

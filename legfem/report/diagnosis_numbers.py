@@ -181,9 +181,9 @@ def trials_of(found: Diagnosis, place: Place) -> str:
 
 def evidence_cells(found: Diagnosis) -> Cells:
     """Return how probable each reported explanation is, and what it leaves."""
-    base = found.alone
+    base = found.weighted_base
     rows = [
-        [BASE_NAME, percent(found.explained.soundness), "-", "-", f"{found.base_held_out.rmse:.3f}", "-"],
+        [BASE_NAME, percent(found.explained.adequacy), "-", "-", f"{found.base_held_out.rmse:.3f}", "-"],
         *(
             [
                 f"with {model_name(model)}",

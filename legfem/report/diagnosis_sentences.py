@@ -23,7 +23,7 @@ def verdict_sentence(found: Diagnosis) -> str:
         return (
             "The model describes the recordings to within their errors and what is not known of "
             "what was pressed; nothing asks for more physics "
-            f"(probability {percent(found.explained.soundness)} that none shows). {air(found)}"
+            f"(probability {percent(found.explained.adequacy)} that none shows). {air(found)}"
         ).strip()
     if found.verdict == "unexplained":
         return (
@@ -49,7 +49,7 @@ def verdict_sentence(found: Diagnosis) -> str:
 
 
 def _contradiction(found: Diagnosis) -> str:
-    missing = 1 - found.explained.soundness
+    missing = 1 - found.explained.adequacy
     if missing > _CERTAIN:
         return "The recordings contradict the model."
     return f"The model probably left something out ({percent(missing)})."
@@ -134,7 +134,7 @@ def next_experiments(found: Diagnosis) -> list[str]:
     """Return the measurements that would settle what is open, but those that were made."""
     if found.verdict == "unexplained":
         return [_NO_MECHANISM]
-    known = {reading.mechanism.name for reading in found.alone.problem.measured}
+    known = {reading.mechanism.name for reading in found.weighted_base.problem.measured}
     wanted = dict.fromkeys(
         _wanted(found, m) for model in found.models for m in model.fit.mechanisms if m.name not in known
     )

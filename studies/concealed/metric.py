@@ -64,15 +64,15 @@ class Metric:
     @classmethod
     def of(cls, found: Diagnosis) -> Metric:
         """Return a diagnosis' metric."""
-        observed, errors, base = found.observed, found.errors, found.alone.fit
+        observed, errors, base = found.observed, found.errors, found.weighted_base.fit
         alone = [e for e in found.explained.every if len(e.names) == 1]
         return cls(
             observed.force,
             errors.covariance,
-            _family(found.alone),
-            base.change[:, len(base.stiffness) :],
+            _family(found.weighted_base),
+            base.sensitivities[:, len(base.stiffness) :],
             found.base.problem.errors.covariance,
-            found.base.fit.change,
+            found.base.fit.sensitivities,
             errors.trial_sd,
             found.located,
             np.reshape([_added(e) for e in alone], (-1, len(observed.trial))),

@@ -22,9 +22,8 @@ from legfem.legs.correction import FIRST_RATIO, mesh_error
 from legfem.legs.correction_of_leg import FibreTable
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
-from legfem.study.correction.calibration import run_cases, stiffened
+from legfem.study.correction.calibration import leg_of_size, run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material
-from legfem.study.correction.leg_table import leg_of_size
 
 RATIOS = (1.5, 2.5, 4.5, 8.0)
 DEPTH_MM, GRID_MM = 20.0, 1.0

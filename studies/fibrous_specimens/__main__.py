@@ -9,13 +9,13 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from legfem.common.command_line import study_edge
+from legfem.commands.study import Jobs, Out
+from legfem.common.command_line import study_context
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.intervals import VERDICTS
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from legfem.study.options import Jobs, Out
 from studies.fibrous_specimens.planting import RATIOS, SETUPS, Found, Outcome, Plant, Setup, identified, plants
 from studies.lab.rate import Rate
 
@@ -34,7 +34,7 @@ def fibrous_specimens(
     Example: python -m studies.fibrous_specimens --n 30
     """
     resume = "run the same command again to go on; tissues that are done are kept"
-    with study_edge("fibrous-specimens", out, jobs, resume) as (folder, processes):
+    with study_context("fibrous-specimens", out, jobs, resume) as (folder, processes):
         modules = ("studies.fibrous_specimens.planting",)
         store = Store(folder / "tissues", Outcome, modules=modules)
         with progress_on() as progress, Workers(identified, folder, processes) as workers:

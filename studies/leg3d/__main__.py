@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
@@ -66,7 +66,7 @@ def leg3d(
 
     Example: python -m studies.leg3d --c10 1.2
     """
-    with study_edge("leg3d", out) as (folder, _), progress_on() as progress:
+    with study_context("leg3d", out) as (folder, _), progress_on() as progress:
         if first > max(plants, 1):
             raise InputError(
                 "leg3d",

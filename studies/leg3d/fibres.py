@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
@@ -157,7 +157,7 @@ def fibres(
 
     Example: python -m studies.leg3d.fibres --ratio 2 --tests "along and across"
     """
-    with command_edge("run the same command again to go on"), progress_on() as progress:
+    with command_context("run the same command again to go on"), progress_on() as progress:
         for option, names, known in (("--tests", tests or (), TESTS), ("--elements", [elements], ELEMENTS)):
             for name in names:
                 if name not in known:

@@ -90,7 +90,7 @@ class NullCounter:
             task.leg,
             found.verdict,
             tuple(tuple(model.names) for model in found.models),
-            float(found.explained.soundness),
+            float(found.explained.adequacy),
             found.best.value("C10"),
             found.intervals["C10"],
             true,

@@ -178,7 +178,7 @@ def predicted(explanation: Explanation, whole: Observations, motion: Motion) -> 
     known = predictor(explanation.fit.values, explanation.fit.mechanisms)
     noise = explanation.problem.errors.noise
     errors = error_model(whole, noise, known, shape_errors(whole))
-    unknown = possible_discrepancies(whole, known)[int(np.argmax(explanation.posterior.of_unknown))]
+    unknown = possible_discrepancies(whole, known)[int(np.argmax(explanation.posterior.discrepancy_weights))]
     errors = with_discrepancy(errors, unknown)
     kept = motion.at_stations(whole) <= motion.time[-1] - HELD_OUT_S
     problem = LinearisedProblem(predictor, errors).without(~kept)

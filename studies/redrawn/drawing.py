@@ -95,7 +95,7 @@ class Redrawer:
             case.effects,
             found.verdict,
             tuple(model.names for model in found.models),
-            tuple((s.names, s.unknown, s.probability) for s in found.explained.statements()),
+            tuple((s.names, s.unnamed, s.probability) for s in found.explained.statements()),
             found.base.value("C10"),
             found.best.value("C10"),
             found.intervals["C10"],

@@ -18,12 +18,16 @@ from legfem.report.page import PAGE, command_line
 from legfem.report.paraview import write_fields
 from legfem.report.render.html import rendered
 from legfem.report.render.text import table
-from legfem.study.correction.calibration import Calibration, calibrate, coarsened, run_cases
+from legfem.study.correction.calibration import Calibration, LegTable, calibrate, coarsened, run_cases, tabulate_legs
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
-from legfem.study.correction.figure import draw_correction, draw_trends
-from legfem.study.correction.leg_table import LegTable, tabulate_legs
-from legfem.study.correction.tables import correction_cells, meshes_cells, trend_cells
-from legfem.study.correction.web_page import correction_web_page
+from legfem.study.correction.page import (
+    correction_cells,
+    correction_web_page,
+    draw_correction,
+    draw_trends,
+    meshes_cells,
+    trend_cells,
+)
 
 DOCUMENT = "correction.json"
 

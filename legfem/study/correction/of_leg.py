@@ -40,7 +40,7 @@ from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, save, styled
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import versions
-from legfem.study.correction.tables import SHOWN, Cells
+from legfem.study.correction.page import SHOWN, Cells
 
 DOCUMENT = "leg.json"
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"

@@ -1,24 +1,278 @@
-"""The points at which a study simulates, coded to -1..1."""
+"""A design of experiments: its factors and their ranges, its TOML, and its points coded to -1..1."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
 import numpy as np
+from pydantic import Field, create_model, model_validator
 from pyDOE3 import ff2n, lhs
 
+from legfem.common.errors import InputError
+from legfem.common.input_files import FileTable, Finite, NotNegative, Positive, checked, read_toml, trouble
 from legfem.common.units import FloatArray
+from legfem.data.folder import RESOURCES
+
+PAPER, IDENTIFIED = (RESOURCES / "frauziols" / name for name in ("doe.toml", "doe-identified.toml"))
+MOST_FACTORS = 8
+
+Coding = Literal["linear", "logarithmic"]
+Kind = Literal["stiffness", "compressibility", "length"]
+
+UNITS: Mapping[Kind, Mapping[str, float]] = {
+    "stiffness": {"kPa": 1e-3, "MPa": 1.0},
+    "compressibility": {"per_MPa": 1.0},
+    "length": {"mm": 1.0},
+}
+"""Units that a parameter may be given in, and what one of them is in the model's (MPa, 1/MPa)."""
+
+PARAMETERS: Mapping[str, Kind] = {
+    "deep.C10": "stiffness",
+    "deep.C20": "stiffness",
+    "deep.D1": "compressibility",
+    "deep.D2": "compressibility",
+    "superficial.C10": "stiffness",
+    "superficial.D1": "compressibility",
+    "fascia.C10": "stiffness",
+    "fascia.D1": "compressibility",
+    "fascia.thickness": "length",
+    "indenter.diameter": "length",
+}
+"""Everything that can be a factor."""
+
+OF_THE_GEOMETRY = ("fascia.thickness", "indenter.diameter")
+"""Parameters whose change needs another mesh."""
+
+_TISSUES = {"deep": "deep", "superficial": "fat", "fascia": "fascia"}
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One parameter that the design varies.
+
+    Attributes
+    ----------
+    name : str
+        One of `PARAMETERS`.
+    low, high : float
+        Levels coded -1 and +1, in ``unit``.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    coding: Coding
+
+    @property
+    def symbol(self) -> str:
+        """Name in a formula and as a table's column."""
+        return self.name.replace(".", "_")
+
+    @property
+    def label(self) -> str:
+        """Name as people read it."""
+        return label_of(self.name)
+
+    @property
+    def unit_text(self) -> str:
+        """Unit as people write it."""
+        return "1/MPa" if self.unit == "per_MPa" else self.unit
+
+    @property
+    def unit_scale(self) -> float:
+        """What one of ``unit`` is in the model's units."""
+        return UNITS[PARAMETERS[self.name]][self.unit]
+
+    def value(self, coded: float) -> float:
+        """Value of a coded level, in ``unit``."""
+        share = (coded + 1) / 2
+        if self.coding == "logarithmic":
+            return float(self.low ** (1 - share) * self.high**share)
+        return float(self.low * (1 - share) + self.high * share)
+
+    def model_value(self, coded: float) -> float:
+        """Value of a coded level, in the model's units."""
+        return self.value(coded) * self.unit_scale
+
+
+def label_of(name: str) -> str:
+    """Name of a parameter as people read it."""
+    part, _, what = name.partition(".")
+    return f"{part} {what}" if name in OF_THE_GEOMETRY else f"{what} {_TISSUES[part]}"
 
 
 def factorial_design(factors: int) -> FloatArray:
-    """Return all corners, then the centre; (2^k + 1, k)."""
-    corners = np.asarray(ff2n(factors), dtype=float)
-    return np.vstack([corners, np.zeros((1, factors))])
+    """All corners, then the centre: (2^k + 1, k)."""
+    return np.vstack([np.asarray(ff2n(factors), dtype=float), np.zeros((1, factors))])
 
 
 def space_filling_design(factors: int, points: int, seed: int) -> FloatArray:
-    """Return a Latin hypercube whose points keep apart; (points, k)."""
+    """Latin hypercube (points, k) whose points keep apart."""
     if points == 0:
         return np.zeros((0, factors))
     if points == 1:
         return np.random.default_rng(seed).uniform(-1, 1, (1, factors))
     unit = lhs(factors, samples=points, criterion="maximin", iterations=200, seed=seed)
     return 2 * np.asarray(unit, dtype=float) - 1
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What a study varies and what it looks at.
+
+    Attributes
+    ----------
+    depth : float
+        Greatest displacement, mm.
+    windows : tuple
+        Stretches of displacement (mm) in which the curve's slope and curvature are taken.
+    fixed : mapping
+        Parameters that differ from the subject's own, in the model's units.
+    nominal : mapping
+        Point at which the information is taken, in the model's units; the centre where it isn't given.
+    training, testing : int
+        Simulations that the emulator learns from beside the design's own (0 leaves it out), and is tested on.
+    """
+
+    source: Path
+    title: str
+    depth: float
+    windows: tuple[tuple[float, float], ...]
+    factors: tuple[Factor, ...]
+    fixed: Mapping[str, float]
+    nominal: Mapping[str, float]
+    training: int = 80
+    testing: int = 20
+
+    @property
+    def ends(self) -> list[float]:
+        """Depths (mm) at which windows end, each once."""
+        return sorted({end for _, end in self.windows})
+
+
+class _Range(FileTable):
+    """Levels of a factor as its table gives them; each kind of parameter has its own units."""
+
+    coding: Coding | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        units = [name.partition("_")[2] for name in type(self).model_fields if name.startswith("low_")]
+        found = [unit for unit in units if self.level("low", unit) is not None or self.level("high", unit) is not None]
+        if len(found) != 1:
+            wanted = f"low_{units[0]} and high_{units[0]}"
+            raise trouble(wanted, "needs its range in one unit", f"give {wanted}")
+        unit = found[0]
+        low, high = (self.level(side, unit) for side in ("low", "high"))
+        for side, level in (("low", low), ("high", high)):
+            if level is None:
+                raise trouble(f"{side}_{unit}", "missing", "a factor has a low and a high level")
+        if low == high:
+            remedy = "give two different levels, or move it to [fixed]"
+            raise trouble(f"low_{unit}", f"has one level only ({low:g} {unit})", remedy)
+        if low > high:
+            problem = f"its range is reversed (low {low:g} is above high {high:g} {unit})"
+            raise trouble(f"low_{unit}", problem, "exchange them")
+        return self
+
+    def level(self, side: str, unit: str) -> Any:
+        """Level in a unit; None where it isn't given."""
+        return getattr(self, f"{side}_{unit}")
+
+    def factor(self, name: str, coding: Coding) -> Factor:
+        """Factor of this range, coded as the design is where the range doesn't say."""
+        (unit,) = (unit for unit in UNITS[PARAMETERS[name]] if self.level("low", unit) is not None)
+        return Factor(name, self.level("low", unit), self.level("high", unit), unit, self.coding or coding)
+
+
+def _number(name: str) -> Any:
+    # A reduced polynomial with C20 = 0 is neo-Hookean; all else must be positive.
+    return NotNegative if name == "deep.C20" else Positive
+
+
+def _range_of(name: str) -> Any:
+    levels = [f"{side}_{unit}" for unit in UNITS[PARAMETERS[name]] for side in ("low", "high")]
+    fields: dict[str, Any] = {level: (_number(name) | None, None) for level in levels}
+    return create_model("_RangeOf", __base__=_Range, **fields)
+
+
+_RANGES: dict[str, Any] = {name: (_range_of(name) | None, None) for name in PARAMETERS}
+_KEYS = {f"{name}_{unit}": (name, scale) for name, kind in PARAMETERS.items() for unit, scale in UNITS[kind].items()}
+_VALUES: dict[str, Any] = {key: (_number(name) | None, None) for key, (name, _) in _KEYS.items()}
+_Ranges = create_model("_Ranges", __base__=FileTable, **_RANGES)
+_Values = create_model("_Values", __base__=FileTable, **_VALUES)
+
+
+class _Emulator(FileTable):
+    training: Annotated[int, Field(ge=0)] = 80
+    testing: Annotated[int, Field(ge=0)] = 20
+
+
+Window = Annotated[list[Finite], Field(min_length=2, max_length=2)]
+
+
+class _File(FileTable):
+    title: str | None = None
+    depth_mm: Positive = 30.0
+    windows_mm: list[Window] = Field(default=[[0, 5], [5, 20], [20, 30]])
+    coding: Coding = "linear"
+    factors: _Ranges  # type: ignore[valid-type]
+    fixed: _Values = _Values()  # type: ignore[valid-type]
+    nominal: _Values = _Values()  # type: ignore[valid-type]
+    emulator: _Emulator = _Emulator()
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for number, (start, end) in enumerate(self.windows_mm, 1):
+            if not 0 <= start < end <= self.depth_mm + 1e-9:
+                problem = f"{start:g} to {end:g} mm is no part of 0 to {self.depth_mm:g} mm"
+                remedy = "give start below end, within depth_mm"
+                raise trouble(f"windows_mm, number {number}", problem, remedy)
+        if len({tuple(window) for window in self.windows_mm}) != max(len(self.windows_mm), 1):
+            raise trouble("windows_mm", "must be one or more, all different", "correct it")
+        return self
+
+
+def read_definition(path: Path) -> Definition:
+    """Read and check a definition.
+
+    Raises
+    ------
+    InputError
+        For a missing file, bad TOML, unknown factors, reversed or empty ranges.
+    """
+    content = read_toml(path, "a design of experiments")
+    given = checked(path, content, _File)
+    ranges = {name: getattr(given.factors, name) for name in content["factors"]}  # in the file's order
+    factors = tuple(found.factor(name, given.coding) for name, found in ranges.items())
+    if not 2 <= len(factors) <= MOST_FACTORS:
+        remedy = f"give 2 to {MOST_FACTORS}: a full factorial of k factors takes 2^k + 1 simulations"
+        raise InputError(path, "factors", f"there are {len(factors)}", remedy)
+    for factor in factors:
+        if factor.coding == "logarithmic" and factor.low == 0:
+            raise InputError(path, f"factors.{factor.name}", "0 has no logarithm", "give a value above 0")
+    fixed = _in_model_units(given.fixed)
+    for name in fixed:
+        if name in ranges:
+            raise InputError(path, f"fixed.{name}", "is a factor too", "remove one of them")
+    return Definition(
+        path,
+        given.title or path.stem,
+        given.depth_mm,
+        tuple((start, end) for start, end in given.windows_mm),
+        factors,
+        fixed,
+        _in_model_units(given.nominal),
+        given.emulator.training,
+        given.emulator.testing,
+    )
+
+
+def _in_model_units(given: FileTable) -> dict[str, float]:
+    """Parameters written as ``"deep.C10_kPa" = 0.7``, in the model's units."""
+    values = given.model_dump(exclude_unset=True)
+    return {_KEYS[key][0]: value * _KEYS[key][1] for key, value in values.items()}

@@ -17,8 +17,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.legs.subject import Subject
-from legfem.study.doe.definition import Definition
-from legfem.study.doe.factors import OF_THE_GEOMETRY
+from legfem.study.doe.design import OF_THE_GEOMETRY, Definition
 from legfem.study.doe.runs import Workshop
 from legfem.study.doe.simulator import Record, Request
 
@@ -35,25 +34,31 @@ IDENTIFIED_WITHIN = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """Sensitivities at one point, and what follows from them."""
+    """Sensitivities at one point, and what follows from them.
+
+    Attributes
+    ----------
+    nominal : tuple of float
+        The point, in the model's units.
+    displacement, force, noise_sd : ndarray
+        (n,), mm and N.
+    sensitivity : ndarray
+        Derivatives of the force by the parameters' logarithms (n, k), N.
+    assumed_sd : ndarray
+        Relative standard deviations (k,) of what is known of a parameter without the test: its range in
+        the design, taken for a 95 % interval of its logarithm; infinite for the deep tissue's.
+    """
 
     names: tuple[str, ...]
     nominal: tuple[float, ...]
-    """In the model's units."""
     displacement: FloatArray
-    """(n,), mm."""
     force: FloatArray
-    """(n,), N."""
     sensitivity: FloatArray
-    """(n, k), N: derivatives of the force by the parameters' logarithms."""
     noise_sd: FloatArray
-    """(n,), N."""
     assumed_sd: FloatArray
-    """(k,): relative, of what is known of a parameter without the test: its range in the design,
-    taken for a 95 % interval of its logarithm; infinite for the deep tissue's."""
 
     def matrix(self, depth: float) -> FloatArray:
-        """Return the information of the readings down to a depth; (k, k)."""
+        """Information (k, k) of the readings down to a depth."""
         used = self.displacement <= depth + 1e-9
         scaled = self.sensitivity[used] / self.noise_sd[used, None]
         return np.asarray(scaled.T @ scaled)
@@ -61,7 +66,7 @@ class Information:
     def relative_sd(
         self, depth: float, unknown: Sequence[str] | None = None, within_ranges: bool = False
     ) -> FloatArray:
-        """Return the least relative standard deviations of unknown parameters (all by default).
+        """Least relative standard deviations of unknown parameters (all by default).
 
         Infinite where the readings don't determine them; the other parameters are known exactly.
         With ``within_ranges`` the unknown ones are known as well as `assumed_sd` says.
@@ -80,22 +85,27 @@ class Information:
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(correlation))) / scale)
 
     def directions(self, depth: float) -> tuple[FloatArray, FloatArray]:
-        """Return relative sds along the eigenvectors, best first, and these as columns."""
+        """Relative standard deviations along the eigenvectors, best first, and these as columns."""
         values, vectors = np.linalg.eigh(self.matrix(depth))
         with np.errstate(divide="ignore"):
             spread = 1 / np.sqrt(np.maximum(values[::-1], 0))
         vectors = vectors[:, ::-1]
         return spread, vectors * np.sign(vectors[np.argmax(np.abs(vectors), axis=0), range(len(values))])
 
-    def bias(self, depth: float, unknown: Sequence[str], assumed: str) -> FloatArray:
-        """Return the relative errors of unknown parameters for one of 1 in an assumed one."""
-        chosen = [self.names.index(name) for name in unknown]
-        matrix = self.matrix(depth)
-        cross = matrix[chosen, self.names.index(assumed)]
-        return np.asarray(-np.linalg.solve(matrix[np.ix_(chosen, chosen)], cross))
+    def biases(self, depth: float) -> dict[str, list[float]]:
+        """Relative errors of the `IDENTIFIED` parameters for one of 1 in each of the others; empty where unknown."""
+        if not set(IDENTIFIED) <= set(self.names):
+            return {}
+        matrix, chosen = self.matrix(depth), [self.names.index(name) for name in IDENTIFIED]
+        others = [k for k in range(len(self.names)) if k not in chosen]
+        try:
+            errors = -np.linalg.solve(matrix[np.ix_(chosen, chosen)], matrix[np.ix_(chosen, others)])
+        except np.linalg.LinAlgError:
+            return {}
+        return {self.names[k]: column.tolist() for k, column in zip(others, errors.T, strict=True)}
 
     def told_from(self, name: str, unknown: Sequence[str] | None = None, within_ranges: bool = False) -> float | None:
-        """Return the least depth (mm) from which a parameter is told; None if there is none."""
+        """Least depth (mm) from which a parameter is known within `IDENTIFIED_WITHIN`; None if there is none."""
         names = self.names if unknown is None else tuple(unknown)
         for depth in self.displacement:
             sd = self.relative_sd(float(depth), names, within_ranges)[names.index(name)]
@@ -105,12 +115,12 @@ class Information:
 
 
 def nominal_point(definition: Definition) -> dict[str, float]:
-    """Return the factors' values at which the information is taken, in the model's units."""
+    """Factors' values at which the information is taken, in the model's units."""
     return {f.name: definition.nominal.get(f.name, f.model_value(0.0)) for f in definition.factors}
 
 
 def information_requests(definition: Definition) -> list[Request]:
-    """Return the simulations: one with sensitivities, two for each dimension."""
+    """Simulations to do: one with sensitivities, two for each dimension."""
     point = nominal_point(definition)
     exact = tuple(name for name in point if name not in OF_THE_GEOMETRY and point[name] > 0)
     base = {**definition.fixed, **definition.nominal, **point}
@@ -133,7 +143,7 @@ def study_information(definition: Definition, subject: Subject, workshop: Worksh
 
 
 def information_of(definition: Definition, subject: Subject, records: Sequence[Record]) -> Information:
-    """Return the information from the simulations that `information_requests` asks for."""
+    """Information from the simulations that `information_requests` asks for."""
     point, length = nominal_point(definition), subject.indenter.length
     grid = np.arange(SPACING, definition.depth + 1e-9, SPACING)
     curves = [record.curve for record in records]

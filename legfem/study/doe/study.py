@@ -1,4 +1,4 @@
-"""A study from its definition to all that is found."""
+"""A study from its definition to all that is found, and what has to be said of its runs."""
 
 from __future__ import annotations
 
@@ -10,67 +10,154 @@ import pandas as pd
 
 from legfem.common.units import FloatArray
 from legfem.legs.subject import Subject
-from legfem.study.doe.anova import Anova, CoefficientTest, Counting, anova, coefficient_tests
-from legfem.study.doe.definition import Definition
-from legfem.study.doe.design import factorial_design, space_filling_design
-from legfem.study.doe.effects import CentreCurvature, Lenth, Normality, centre_curvature, lenth, normality
+from legfem.mechanics.materials import Hyperelastic
+from legfem.study.doe.design import Definition, Factor, factorial_design, space_filling_design
 from legfem.study.doe.information import Information, study_information
-from legfem.study.doe.metrics import Metric, metrics_in
-from legfem.study.doe.numerics import NumericalError, study_numerics
-from legfem.study.doe.runs import Workshop, requests_at, run_table
+from legfem.study.doe.runs import Metric, NumericalError, Workshop, metrics_in, requests_at, run_table, study_numerics
 from legfem.study.doe.simulator import Record
 from legfem.study.doe.sobol import SobolIndices, sobol_indices
-from legfem.study.doe.surface import NotEstimableError, Surface, fit_surface
+from legfem.study.doe.surface import (
+    Anova,
+    CentreCurvature,
+    CoefficientTest,
+    Counting,
+    Lenth,
+    Normality,
+    NotEstimableError,
+    Surface,
+    anova,
+    centre_curvature,
+    coefficient_tests,
+    fit_surface,
+    lenth,
+    normality,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class MetricAnalysis:
-    """All that the factorial says of one metric."""
+    """All that the factorial says of one metric.
+
+    Attributes
+    ----------
+    tests : tuple of CoefficientTest
+        The intercept's first.
+    lenth : Lenth, optional
+        None where a corner is missing.
+    """
 
     metric: Metric
     surface: Surface
     anova: Anova
     tests: tuple[CoefficientTest, ...]
-    """Intercept first."""
     lenth: Lenth | None
-    """None where a corner is missing."""
     centre: CentreCurvature | None
     outputs: Normality
     residuals: Normality
 
     def main(self, prefix: str = "") -> list[CoefficientTest]:
-        """Return main effects whose factor's symbol begins like this."""
+        """Main effects whose factor's symbol begins like this."""
         return [test for test in self.tests[1:] if not test.is_interaction and test.term.startswith(prefix)]
 
     def interactions(self) -> list[CoefficientTest]:
-        """Return the two-factor interactions."""
+        """Two-factor interactions."""
         return [test for test in self.tests if test.is_interaction]
+
+    def shares(self) -> tuple[dict[str, float], float]:
+        """Shares of the metric's variation that the factors make, by symbol, and that interactions make.
+
+        Squares of the coded coefficients over their sum: the sums of squares of an orthogonal design.
+        """
+        total = sum(test.value**2 for test in self.tests[1:]) or 1.0
+        main = {test.term: test.value**2 / total for test in self.main()}
+        return main, 1.0 - sum(main.values())
 
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """What was simulated and found."""
+    """What was simulated and found.
+
+    Attributes
+    ----------
+    coded : ndarray
+        (n, k).
+    table : DataFrame
+        See `legfem.study.doe.runs.run_table`.
+    not_analysed : tuple
+        Metrics whose surface can't be estimated, and why.
+    seconds : float
+        Wall time of the factorial's simulations; what was known already took none.
+    """
 
     definition: Definition
     subject: Subject
     counting: Counting
     coded: FloatArray
-    """(n, k)."""
     records: tuple[Record, ...]
     table: pd.DataFrame
     analyses: tuple[MetricAnalysis, ...]
     not_analysed: tuple[tuple[Metric, str], ...]
-    """Metrics whose surface can't be estimated, and why."""
     numerics: NumericalError | None
     sobol: tuple[SobolIndices, ...]
     information: Information | None
     seconds: float
-    """Of the factorial's simulations, wall clock; what was known already took none."""
 
     @property
     def failed(self) -> list[int]:
         """Numbers of the runs that stopped short."""
         return [k + 1 for k, record in enumerate(self.records) if not record.complete]
+
+    @property
+    def whose(self) -> tuple[str, str]:
+        """Leg and origin of the forces, for a figure's title."""
+        return f"section of subject {self.subject.id} ({self.subject.origin})", "simulated"
+
+    def largest_share(self) -> tuple[Factor, float, Metric]:
+        """Factor that makes most of the last metric: the slope in the deepest window."""
+        main, _ = self.analyses[-1].shares()
+        factor = max(self.definition.factors, key=lambda one: main[one.symbol])
+        return factor, main[factor.symbol], self.analyses[-1].metric
+
+    def stopped_short(self) -> str:
+        """Which runs stopped short; nothing where none did."""
+        if not self.failed:
+            return ""
+        runs = ", ".join(map(str, self.failed))
+        return (
+            f"{len(self.failed)} of {len(self.records)} runs stopped short (run {runs}): "
+            "the analysis is of what there is"
+        )
+
+    def run_notes(self) -> list[str]:
+        """How many runs reach their depth, and what follows where some don't."""
+        total, failed = len(self.records), self.failed
+        lines = [f"{total - len(failed)} of {total} runs reach {self.definition.depth:g} mm."]
+        for number in failed:
+            record = self.records[number - 1]
+            lines.append(f"Run {number} stops at {record.reached:.2f} mm: {record.reason}.")
+        for analysis in self.analyses:
+            if analysis.surface.missing:
+                runs = ", ".join(map(str, analysis.surface.missing))
+                lines.append(
+                    f"{analysis.metric.label} is analysed without run {runs}: fewer degrees of "
+                    "freedom, and the coefficients are no longer independent of each other."
+                )
+        soft = sum(record.contact_stiffness_factor < 1 for record in self.records)
+        return [*lines, f"{soft} runs needed a softer contact law to go on."] if soft else lines
+
+    def fascia_note(self) -> str:
+        """Remark where the fascia's Poisson's ratio is negative; else nothing."""
+        given = self.subject.tissues["fascia"]
+        levels = [f.model_value(at) for f in self.definition.factors if f.name == "fascia.C10" for at in (-1, 1)]
+        levels = levels or [self.definition.fixed.get("fascia.C10", given.C10 or 0.0)]
+        ratios = [Hyperelastic(level, given.D1).poisson_ratio for level in levels]
+        if min(ratios) >= 0:
+            return ""
+        span = f"{min(ratios):.2f}" if len(ratios) == 1 else f"{max(ratios):.2f} to {min(ratios):.2f}"
+        return (
+            f"The fascia's Poisson's ratio is {span}: it follows from the C10 and the D1 of "
+            f"{given.D1:g}/MPa that the paper gives, which make its bulk modulus the smaller one."
+        )
 
 
 def study(
@@ -92,23 +179,17 @@ def study(
         Called with the table of the factorial's runs whenever there is a new one.
     """
     coded = factorial_design(len(definition.factors))
-    requests = requests_at(definition, coded, "factorial")
 
     def show(found: dict[int, Record]) -> None:
         on_table(run_table(definition, coded, [found.get(k) for k in range(len(coded))]))
 
     began = time.perf_counter()
+    requests = requests_at(definition, coded, "factorial")
     records = workshop.do(f"full factorial: {definition.title}", requests, show)
     seconds = time.perf_counter() - began
     table = run_table(definition, coded, records)
     on_table(table)
-    analyses, not_analysed = analyse(definition, table, counting)
-    numerics, information = None, None
-    sobol: tuple[SobolIndices, ...] = ()
-    if beyond:
-        numerics = study_numerics(definition, coded, table, workshop)
-        information = study_information(definition, subject, workshop)
-        sobol = _sobol(definition, table, workshop, seed)
+    done, not_done = analyse(definition, table, counting)
     return StudyResult(
         definition,
         subject,
@@ -116,19 +197,19 @@ def study(
         coded,
         tuple(records),
         table,
-        analyses,
-        not_analysed,
-        numerics,
-        sobol,
-        information,
-        seconds,
+        done,
+        not_done,
+        numerics=study_numerics(definition, coded, table, workshop) if beyond else None,
+        information=study_information(definition, subject, workshop) if beyond else None,
+        sobol=_sobol(definition, table, workshop, seed) if beyond else (),
+        seconds=seconds,
     )
 
 
 def analyse(
     definition: Definition, table: pd.DataFrame, counting: Counting
 ) -> tuple[tuple[MetricAnalysis, ...], tuple[tuple[Metric, str], ...]]:
-    """Return the analyses of the metrics that can be analysed, and why others can't."""
+    """Analyse the metrics that can be analysed; the others are returned second, with the reason."""
     done, not_done = [], []
     for metric in metrics_in(definition.windows):
         try:
@@ -155,14 +236,14 @@ def analyse(
 def _sobol(definition: Definition, table: pd.DataFrame, workshop: Workshop, seed: int) -> tuple[SobolIndices, ...]:
     if not definition.training or not definition.testing:
         return ()
-    tables = {}
-    for stage, points, offset in (("training", definition.training, 0), ("testing", definition.testing, 1_000_000)):
-        coded = space_filling_design(len(definition.factors), points, seed + offset)
+    factors, tables = definition.factors, []
+    for stage, points, at in (
+        ("training", definition.training, seed),
+        ("testing", definition.testing, seed + 1_000_000),
+    ):
+        coded = space_filling_design(len(factors), points, at)
         records = workshop.do(f"{stage} the emulator", requests_at(definition, coded, stage))
-        tables[stage] = run_table(definition, coded, records)
-    learn = pd.concat([table, tables["training"]], ignore_index=True)
-    found = (
-        sobol_indices(learn, tables["testing"], definition.factors, metric, seed)
-        for metric in metrics_in(definition.windows)
-    )
+        tables.append(run_table(definition, coded, records))
+    learn = pd.concat([table, tables[0]], ignore_index=True)
+    found = (sobol_indices(learn, tables[1], factors, metric, seed) for metric in metrics_in(definition.windows))
     return tuple(indices for indices in found if indices is not None)

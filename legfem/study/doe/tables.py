@@ -1,190 +1,340 @@
-"""The study's tables as cells, for its page and for the one on all claims."""
+"""A study's numbers: the cells of its tables, the paper's beside them, and ``result.json``."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
 import numpy as np
 
-from legfem.study.doe.anova import Anova
-from legfem.study.doe.factors import label_of
+from legfem.common.documents import json_types
+from legfem.common.units import FloatArray
+from legfem.common.versions import versions_of
+from legfem.study.doe.design import Factor, label_of
 from legfem.study.doe.information import IDENTIFIED
-from legfem.study.doe.paper import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3, PrintedRow
 from legfem.study.doe.study import MetricAnalysis, StudyResult
+from legfem.study.doe.surface import LEVEL, Anova
 
 type Cells = tuple[list[str], list[list[str]]]
 """A table's header and rows."""
 
+TABLE_2 = (
+    Factor("superficial.C10", 1.0, 30.0, "kPa", "linear"),
+    Factor("deep.C10", 0.5, 30.0, "kPa", "linear"),
+    Factor("deep.C20", 0.5, 30.0, "kPa", "linear"),
+    Factor("fascia.C10", 0.1, 10.0, "MPa", "linear"),
+    Factor("fascia.thickness", 0.2, 1.0, "mm", "linear"),
+)
+"""The paper's factors and their ranges."""
+
+MODEL_DOF, ERROR_DOF = 15, 17
+"""What 16 coefficients and 33 runs leave."""
+
+
+@dataclass(frozen=True)
+class PrintedRow:
+    """One row of the paper's Table 3 as printed; forces per unit thickness."""
+
+    metric: str
+    ssr: str
+    msr: str
+    sse: str
+    mse: str
+    r_squared: str
+
+    @property
+    def label(self) -> str:
+        """Metric as people read it."""
+        kind, start, end = self.metric.split("_")
+        return f"{kind} {start}-{end} mm"
+
+
+TABLE_3 = (
+    PrintedRow("curvature_0_5", "9.40e-5", "6.3e-6", "6.7e-7", "4.0e-8", "0.9929"),
+    PrintedRow("curvature_5_20", "3.2e-5", "2.1e-6", "1.2e-7", "6.9e-9", "0.9964"),
+    PrintedRow("curvature_20_30", "1.8e-4", "1.7e-5", "3.2e-7", "1.9e-8", "0.9982"),
+    PrintedRow("slope_0_5", "2.2e-2", "1.5e-3", "2.1e-4", "1.2e-5", "0.9907"),
+    PrintedRow("slope_5_20", "5.7e-2", "3.8e-3", "1.1e-4", "6.7e-6", "0.9980"),
+    PrintedRow("slope_20_30", "0.19", "1.3e-2", "1.4e-2", "8.0e-4", "0.9336"),
+)
+
+UNITS_NOTE = "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures."
+TABLE_3_NOTE = (
+    f"{UNITS_NOTE} Paper / legfem. 'Half of it': legfem's "
+    "curvature is the mean second derivative; the coefficient of d^2 in the least-squares parabola "
+    "is half of that, and its sums of squares a quarter. The paper prints no F: its own is "
+    "(SSR/15)/(SSE/17)."
+)
+
+
+def _cells(rows: Iterable[Mapping[str, str]]) -> Cells:
+    """Header and rows of rows that name their cells alike."""
+    given = list(rows)
+    return list(given[0]) if given else ["metric"], [list(row.values()) for row in given]
+
 
 def anova_cells(result: StudyResult) -> Cells:
-    """Return the analysis of variance, as in the paper's Table 3 and with more columns."""
-    rows = []
-    for a in result.analyses:
-        found = a.anova
-        rows.append(
-            [
-                a.metric.label,
-                f"{found.ssr:.3g}",
-                f"{found.msr:.2g}",
-                f"{found.sse:.2g}",
-                f"{found.mse:.2g}",
-                f"{found.r_squared:.4f}",
-                f"{found.predicted_r_squared:.4f}",
-                f"{found.F:.0f}",
-                f"{found.p_value:.0e}",
-                f"{found.model_dof}, {found.error_dof}",
-            ]
-        )
-    return ["metric", "SSR", "MSR", "SSE", "MSE", "R2", "R2 predicted", "F", "p", "df"], rows
+    """Analysis of variance, as in the paper's Table 3 and with more columns."""
+    return _cells(
+        {
+            "metric": a.metric.label,
+            "SSR": f"{a.anova.ssr:.3g}",
+            "MSR": f"{a.anova.msr:.2g}",
+            "SSE": f"{a.anova.sse:.2g}",
+            "MSE": f"{a.anova.mse:.2g}",
+            "R2": f"{a.anova.r_squared:.4f}",
+            "R2 predicted": f"{a.anova.predicted_r_squared:.4f}",
+            "F": f"{a.anova.F:.0f}",
+            "p": f"{a.anova.p_value:.0e}",
+            "df": f"{a.anova.model_dof}, {a.anova.error_dof}",
+        }
+        for a in result.analyses
+    )
 
 
 def table_3_cells(result: StudyResult) -> Cells | None:
-    """Return the analysis beside the paper's Table 3; None where the ranges aren't Table 2's."""
-    printed = {row.metric: row for row in TABLE_3}
+    """Analysis beside the paper's Table 3; None where the ranges aren't Table 2's."""
     if set(result.definition.factors) != set(TABLE_2):
         return None
-    rows = []
+    printed, rows = {row.metric: row for row in TABLE_3}, []
     for a in result.analyses:
         if a.metric.name not in printed:
             continue
         row = printed[a.metric.name]
         paper_f = float(row.ssr) / MODEL_DOF / (float(row.sse) / ERROR_DOF)
-        r_squared = f"{row.r_squared} / {a.anova.r_squared:.4f}"
-        ratio = f"{paper_f:.0f} / {a.anova.F:.0f}"
-        rows.append([a.metric.label, *_sums(row, a.anova, 1.0), r_squared, ratio])
+        last = [f"{row.r_squared} / {a.anova.r_squared:.4f}", f"{paper_f:.0f} / {a.anova.F:.0f}"]
+        rows.append([a.metric.label, *_sums(row, a.anova, 1.0), *last])
         if a.metric.kind == "curvature":
-            rows.append(["half of it", *_sums(row, a.anova, 0.25), r_squared, ratio])
-    header = ["metric: paper / legfem", "SSR", "MSR", "SSE", "MSE", "R2", "F"]
-    return header, rows
+            rows.append(["half of it", *_sums(row, a.anova, 0.25), *last])
+    return ["metric: paper / legfem", "SSR", "MSR", "SSE", "MSE", "R2", "F"], rows
 
 
 def _sums(row: PrintedRow, found: Anova, scale: float) -> list[str]:
-    pairs = (row.ssr, found.ssr), (row.msr, found.msr), (row.sse, found.sse), (row.mse, found.mse)
-    return [f"{_powers(float(paper))} / {_powers(scale * own)}" for paper, own in pairs]
+    names = ("ssr", "msr", "sse", "mse")
+    return [f"{_powers(float(getattr(row, n)))} / {_powers(scale * getattr(found, n))}" for n in names]
 
 
 def _powers(value: float) -> str:
-    """Return a number with two digits and its power of ten, as the paper prints them."""
+    """Two digits and the power of ten, as the paper prints numbers."""
     mantissa, _, exponent = f"{value:.1e}".partition("e")
     return f"{mantissa}e{int(exponent)}"
 
 
 def effects_cells(result: StudyResult) -> Cells:
-    """Return what a statistician looks at beside the t tests."""
-    rows = [_effects_row(a) for a in result.analyses]
-    header = [
-        "metric",
-        "largest",
-        "Lenth's PSE",
-        "margin",
-        "simultaneous",
-        "beyond it",
-        "corners - centre",
-        "its p",
-        "its share of SSE",
-        "normal: outputs",
-        "residuals",
-    ]
-    return header, rows
+    """What a statistician looks at beside the t tests: Lenth's limits, curvature, normality."""
+    return _cells(_effects_row(a) for a in result.analyses)
 
 
-def _effects_row(a: MetricAnalysis) -> list[str]:
-    tests = [f"{a.outputs.shapiro:.1g}", f"{a.residuals.shapiro:.1g}"]
-    if a.lenth is None:
-        return [a.metric.label, *["-"] * 8, *tests]
-    size = np.abs(a.lenth.values)
-    centre = ["-", "-", "-"]
-    if a.centre is not None:
-        centre = [f"{a.centre.relative:+.1%} of the largest", f"{a.centre.p_value:.1g}", f"{a.centre.share_of_sse:.1%}"]
-    return [
-        a.metric.label,
-        f"{size.max():.2e}",
-        f"{a.lenth.pseudo_standard_error:.1e}",
-        f"{a.lenth.margin:.1e}",
-        f"{a.lenth.simultaneous_margin:.1e}",
-        f"{int((size > a.lenth.simultaneous_margin).sum())} of {len(size)}",
-        *centre,
-        *tests,
-    ]
+def _effects_row(a: MetricAnalysis) -> dict[str, str]:
+    found, centre = a.lenth, a.centre
+    size = np.abs(found.values) if found else np.zeros(0)
+    return {
+        "metric": a.metric.label,
+        "largest": f"{size.max():.2e}" if found else "-",
+        "Lenth's PSE": f"{found.pseudo_standard_error:.1e}" if found else "-",
+        "margin": f"{found.margin:.1e}" if found else "-",
+        "simultaneous": f"{found.simultaneous_margin:.1e}" if found else "-",
+        "beyond it": f"{int((size > found.simultaneous_margin).sum())} of {len(size)}" if found else "-",
+        "corners - centre": f"{centre.relative:+.1%} of the largest" if centre else "-",
+        "its p": f"{centre.p_value:.1g}" if centre else "-",
+        "its share of SSE": f"{centre.share_of_sse:.1%}" if centre else "-",
+        "normal: outputs": f"{a.outputs.shapiro:.1g}",
+        "residuals": f"{a.residuals.shapiro:.1g}",
+    }
 
 
 def numerics_cells(result: StudyResult) -> Cells | None:
-    """Return the metrics' numerical errors beside the effects; None where none was computed."""
+    """Numerical errors of the metrics beside the effects; None where none was computed."""
     found = result.numerics
     if found is None:
         return None
     rows = []
     for k, metric in enumerate(found.metrics):
-        cells = [f"{value:+.2%}" for value in found.relative[:, k]]
         bound = found.bound(result.table, metric)
-        analysis = next((a for a in result.analyses if a.metric == metric), None)
-        beside = ["-", "-"]
-        if analysis is not None:
-            sizes = [abs(t.value) for t in analysis.tests[1:]]
-            above = [t for t in analysis.tests[1:] if t.significant and abs(t.value) < bound]
-            beside = [f"{bound / max(sizes):.2%}", f"{len(above)}"]
-        rows.append([metric.label, *cells, f"{bound:.1e}", *beside])
-    header = [
-        "metric",
-        *(f"run {number}" for number in found.runs),
-        "bound on a coefficient",
-        "of the largest",
-        "significant ones below it",
-    ]
-    return header, rows
+        tests = next((a.tests[1:] for a in result.analyses if a.metric == metric), ())
+        below = sum(t.significant and abs(t.value) < bound for t in tests)
+        errors = zip(found.runs, found.relative[:, k], strict=True)
+        rows.append(
+            {"metric": metric.label}
+            | {f"run {number}": f"{value:+.2%}" for number, value in errors}
+            | {
+                "bound on a coefficient": f"{bound:.1e}",
+                "of the largest": f"{bound / max(abs(t.value) for t in tests):.2%}" if tests else "-",
+                "significant ones below it": f"{below}" if tests else "-",
+            }
+        )
+    return _cells(rows)
 
 
 def sobol_cells(result: StudyResult) -> Cells | None:
-    """Return first-order and total indices, and the emulator's error; None without them."""
+    """First-order and total indices, and the emulator's error; None without them."""
     if not result.sobol:
         return None
-    header = ["metric", *(f.label for f in result.definition.factors), "sum of first", "emulator's rms error / sd"]
-    rows = [
-        [
-            s.metric.label,
-            *(f"{a:.3f}, {b:.3f}" for a, b in zip(s.first, s.total, strict=True)),
-            f"{s.first.sum():.3f}",
-            f"{s.error.relative:.2%} ({s.error.points} runs)",
-        ]
+    labels = [f.label for f in result.definition.factors]
+    return _cells(
+        {"metric": s.metric.label}
+        | {name: f"{one:.3f}, {all_:.3f}" for name, one, all_ in zip(labels, s.first, s.total, strict=True)}
+        | {
+            "sum of first": f"{s.first.sum():.3f}",
+            "emulator's rms error / sd": f"{s.error.relative:.2%} ({s.error.points} runs)",
+        }
         for s in result.sobol
-    ]
-    return header, rows
+    )
 
 
 def information_cells(result: StudyResult) -> Cells | None:
-    """Return 95 % half-widths by depth, and the least depth from which each is told.
+    """95 % half-widths by depth, and the least depth from which each parameter is identified to 50 %.
 
     None where no information was computed.
     """
     found = result.information
     if found is None:
         return None
-    depths = sorted({end for _, end in result.definition.windows})
+    depths = result.definition.ends
     pair = [name for name in IDENTIFIED if name in found.names]
     rows = []
     for k, name in enumerate(found.names):
-        alone = [found.relative_sd(d, [name])[0] for d in depths]
-        joint = [found.relative_sd(d)[k] for d in depths]
-        two = [found.relative_sd(d, pair)[pair.index(name)] for d in depths] if name in pair else []
-        within = [found.relative_sd(d, within_ranges=True)[k] for d in depths]
         told = found.told_from(name, within_ranges=True)
+        sds = {
+            f"alone, at {', '.join(f'{d:g}' for d in depths)} mm": [found.relative_sd(d, [name])[0] for d in depths],
+            "deep pair unknown": [found.relative_sd(d, pair)[pair.index(name)] for d in depths if name in pair],
+            "others within their ranges": [found.relative_sd(d, within_ranges=True)[k] for d in depths],
+            "all unknown": [found.relative_sd(d)[k] for d in depths],
+        }
         rows.append(
-            [
-                label_of(name),
-                *(", ".join(map(_half, v)) or "-" for v in (alone, two, within, joint)),
-                "never" if told is None else f"{told:g} mm",
-            ]
+            {"parameter": label_of(name)}
+            | {column: ", ".join(map(_half, values)) or "-" for column, values in sds.items()}
+            | {"others within ranges: told from": "never" if told is None else f"{told:g} mm"}
         )
-    at = ", ".join(f"{d:g}" for d in depths)
-    header = [
-        "parameter",
-        f"alone, at {at} mm",
-        "deep pair unknown",
-        "others within their ranges",
-        "all unknown",
-        "others within ranges: told from",
-    ]
-    return header, rows
+    return _cells(rows)
 
 
 def _half(sd: float) -> str:
     half = 1.96 * sd
     return f"{half:.1%}" if half < 10 else "> 1000 %"
+
+
+def versions() -> dict[str, str]:
+    """Versions of the programs that make a study."""
+    return versions_of("legfem", "fenics-dolfinx", "statsmodels", "SALib", "pyDOE3")
+
+
+def study_document(
+    result: StudyResult, seed: int, wall_s: float, claims: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Result as plain types: every number with its unit.
+
+    Parameters
+    ----------
+    claims
+        The paper's claims put to this study, as plain types.
+    """
+    definition = result.definition
+    stopped = [(number, result.records[number - 1]) for number in result.failed]
+    document = {
+        "schema": 1,
+        "study": "doe",
+        "title": definition.title,
+        "subject": result.subject.id,
+        "origin": result.subject.origin,
+        "seed": seed,
+        "wall_s": wall_s,
+        "versions": versions(),
+        "forward_solves": len(result.records),
+        "depth_mm": definition.depth,
+        "windows_mm": [list(window) for window in definition.windows],
+        "factors": [asdict(factor) for factor in definition.factors],
+        "failed_runs": [{"run": n, "reached_mm": r.reached, "reason": r.reason} for n, r in stopped],
+        "degrees_of_freedom_count": result.counting,
+        "significance_level": LEVEL,
+        "metrics": [_metric(analysis) for analysis in result.analyses],
+        "not_analysed": [{"metric": m.name, "why": why} for m, why in result.not_analysed],
+        "numerical_error": _numerics(result),
+        "sobol": _sobol(result),
+        "information": _information(result),
+        "claims": claims,
+    }
+    plain: dict[str, Any] = json_types(document)
+    return plain
+
+
+_ANOVA = "ssr msr sse mse r_squared predicted_r_squared F p_value model_dof error_dof"
+
+
+def _metric(a: MetricAnalysis) -> dict[str, Any]:
+    contrasts = None
+    if a.lenth is not None:
+        limits = {name: getattr(a.lenth, name) for name in ("pseudo_standard_error", "margin", "simultaneous_margin")}
+        omitted = a.lenth.omitted_from(a.surface)
+        contrasts = {"values": _by(a.lenth.terms, a.lenth.values), **limits, "omitted_beyond_margin": omitted}
+    return {
+        "metric": a.metric.name,
+        "unit": a.metric.unit,
+        "runs_missing": list(a.surface.missing),
+        "formula": a.surface.formula,
+        "anova": {name: getattr(a.anova, name) for name in _ANOVA.split()},
+        "coefficients": [{**asdict(t), "significant": t.significant} for t in a.tests],
+        "lenth": contrasts,
+        "centre_curvature": None if a.centre is None else asdict(a.centre),
+        "normality_p_values": {"outputs": asdict(a.outputs), "residuals": asdict(a.residuals)},
+    }
+
+
+def _numerics(result: StudyResult) -> dict[str, Any] | None:
+    found = result.numerics
+    if found is None:
+        return None
+    metrics = {
+        metric.name: {
+            "unit": metric.unit,
+            "default": found.default[:, k].tolist(),
+            "refined": found.refined[:, k].tolist(),
+            "relative_error": found.relative[:, k].tolist(),
+            "bound_on_a_coefficient": found.bound(result.table, metric),
+        }
+        for k, metric in enumerate(found.metrics)
+    }
+    return {"runs": list(found.runs), "metrics": metrics}
+
+
+def _sobol(result: StudyResult) -> list[dict[str, Any]]:
+    names = [factor.name for factor in result.definition.factors]
+    return [
+        {
+            "metric": s.metric.name,
+            "first_order": _by(names, s.first),
+            "first_order_ci95_half_width": _by(names, s.first_ci95),
+            "total": _by(names, s.total),
+            "total_ci95_half_width": _by(names, s.total_ci95),
+            "emulator_error": {**asdict(s.error), "unit": s.metric.unit},
+        }
+        for s in result.sobol
+    ]
+
+
+def _information(result: StudyResult) -> dict[str, Any] | None:
+    found, depths = result.information, result.definition.ends
+    if found is None:
+        return None
+    spread, vectors = found.directions(result.definition.depth)
+    sds = {
+        name: {f"{depth:g} mm": found.relative_sd(depth, within_ranges=within).tolist() for depth in depths}
+        for name, within in (("relative_sd_all_unknown", False), ("relative_sd_others_within_ranges", True))
+    }
+    return {
+        "parameters": list(found.names),
+        "nominal_MPa_mm": list(found.nominal),
+        "displacement_mm": found.displacement.tolist(),
+        "force_N": found.force.tolist(),
+        "sensitivity_N_per_log": found.sensitivity.T.tolist(),
+        "noise_sd_N": found.noise_sd.tolist(),
+        **sds,
+        "eigenvectors": vectors.T.tolist(),
+        "eigenvector_relative_sd": spread.tolist(),
+        "told_within_50_percent_from_mm": {name: found.told_from(name, within_ranges=True) for name in found.names},
+    }
+
+
+def _by(names: Sequence[str], values: FloatArray) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, values, strict=True)}

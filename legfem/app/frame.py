@@ -46,6 +46,11 @@ def refused(line: str) -> None:
     tag("p", line, "line refused").props("role=alert")
 
 
+def wanting(line: str) -> None:
+    """Put the line with which a command would refuse what isn't wrong, but not said yet."""
+    tag("p", line, "line wanting")
+
+
 def warned(lines: Sequence[str]) -> None:
     """Put doubts."""
     for line in lines:

@@ -13,13 +13,17 @@ from legfem.common.command_line import (
     Quiet,
     brief_output,
     check_out_folder,
-    command_edge,
+    command_context,
     end_without_a_solution,
-    study_edge,
+    study_context,
     usable_cores,
 )
 from legfem.common.errors import check_finite
-from legfem.study.options import Jobs, Out
+
+Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
+Library = Annotated[Path | None, typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default.")]
+
 
 app = typer.Typer(
     add_completion=False,
@@ -46,9 +50,9 @@ def convergence(
 
     Example: python -m legfem.study convergence --subject 3
     """
-    with study_edge("convergence", out, jobs, quiet=quiet) as (folder, processes):
+    with study_context("convergence", out, jobs, quiet=quiet) as (folder, processes):
         check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
-        from legfem.study.convergence import command as convergence_command
+        from legfem.study import convergence as convergence_command
 
         with brief_output(quiet, as_json) as written:
             convergence_command.run(subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet)
@@ -68,7 +72,7 @@ def reproduce(
 
     Example: python -m legfem.study reproduce
     """
-    with study_edge("reproduce", out, jobs, quiet=quiet) as (folder, processes):
+    with study_context("reproduce", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import reproduce as tables
 
         with brief_output(quiet, as_json) as written:
@@ -118,11 +122,11 @@ def doe(
     Example: python -m legfem.study doe --subject 3 --factorial-only --out results/doe
     """
     resume = "run the same command again to go on; simulations that are done are kept"
-    with command_edge(resume, quiet):
+    with command_context(resume, quiet):
         from mpi4py import MPI
 
-        from legfem.study.doe.command import DoeOptions, run
-        from legfem.study.doe.definition import IDENTIFIED, PAPER
+        from legfem.study.doe.design import IDENTIFIED, PAPER
+        from legfem.study.doe.report import DoeOptions, run
 
         folder = out or Path("results") / "doe"
         check_out_folder(folder)
@@ -178,7 +182,7 @@ def correction(
 
     Example: python -m legfem.study correction, or mpirun -n 4 python -m legfem.study correction
     """
-    with command_edge("run the same command again to go on; solved models are kept", quiet):
+    with command_context("run the same command again to go on; solved models are kept", quiet):
         from mpi4py import MPI
 
         from legfem.experiments.indentation_3d import Cylinder, IdealisedLegSettings

@@ -8,8 +8,8 @@ from urllib.parse import quote
 
 from nicegui import ui
 
+from legfem.app.frame import chip, command, duration, framed, page_of, refused, tag
 from legfem.app.outcomes import files_of_results, sentence_of
-from legfem.app.pages.frame import chip, command, duration, framed, page_of, refused, tag
 from legfem.app.runs import Run, RunState
 from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
@@ -32,6 +32,14 @@ def run_page(workspace: Workspace, name: str) -> None:
             tag("span", f"{run.kind} of ")
             ui.link(about, page_of("input", about))
         command(run.command)
+
+        def delete() -> None:
+            if run.alive:
+                ui.notify("it runs: stop it first")
+                return
+            workspace.delete("runs", name)
+            ui.navigate.to("/")
+
         moving, lasting = ui.element("div"), ui.element("div")
         seen: list[tuple[RunState, Callable[[], None]]] = []
 
@@ -43,7 +51,7 @@ def run_page(workspace: Workspace, name: str) -> None:
             for place in (moving, lasting):
                 place.clear()
             with moving:
-                seen.append((state, _progress(run, state)))
+                seen.append((state, _progress(run, state, delete)))
             with lasting:
                 _results(run, state)
 
@@ -51,7 +59,7 @@ def run_page(workspace: Workspace, name: str) -> None:
         ui.timer(_EVERY, draw)
 
 
-def _progress(run: Run, state: RunState) -> Callable[[], None]:
+def _progress(run: Run, state: RunState, delete: Callable[[], None]) -> Callable[[], None]:
     """Put how far a run is; return what brings that up to date."""
     with ui.element("div").classes("inrow"):
         chip(state)
@@ -61,6 +69,7 @@ def _progress(run: Run, state: RunState) -> Callable[[], None]:
                 kept = "goes on from what is finished"
                 told = "once what is said below is mended" if state is RunState.REFUSED else kept
                 tag("span", told, "quiet")
+            ui.button("Delete", on_click=delete).props("flat dense")
             return lambda: None
         since = tag("span", "", "quiet")
         ui.button("Stop", on_click=lambda: _stop(run)).props("outline dense")

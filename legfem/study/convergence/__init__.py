@@ -1,1 +1,0 @@
-"""How far the default settings are from convergence."""

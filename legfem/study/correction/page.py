@@ -1,0 +1,397 @@
+"""A calibrated 3D correction on paper: tables, Fig. 4 with what P depends on, and report.html."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.tri import Triangulation
+
+from legfem.common.units import FloatArray
+from legfem.legs.correction import DEFINITION, smooth_ratio
+from legfem.report import page as web
+from legfem.report.page import Curves, Dash, Line
+from legfem.report.style import FAINT, REGION_COLOURS, new_figure, panel, save, styled
+from legfem.study.correction import page as tables
+from legfem.study.correction.calibration import GRID, Calibrated, Calibration, versions
+from legfem.study.correction.cases import CorrectionCase
+
+SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
+"""mm, of the tables' depths."""
+
+type Cells = tuple[list[str], list[list[str]]]
+"""A header and rows."""
+
+
+def correction_cells(found: Calibrated) -> Cells:
+    """Return forces, P and its errors, a row a depth."""
+    correction, reference = found.correction, found.reference
+    depths = SHOWN[SHOWN <= correction.displacement[-1]]
+    smooth = smooth_ratio(reference.spatial, reference.plane, depths)
+    modes = [np.interp(depths, correction.displacement, m) for m in correction.errors.values()]
+    spread = correction.standard_deviation(depths)
+    rows = [
+        [
+            f"{depth:g}",
+            f"{reference.spatial(depth):.3f}",
+            f"{reference.plane(depth):.3f}",
+            f"{smooth[k]:+.4f}",
+            *(f"{mode[k]:+.4f}" for mode in modes),
+            f"{spread[k]:.4f}",
+        ]
+        for k, depth in enumerate(depths)
+    ]
+    return ["d (mm)", "RF3D (N)", "L RF2D (N)", "P", *correction.errors, "sd"], rows
+
+
+def meshes_cells(found: Calibrated) -> Cells:
+    """Return P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
+    displacement = found.correction.displacement
+    depths = SHOWN[SHOWN <= displacement[-1]]
+    rows = []
+    for outcome in reversed(found.meshes):
+        values = smooth_ratio(outcome.spatial, outcome.plane, depths)
+        rows.append(
+            [
+                f"{outcome.unknowns}",
+                *(f"{p:+.4f}" for p in values),
+                f"{outcome.factorisations}",
+                f"{outcome.seconds:.0f}",
+            ]
+        )
+    error = np.interp(depths, displacement, found.correction.errors["mesh"])
+    rows.append(["limit", *(f"{p:+.4f}" for p in values + error), "", ""])
+    return ["unknowns", *(f"{depth:g} mm" for depth in depths), "tangents", "s"], rows
+
+
+def trend_cells(name: str, curves: Mapping[str, FloatArray]) -> Cells:
+    """Return P, a row a value of what is varied."""
+    displacement = grid_of(curves)
+    depths = SHOWN[SHOWN <= displacement[-1]]
+    rows = []
+    for value, curve in curves.items():
+        at = np.interp(depths, displacement, curve)
+        rows.append([value, *("-" if np.isnan(p) else f"{p:+.4f}" for p in at)])
+    return [name, *(f"{depth:g} mm" for depth in depths)], rows
+
+
+def grid_of(curves: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the displacements (mm) of curves of P."""
+    return GRID * np.arange(len(next(iter(curves.values()))))
+
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#111111", "#8C8C8C")
+
+
+@styled
+def draw_correction(case: CorrectionCase, found: Calibrated, lengths: dict[str, FloatArray], out: Path) -> list[Path]:
+    """Draw the models, the pressure along and across the cylinder, and P(d)."""
+    figure = new_figure(13, 7.5)
+    grid = figure.add_gridspec(2, 3, width_ratios=(1.3, 1, 1))
+    _draw_spatial(figure.add_subplot(grid[:, 0], projection="3d"), case, found)
+    across = figure.add_subplot(grid[0, 1])
+    panel(across, "A2", "plane strain: the section")
+    _draw_section(across, case)
+    along = figure.add_subplot(grid[1, 1])
+    panel(along, "B", f"pressure on the skin at {case.depth:g} mm")
+    _draw_pressure(along, found.reference.skin)
+    curves = figure.add_subplot(grid[:, 2])
+    panel(curves, "C", "P(d) = 1 - (RF3D / L) / RF2D")
+    _draw_curves(curves, case, found, lengths)
+    return save(figure, out, "figure-4", svg=True)
+
+
+def _draw_spatial(axes: Any, case: CorrectionCase, found: Calibrated) -> None:
+    """Draw the upper half of the deformed skin, coloured by pressure, and the cylinder."""
+    quarter = found.reference.skin
+    quarter = quarter[quarter[:, 1] > 0]
+    mirrored = [quarter * (x, 1, z, x, 1, z, 1) for x in (1, -1) for z in (1, -1)]
+    skin = np.concatenate(mirrored)
+    deformed, pressure = skin[:, 3:6], skin[:, 6]
+    triangles = Triangulation(_around(skin), skin[:, 2]).triangles
+    shown = axes.plot_trisurf(
+        deformed[:, 0],
+        deformed[:, 2],
+        deformed[:, 1],
+        triangles=triangles,
+        cmap="viridis",
+        shade=False,
+        edgecolor="none",
+    )
+    shown.set_array(pressure[triangles].mean(axis=1))
+    shown.set_clim(0, pressure.max())
+    shown.set_rasterized(True)
+    cylinder, leg = case.cylinder, case.leg
+    angle, along = np.meshgrid(np.linspace(0, 2 * np.pi, 40), [-0.5, 0.5])
+    centre = leg.radius + cylinder.radius - case.depth
+    axes.plot_surface(
+        cylinder.radius * np.sin(angle),
+        along * cylinder.length,
+        centre + cylinder.radius * np.cos(angle),
+        color=FAINT,
+        alpha=0.35,
+    )
+    sides = [np.ptp(limits()) for limits in (axes.get_xlim, axes.get_ylim, axes.get_zlim)]
+    axes.set_box_aspect(sides, zoom=0.8)
+    axes.view_init(elev=30, azim=-50)
+    axes.set_xlabel("x (mm)")
+    axes.set_ylabel("along the leg (mm)", labelpad=8)
+    axes.set_zlabel("y (mm)")
+    panel(axes, "A1", f"3D: the skin at {case.depth:g} mm")
+    axes.computed_zorder = False  # the cylinder in front
+    axes.figure.colorbar(shown, ax=axes, shrink=0.5, label="pressure (kPa)", location="bottom")
+
+
+def _around(skin: FloatArray) -> FloatArray:
+    """Return the length along the undeformed skin from under the cylinder (mm)."""
+    return np.arctan2(skin[:, 0], skin[:, 1]) * np.hypot(skin[:, 0], skin[:, 1]).mean()
+
+
+def _draw_section(axes: Any, case: CorrectionCase) -> None:
+    leg, cylinder = case.leg, case.cylinder
+    turn = np.linspace(0, 2 * np.pi, 200)
+    for region, radius in reversed(leg.layers):
+        axes.fill(radius * np.sin(turn), radius * np.cos(turn), color=REGION_COLOURS[region])
+    axes.fill(
+        leg.bone_radius * np.sin(turn), leg.bone_offset + leg.bone_radius * np.cos(turn), color="white", ec="black"
+    )
+    axes.fill(cylinder.radius * np.sin(turn), leg.radius + cylinder.radius * (1 + np.cos(turn)), color=FAINT)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (mm)")
+    axes.set_ylabel("y (mm)")
+
+
+def _draw_pressure(axes: Any, skin: FloatArray) -> None:
+    """Draw the pressure on the lines of quadrature points next to the two mirror planes."""
+    around = _around(skin)
+    for name, place, beside, colour in (
+        ("along the cylinder", skin[:, 2], around, COLOURS[0]),
+        ("across it", around, skin[:, 2], COLOURS[1]),
+    ):
+        line = np.flatnonzero(np.isclose(beside, beside.min(), atol=0.05))
+        line = line[np.argsort(place[line])]
+        line = line[place[line] < 60]
+        axes.plot(place[line], skin[line, 6], ".-", color=colour, ms=3, lw=1, label=name)
+    axes.set_xlabel("distance on the undeformed skin from the middle (mm)")
+    axes.set_ylabel("kPa")
+    axes.legend()
+
+
+def _draw_curves(axes: Any, case: CorrectionCase, found: Calibrated, lengths: dict[str, FloatArray]) -> None:
+    correction = found.correction
+    displacement = correction.displacement
+    material = case.material
+    P = correction.correction(displacement, np.array(material.C10_kPa), np.array(material.C20_kPa))
+    spread = 1.96 * correction.standard_deviation(displacement)
+    label = f"the correction ({case.cylinder.length:g} mm, 95 %)"
+    axes.fill_between(displacement, P - spread, P + spread, color="#DDDDDD", label=label)
+    axes.plot(displacement, P, color="#111111", lw=2)
+    for (length, curve), colour in zip(lengths.items(), COLOURS, strict=False):
+        axes.plot(displacement, curve, "--", color=colour, label=f"cylinder of {length} mm, coarser mesh")
+    axes.axhline(0, color=FAINT, lw=0.8)
+    axes.set_xlabel("displacement of the cylinder (mm)")
+    axes.set_ylabel("P")
+    axes.legend(fontsize=8)
+
+
+@styled
+def draw_trends(displacement: FloatArray, trends: dict[str, dict[str, FloatArray]], out: Path) -> list[Path]:
+    """Draw P(d) for values of each thing it depends on."""
+    figure = new_figure(13, 7.5)
+    panels = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
+    for axes, letter, (name, curves) in zip(panels, "ABCDEF", trends.items(), strict=False):
+        panel(axes, letter, f"P against the {name}")
+        for (value, curve), colour in zip(curves.items(), COLOURS, strict=False):
+            axes.plot(displacement, curve, color=colour, label=value)
+        axes.axhline(0, color=FAINT, lw=0.8)
+        axes.set_xlabel("displacement of the cylinder (mm)")
+        axes.legend(fontsize=8, loc="upper left", ncols=2)
+    for axes in panels[len(trends) - 3 : len(trends)]:
+        axes.tick_params(labelbottom=True)
+    for axes in panels[len(trends) :]:
+        axes.set_visible(False)
+    return save(figure, out, "trends", svg=True)
+
+
+Trend = Mapping[str, Mapping[str, FloatArray]]
+"""P by the value of what is varied, by what that is."""
+_DASHES: tuple[Dash, ...] = ("dashed", "dotted", "dotdash", "solid")
+_NOT_TESTED = (
+    "A real leg's shape: the leg here is a straight cylinder with one bone. --legs tabulates other "
+    "girths and depths of the bone.",
+    "A cylinder that isn't pressed square on, or slips.",
+    "Stiffness beyond the table: there P is taken as at its edge.",
+)
+
+
+def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, command: str) -> web.WebPage:
+    """Return the page of a calibration.
+
+    Parameters
+    ----------
+    given
+        What was calibrated.
+    found
+        The correction.
+    trends
+        P on a coarser mesh against what it depends on.
+    command
+        That was given; empty where there was none.
+    """
+    return web.WebPage(
+        title="How much do a cylinder's ends change the force on a leg?",
+        subject=found.correction.name,
+        origin="simulated",
+        headline=_headline(given, found),
+        warnings=_warnings(found),
+        known=_known(given, found),
+        chapters=[
+            web.Chapter("The correction", [_correction(given, found)]),
+            web.Chapter("What it depends on", _dependence(trends)),
+            web.Chapter("How sure", _sure(found)),
+            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What to do next", [web.Bullets(_next())]),
+        ],
+        repeat=web.Repeat(command, versions()),
+        data="simulated data (an idealised leg; no leg was measured)",
+    )
+
+
+def _at_end(given: Calibration, found: Calibrated) -> tuple[float, float, float]:
+    """Return depth (mm), P and its standard deviation there, of the reference material."""
+    correction, material = found.correction, given.reference.material
+    depth = correction.displacement[-1:]
+    P = correction.correction(depth, np.array(material.C10_kPa), np.array(material.C20_kPa))
+    return float(depth[0]), float(P[0]), float(correction.standard_deviation(depth)[0])
+
+
+def _headline(given: Calibration, found: Calibrated) -> web.Headline:
+    depth, P, sd = _at_end(given, found)
+    more = "more" if P < 0 else "less"
+    length = given.reference.cylinder.length
+    share = f"{100 * abs(P):.0f} %"
+    return web.Headline(
+        "caution" if _warnings(found) or 1.96 * sd > abs(P) else "sound",
+        f"A cylinder of {length:g} mm bears "
+        + ("the force that plane strain says" if share == "0 %" else f"{share} {more} force than plane strain says")
+        + f", {depth:g} mm deep.",
+        [
+            (
+                "How sure",
+                f"P is {P:+.3f} ± {sd:.3f} there (standard deviation: mesh, the leg's length, first contact).",
+            ),
+            (
+                "What it does to C10",
+                (
+                    "Next to nothing"
+                    if share == "0 %"
+                    else f"Left out, it makes C10 about {share} too {'high' if P < 0 else 'low'}"
+                )
+                + ": legfem's identification applies it.",
+            ),
+            ("What to do", _next()[0]),
+        ],
+        "What plane strain leaves out",
+    )
+
+
+def _warnings(found: Calibrated) -> list[str]:
+    softened = sum(outcome.softened for outcome in found.outcomes)
+    if not softened:
+        return []
+    return [f"{softened} of {len(found.outcomes)} models needed a softer contact to go on."]
+
+
+def _next() -> list[str]:
+    return [
+        "Give it to an identification: python -m legfem.identify --subject 3 --correction correction.json",
+        "For a leg of another girth or depth to the bone, calibrate with --legs.",
+    ]
+
+
+def _known(given: Calibration, found: Calibrated) -> list[web.Known]:
+    leg, cylinder, material = (given.reference.leg, given.reference.cylinder, given.reference.material)
+    depth, P, sd = _at_end(given, found)
+    option = "option, or legfem's usual"
+    return [
+        web.Known(
+            f"P at {depth:g} mm",
+            f"{P:+.4f}",
+            "computed",
+            "both models of one leg",
+            f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}",
+        ),
+        web.Known("leg", f"radius {leg.radius:g} mm, {leg.length:g} mm long, ends {leg.ends}", "assumed", option),
+        web.Known("bone", f"radius {leg.bone_radius:g} mm, {leg.depth_to_bone:g} mm deep", "assumed", option),
+        web.Known(
+            "cylinder",
+            f"{2 * cylinder.radius:g} mm across, {cylinder.length:g} mm long, "
+            f"edges rounded by {cylinder.edge_radius:g} mm",
+            "assumed",
+            option,
+        ),
+        web.Known("C10 of the deep tissue, reference", f"{material.C10_kPa:g} kPa", "assumed", option),
+        web.Known(
+            "C10 of fat and fascia",
+            f"{material.superficial_C10_kPa:g} and {material.fascia_C10_kPa:g} kPa",
+            "assumed",
+            "the paper",
+        ),
+        web.Known("error of the leg's length", f"{100 * given.spread:g} %", "prior", "legfem's usual"),
+        web.Known(
+            "error of the balance of forces", f"{found.reference.balance:.1e} of the force", "computed", "the 3D model"
+        ),
+    ]
+
+
+def _correction(given: Calibration, found: Calibrated) -> Curves:
+    correction, material = found.correction, given.reference.material
+    x = correction.displacement
+    C10, C20 = np.array(material.C10_kPa), np.array(material.C20_kPa)
+    P = correction.correction(x, C10, C20)
+    lines = [Line(f"C10 {material.C10_kPa:g} kPa", P, None)]
+    for k, c10 in enumerate(given.c10_kPa):
+        at = correction.correction(x, np.array(c10), np.array(0.0))
+        lines.append(Line(f"C10 {c10:g} kPa", at, None, COLOURS[k % 7], _DASHES[k % 4]))
+    return Curves(
+        "correction",
+        f"P over the cylinder's displacement, by the deep tissue's C10; {DEFINITION}. Grey: 95 % of the reference's.",
+        x,
+        "displacement (mm)",
+        "P",
+        "",
+        lines,
+        1.96 * correction.standard_deviation(x),
+        "95 %",
+    )
+
+
+def _dependence(trends: Trend) -> list[web.Block]:
+    return [
+        Curves(
+            f"trend{number}",
+            f"P against the {name}, on a coarser mesh; lines end where a model stopped.",
+            tables.grid_of(curves),
+            "displacement (mm)",
+            "P",
+            "",
+            [
+                Line(f"{name}: {value}", curve, None, COLOURS[k % 7], _DASHES[k % 4])
+                for k, (value, curve) in enumerate(curves.items())
+            ],
+        )
+        for number, (name, curves) in enumerate(trends.items())
+    ]
+
+
+def _sure(found: Calibrated) -> list[web.Block]:
+    return [
+        web.Prose(
+            "Errors of P are modes over the displacement: of the mesh by Richardson's estimate, "
+            "of a leg shorter or longer, and of the first contact."
+        ),
+        web.WebTable("Forces, P and its errors by depth", *tables.correction_cells(found)),
+        web.WebTable("P on three meshes, and in the limit", *tables.meshes_cells(found)),
+    ]

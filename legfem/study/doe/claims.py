@@ -1,0 +1,382 @@
+"""What follows from studies: advice to who wants to test a leg, and the paper's claims, with the page on them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from legfem.common.documents import markdown_table
+from legfem.report.estimates import words_of
+from legfem.report.render.text import bullets, fill
+from legfem.report.words import ORIGINS
+from legfem.study.doe import tables
+from legfem.study.doe.design import OF_THE_GEOMETRY, Factor, label_of
+from legfem.study.doe.figures import RESPONSE
+from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN
+from legfem.study.doe.study import MetricAnalysis, StudyResult
+from legfem.study.doe.surface import CoefficientTest
+from legfem.study.doe.tables import TABLE_3, TABLE_3_NOTE, UNITS_NOTE
+
+_UNSEEN = 0.01
+"""Share of a metric's variation below which a factor doesn't show."""
+
+
+def in_words(factor: Factor) -> str:
+    """Factor in a sentence."""
+    return f"the {factor.label}" if factor.name in OF_THE_GEOMETRY else words_of(factor.name)
+
+
+def not_seen(result: StudyResult) -> list[str]:
+    """Factors whose shares are small in every metric."""
+    every = [analysis.shares()[0] for analysis in result.analyses]
+    return [f.label for f in result.definition.factors if all(main[f.symbol] < _UNSEEN for main in every)]
+
+
+def to_know(result: StudyResult) -> str:
+    """Say which assumed parameter moves the identified ones most."""
+    ranked = _ranked_biases(result)
+    if not ranked:
+        return "Not computed: run it without --factorial-only."
+    name, errors = ranked[0]
+    moved = " and ".join(f"{label_of(one)} {10 * error:+.0f} %" for one, error in zip(IDENTIFIED, errors, strict=True))
+    return f"Before all {label_of(name)}: taken 10 % too high, it moves {moved}."
+
+
+def to_measure(result: StudyResult) -> list[str]:
+    """Say what to measure, the most important first."""
+    information, depth = result.information, result.definition.depth
+    ranked = _ranked_biases(result)
+    if information is None or not ranked:
+        return ["Run it without --factorial-only: then it says how well each parameter can be known."]
+    sds = dict(zip(information.names, information.relative_sd(depth, within_ranges=True), strict=True))
+    within = {name: 1.96 * sds[name] for name in IDENTIFIED}
+    halves = " and ".join(
+        f"{label_of(name)} within " + (f"{100 * half:.0f} %" if half < 10 else "over 1000 %")
+        for name, half in within.items()
+    )
+    if all(half <= IDENTIFIED_WITHIN for half in within.values()):
+        first = f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial tells {halves}."
+    else:
+        first = (
+            f"A press of {depth:g} mm alone isn't enough: with fat and fascia known within their "
+            f"ranges only, it tells {halves}. Measure {label_of(ranked[0][0])} by another test."
+        )
+    depths = {n: information.told_from(n, within_ranges=True) for n in information.names if n in IDENTIFIED}
+    return [
+        first,
+        *(
+            f"{label_of(name)} is told within 50 % from {at:g} mm on."
+            if at is not None
+            else f"{label_of(name)} is never told within 50 % with fat and fascia known within their "
+            "ranges only: don't identify it from this test alone."
+            for name, at in depths.items()
+        ),
+        "In the order of what errors in them do: know " + ", ".join(label_of(name) for name, _ in ranked) + ".",
+    ]
+
+
+def _ranked_biases(result: StudyResult) -> list[tuple[str, list[float]]]:
+    """Errors of the identified parameters by the assumed one that makes them, the largest first."""
+    found = {} if result.information is None else result.information.biases(result.definition.depth)
+    return sorted(found.items(), key=lambda pair: -max(map(abs, pair[1])))
+
+
+NEGLIGIBLE = 0.1
+"""Share of the largest coefficient below which an effect plays no part."""
+
+
+@dataclass(frozen=True)
+class ClaimFinding:
+    """Whether one study bears a claim out.
+
+    Attributes
+    ----------
+    holds : bool, optional
+        None where the study can't tell.
+    shown_in : str
+        Table or figure of the study that shows it.
+    only_where : str
+        Condition on which it holds.
+    """
+
+    holds: bool | None
+    evidence: str
+    shown_in: str
+    only_where: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One claim over all studies, with a finding a study."""
+
+    claim: str
+    verdict: str
+    findings: tuple[ClaimFinding, ...]
+
+
+def verdicts(results: Sequence[StudyResult]) -> list[Verdict]:
+    """Put each claim to all studies."""
+    titles = [result.definition.title for result in results]
+    found = []
+    for claim, judge in CLAIMS.items():
+        findings = tuple(
+            judge(result) if result.analyses else ClaimFinding(None, "no metric was analysed", "") for result in results
+        )
+        found.append(Verdict(claim, _in_words(findings, titles), findings))
+    return found
+
+
+def _in_words(findings: tuple[ClaimFinding, ...], titles: list[str]) -> str:
+    told = [(f.holds, title) for f, title in zip(findings, titles, strict=True) if f.holds is not None]
+    if not told:
+        return "can't be told"
+    if all(holds for holds, _ in told):
+        conditions = dict.fromkeys(f.only_where for f in findings if f.only_where)
+        return f"holds only where {' and '.join(conditions)}" if conditions else "reproduced"
+    if not any(holds for holds, _ in told):
+        return "not reproduced"
+    return "holds only with " + "; ".join(title for holds, title in told if holds)
+
+
+def _good_fit(result: StudyResult) -> ClaimFinding:
+    r2 = {a.metric.label: a.anova.r_squared for a in result.analyses}
+    poor = [f"{name} {value:.4f}" for name, value in r2.items() if value <= 0.99]
+    exception = next(row for row in TABLE_3 if float(row.r_squared) <= 0.99)
+    text = (
+        f"R2 from {min(r2.values()):.4f} to {max(r2.values()):.4f}; "
+        f"not above 0.99: {', '.join(poor) or 'none'} (in the paper: {exception.label}, "
+        f"{exception.r_squared})"
+    )
+    return ClaimFinding(len(poor) <= 1, text, "the table of the analysis of variance")
+
+
+def _first_order(result: StudyResult) -> ClaimFinding:
+    centres = [(a.metric.label, a.centre) for a in result.analyses if a.centre is not None]
+    if not centres:
+        return ClaimFinding(None, "runs are missing", "")
+    bent = [
+        f"{name} {centre.relative:+.0%} of the largest coefficient"
+        for name, centre in centres
+        if centre.p_value <= 0.05
+    ]
+    text = f"mean of the corners less the centre, beyond Lenth's limit: {', '.join(bent) or 'none'}"
+    return ClaimFinding(not bent, text, "half-normal.png, centre-point curvature")
+
+
+def _deep_dominates(result: StudyResult) -> ClaimFinding:
+    first = {}
+    for analysis in result.analyses:
+        largest = max(analysis.main(), key=lambda test: abs(test.value))
+        first[analysis.metric.label] = largest.term.replace("_", ".", 1)
+    others = [f"{m}: {name}" for m, name in first.items() if name not in IDENTIFIED]
+    where = f"not in {'; '.join(others)}" if others else f"in all {len(first)} metrics"
+    text = f"C10 or C20 of the deep tissue has the largest coefficient {where}"
+    return ClaimFinding(not others, text, "the response figure, panels B and C")
+
+
+def _grows_with_depth(result: StudyResult) -> ClaimFinding:
+    falls, parts = [], []
+    for kind in ("curvature", "slope"):
+        sums = [a.anova.ssr for a in result.analyses if a.metric.kind == kind]
+        if len(sums) < 2:
+            return ClaimFinding(None, "fewer than two windows", "")
+        parts.append(f"{kind} " + ", ".join(f"{value:.2g}" for value in sums))
+        falls += [kind for value in sums[1:] if value <= sums[0]]
+    text = f"SSR by window: {'; '.join(parts)}"
+    return ClaimFinding(not falls, text, "the table of the analysis of variance")
+
+
+def _small_fascia(result: StudyResult) -> ClaimFinding:
+    shares = {}
+    for analysis in result.analyses:
+        tests = analysis.main("fascia")
+        if not tests:
+            return ClaimFinding(None, "the fascia is no factor", "")
+        greatest = max(abs(test.value) for test in analysis.main())
+        shares[analysis.metric.label] = max(abs(test.value) for test in tests) / greatest
+    worst = max(shares, key=lambda name: shares[name])
+    text = (
+        f"its larger coefficient over the metric's largest: {min(shares.values()):.0%} to {shares[worst]:.0%} ({worst})"
+    )
+    return ClaimFinding(shares[worst] < NEGLIGIBLE, text, "the response figure, panels B and C")
+
+
+def _insignificant(
+    chosen: Callable[[MetricAnalysis], list[CoefficientTest]], what: str, result: StudyResult
+) -> ClaimFinding:
+    found, largest = [], 0.0
+    for analysis in result.analyses:
+        tests = chosen(analysis)
+        if not tests:
+            return ClaimFinding(None, f"{what} is no factor", "")
+        greatest = max(abs(test.value) for test in analysis.main())
+        largest = max(largest, max(abs(test.value) for test in tests) / greatest)
+        found += [t for t in tests if t.significant]
+    count = sum(len(chosen(analysis)) for analysis in result.analyses)
+    text = (
+        f"{len(found)} of {count} coefficients are significant at 5 %; "
+        f"the largest is {largest:.0%} of its metric's largest main effect"
+    )
+    return ClaimFinding(not found, text, "the response figure, letter s")
+
+
+def _normal_outputs(result: StudyResult) -> ClaimFinding:
+    probabilities = {a.metric.label: a.outputs.shapiro for a in result.analyses}
+    far = [f"{name} (p = {p:.1g})" for name, p in probabilities.items() if p <= 0.05]
+    text = f"Shapiro and Wilk reject for {', '.join(far) or 'none'}"
+    return ClaimFinding(not far, text, "normality.png, upper row")
+
+
+def _identifies_deep(result: StudyResult) -> ClaimFinding:
+    information = result.information
+    if information is None or not set(IDENTIFIED) <= set(information.names):
+        return ClaimFinding(None, "no information was computed", "")
+    depth = result.definition.depth
+    at = [information.names.index(name) for name in IDENTIFIED]
+    within = 1.96 * information.relative_sd(depth, within_ranges=True)[at]
+    exactly = 1.96 * information.relative_sd(depth, IDENTIFIED)
+    nothing = 1.96 * information.relative_sd(depth)[at]
+    halves = [f"{_percent(first)} and {_percent(second)}" for first, second in (within, exactly, nothing)]
+    text = (
+        f"95 % half-widths of C10 and C20 at {depth:g} mm: {halves[0]} with fat and fascia known "
+        f"within their ranges, {halves[1]} with them known exactly, {halves[2]} with them unknown"
+    )
+    free, given = (bool(half.max() <= IDENTIFIED_WITHIN) for half in (nothing, within))
+    where = "fat and fascia are known within their ranges" if given and not free else ""
+    return ClaimFinding(given, text, "information.png", where)
+
+
+def _not_before_5_mm(result: StudyResult) -> ClaimFinding:
+    information = result.information
+    if information is None or not set(IDENTIFIED) <= set(information.names):
+        return ClaimFinding(None, "no information was computed", "")
+    shallow, deep = (1.96 * information.relative_sd(d, IDENTIFIED) for d in (5.0, result.definition.depth))
+    depths = [information.told_from(name, IDENTIFIED) for name in IDENTIFIED]
+    at = ["never" if d is None else f"{d:g} mm" for d in depths]
+    text = (
+        f"with the other tissues known, C10 and C20 are told within 50 % from {at[0]} and {at[1]}; "
+        f"half-widths at 5 mm {_percent(shallow[0])} and {_percent(shallow[1])}, at full depth "
+        f"{_percent(deep[0])} and {_percent(deep[1])}"
+    )
+    return ClaimFinding(bool(np.all(deep < shallow)), text, "information.png")
+
+
+def _percent(share: float) -> str:
+    return f"{share:.1%}" if share < 10 else "over 1000 %"
+
+
+CLAIMS: dict[str, Callable[[StudyResult], ClaimFinding]] = {
+    "R2 is above 0.99 for all metrics but one": _good_fit,
+    "a first-order surface with interactions is enough": _first_order,
+    "the deep tissue dominates every metric": _deep_dominates,
+    "SSR is higher in the 2nd and 3rd window for all metrics": _grows_with_depth,
+    "identification is more relevant as compression progresses": _not_before_5_mm,
+    "the fascia (stiffness, thickness) is not significant (t test)": partial(
+        _insignificant, lambda a: a.main("fascia"), "the fascia"
+    ),
+    "the fascia plays no part: its effects are below a tenth of the largest": _small_fascia,
+    "interactions are not significant (t test)": partial(_insignificant, MetricAnalysis.interactions, "an interaction"),
+    "the outputs follow a normal law": _normal_outputs,
+    "the test permits identifying the deep tissue": _identifies_deep,
+}
+
+
+def verdict_documents(found: Sequence[Verdict], titles: Sequence[str]) -> list[dict[str, Any]]:
+    """Claims as plain types."""
+    return [
+        {
+            "claim": verdict.claim,
+            "verdict": verdict.verdict,
+            "findings": [
+                {"study": title, **asdict(finding)} for title, finding in zip(titles, verdict.findings, strict=True)
+            ],
+        }
+        for verdict in found
+    ]
+
+
+def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], command: str) -> str:
+    """Write the page on the claims over all studies of one command.
+
+    Parameters
+    ----------
+    found
+        The verdicts on all studies.
+    command
+        What wrote the page.
+    """
+    subject = results[0].subject
+    titles = [result.definition.title for result in results]
+    blocks = [
+        "# The paper's design of experiments: its claims",
+        f"Written by `{command}`.",
+        fill(
+            f"Subject {subject.id}, {ORIGINS[subject.origin]}. Forces are simulated in plane "
+            "strain, in N per mm of the cylinder's length. Each claim is put to the studies "
+            f"below: {'; '.join(titles)}. Their own reports have all figures."
+        ),
+        markdown_table(["claim", "verdict"], [[v.claim, v.verdict] for v in found], aligned=True),
+    ]
+    blocks += [f"![Response surface: {result.definition.title}]({shown(result)})" for result in results]
+    blocks.append(f"## What shows it\n\n{_evidence(found, titles)}")
+    for result in results:
+        if beside := tables.table_3_cells(result):
+            table = markdown_table(*beside, aligned=True)
+            blocks.append(f"## Beside the paper's Table 3\n\n{table}\n{fill(TABLE_3_NOTE)}")
+    for result in results:
+        blocks += _numbers(result)
+    return "\n\n".join(block.rstrip() for block in blocks) + "\n"
+
+
+def shown(result: StudyResult) -> str:
+    """Place, in the page's folder, of a study's figure of the response surface."""
+    return f"figures/{result.definition.source.stem}-{RESPONSE}.svg"
+
+
+def gather_figures(results: Sequence[StudyResult], folders: Sequence[Path], out: Path) -> None:
+    """Copy the studies' figures to where the page, in ``out``, finds them."""
+    for result, folder in zip(results, folders, strict=True):
+        if (drawn := folder / f"{RESPONSE}.svg").exists():
+            (out / shown(result)).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(drawn, out / shown(result))
+
+
+def _numbers(result: StudyResult) -> list[str]:
+    title = result.definition.title
+    total = len(result.records)
+    blocks = [
+        f"## In numbers: {title}\n\n{total - len(result.failed)} of {total} runs reach "
+        f"{result.definition.depth:g} mm. {UNITS_NOTE}",
+        markdown_table(*tables.anova_cells(result), aligned=True),
+    ]
+    for caption, cells in (
+        (
+            "Numerical error of the metrics at two corners and the centre, from a finer mesh and "
+            "smaller steps, and what it can make of a coefficient",
+            tables.numerics_cells(result),
+        ),
+        ("Sobol indices, first order and total", tables.sobol_cells(result)),
+        ("95 % half-widths of the parameters by the curve's depth", tables.information_cells(result)),
+    ):
+        if cells is not None:
+            blocks.append(f"{caption}:\n\n{markdown_table(*cells, aligned=True)}")
+    return blocks
+
+
+def _evidence(found: Sequence[Verdict], titles: Sequence[str]) -> str:
+    """Claims, what became of each, and what shows it."""
+    blocks = []
+    for verdict in found:
+        lines = [f"**{verdict.claim}**: {verdict.verdict}.", ""]
+        for title, finding in zip(titles, verdict.findings, strict=True):
+            where = f" ({finding.shown_in})" if finding.shown_in else ""
+            text = f"{title + ': ' if len(titles) > 1 else ''}{finding.evidence}{where}"
+            lines.append(bullets([text]))
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks) + "\n"

@@ -1,0 +1,488 @@
+"""What `study doe` does and writes: the page of each study, its figures and numbers."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.progress import progress_on
+from legfem.common.units import FloatArray
+from legfem.data.folder import RESOURCES
+from legfem.jobs.pool import Workers
+from legfem.jobs.ranks import lead
+from legfem.jobs.store import Store
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import Subject
+from legfem.report import page as web
+from legfem.report.folder import REPORT, RESULT, ReportFile
+from legfem.report.page import PAGE, Bars, Curves, LabelledBar, Line, ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.report.render.text import table
+from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.write import write_page
+from legfem.study.doe import tables
+from legfem.study.doe.claims import (
+    claims_page,
+    gather_figures,
+    in_words,
+    not_seen,
+    to_know,
+    to_measure,
+    verdict_documents,
+    verdicts,
+)
+from legfem.study.doe.design import Definition, label_of, read_definition
+from legfem.study.doe.figures import draw_half_normal, draw_information, draw_normality, draw_response, draw_sobol
+from legfem.study.doe.information import Information
+from legfem.study.doe.runs import Workshop, as_csv, simulate
+from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, Simulator
+from legfem.study.doe.study import MetricAnalysis, StudyResult, study
+from legfem.study.doe.surface import Counting, term_label
+from legfem.study.doe.tables import TABLE_3_NOTE, UNITS_NOTE, study_document, versions
+
+
+def number_chapters(result: StudyResult) -> list[web.Chapter]:
+    """Return the analysis of variance, the paper's beside it, numerical errors, Sobol indices."""
+    chapters = [web.Chapter("Analysis of variance", _variance(result))]
+    if beside := tables.table_3_cells(result):
+        table = web.WebTable("Paper / legfem", *beside)
+        chapters.append(web.Chapter("Beside the paper's Table 3", [table, web.Prose(TABLE_3_NOTE)]))
+    if numerics := tables.numerics_cells(result):
+        note = (
+            "Errors of the default settings, from a mesh 1.5 times finer with steps of at most "
+            "0.5 mm, extrapolated as for first order: at the softest corner, the stiffest and "
+            "the centre. The bound on a coefficient is the largest of these relative errors "
+            "times the mean size of the metric."
+        )
+        table = web.WebTable("Errors, and what they can make of a coefficient", *numerics)
+        chapters.append(web.Chapter("Numerical error of the metrics", [table, web.Prose(note)]))
+    if sobol := tables.sobol_cells(result):
+        note = (
+            "Shares of the variance with the factors uniform in their coded ranges, on an "
+            "emulator trained on the runs above and a Latin hypercube. Its error is at "
+            "simulations that it has not seen."
+        )
+        table = web.WebTable("First order, total", *sobol)
+        chapters.append(web.Chapter("Sobol indices", [table, web.Prose(note)]))
+    return chapters
+
+
+def _variance(result: StudyResult) -> list[web.Block]:
+    return [
+        web.Bullets(result.run_notes()),
+        web.Prose(f"{UNITS_NOTE} R² predicted is that of runs which the surface hasn't seen. {_counting(result)}"),
+        web.WebTable("Sums of squares and what they say, a row a metric", *tables.anova_cells(result)),
+        web.WebTable(
+            "Effects without an error estimate (Lenth), curvature at the centre, normality",
+            *tables.effects_cells(result),
+            folded=True,
+        ),
+        web.Prose(
+            "The runs are deterministic: what the t tests take for error is the surface's lack of "
+            "fit. Lenth's pseudo standard error (PSE) is that of the small contrasts among all; "
+            "beyond its simultaneous margin a contrast is no chance (95 % for all together). "
+            "'corners - centre' is 0 for a surface without squares. Normality: probabilities of "
+            "Shapiro and Wilk's test."
+        ),
+    ]
+
+
+def _counting(result: StudyResult) -> str:
+    if result.counting == "coefficients":
+        return (
+            "Degrees of freedom: coefficients less 1, and runs less coefficients, as in the "
+            "paper's Table 3 (15 and 17), not as in its text; --count factors gives the text's."
+        )
+    return (
+        "Degrees of freedom: factors less 1, and runs less factors, as in the paper's text "
+        "(p = 5: 4 and 28). Its Table 3 and statistics use the number of coefficients instead."
+    )
+
+
+def information_blocks(result: StudyResult) -> list[web.Block]:
+    """Return what a curve to each depth tells of the parameters; nothing where it isn't known."""
+    found, cells = result.information, tables.information_cells(result)
+    if found is None or cells is None:
+        return []
+    depth, instrument = result.definition.depth, result.subject.instrument
+    point = ", ".join(f"{label_of(name)} {value:.4g}" for name, value in zip(found.names, found.nominal, strict=True))
+    return [
+        web.WebTable("95 % half-widths of the parameters by depth, the least that a test can have", *cells),
+        web.Prose(
+            "Relative to the value: the least that any unbiased estimate can have, at "
+            f"{point} (MPa, mm), for one trial with one independent reading a mm, "
+            f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). A "
+            "curve's model error isn't in them. 'Others within their ranges': what isn't deep C10 "
+            "or C20 is known beforehand, its range above being a 95 % interval of its logarithm. "
+            "Told: within 50 %."
+        ),
+        web.Prose("Eigenvectors of the information at full depth, best determined first:"),
+        web.Bullets(_eigenvectors(found, depth)),
+        *([web.Bullets(moved)] if (moved := _moved(found, depth)) else []),
+    ]
+
+
+def _eigenvectors(found: Information, depth: float) -> list[str]:
+    lines = []
+    spread, vectors = found.directions(depth)
+    for k, sd in enumerate(spread):
+        parts = " ".join(f"{v:+.2f} ln {label_of(name)}" for v, name in zip(vectors[:, k], found.names, strict=True))
+        lines.append(f"sd {sd:.2%}: {parts}" if sd < 100 else f"not determined: {parts}")
+    return lines
+
+
+def _moved(found: Information, depth: float) -> list[str]:
+    return [
+        f"assumed {label_of(assumed)} 10 % too high: deep C10 {0.1 * first:+.1%}, deep C20 {0.1 * second:+.1%}"
+        for assumed, (first, second) in found.biases(depth).items()
+    ]
+
+
+_NOT_TESTED = (
+    "Whether a real leg follows the model: every force here is simulated, in plane strain.",
+    "What the tissues do in time, friction, and other physics that the model leaves out: see python -m legfem.plan.",
+    "Values beyond the ranges below.",
+)
+_NO_METRIC = "No metric could be analysed."
+_POINTS = 121
+
+
+def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
+    """Return the page of one study.
+
+    Parameters
+    ----------
+    result
+        Of the study.
+    seed
+        Of the emulator's points.
+    command
+        That does it again.
+    """
+    chapters = [
+        web.Chapter("What each factor makes", _effects(result)),
+        web.Chapter("The forces behind it", [_curves(result)]),
+        web.Chapter("The response surface", _surface(result)),
+        *number_chapters(result),
+        web.Chapter("What to measure", [web.Bullets(to_measure(result)), *information_blocks(result)]),
+        web.Chapter("What was tested", _claims(result)),
+        web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+    ]
+    return web.WebPage(
+        title="What does a compression test of this leg show?",
+        subject=f"{result.subject.title}, section of subject {result.subject.id}; {result.definition.title}",
+        origin="simulated",
+        headline=_headline(result),
+        warnings=_warnings(result),
+        known=_known(result),
+        chapters=chapters,
+        repeat=web.Repeat(command, versions(), {"seed": f"{seed}"}),
+        data=f"simulated data (forces of a model; section of the leg: {result.subject.origin})",
+    )
+
+
+def _headline(result: StudyResult) -> web.Headline:
+    if not result.analyses:
+        return web.Headline(
+            "wrong",
+            "No metric could be analysed: too few simulations reached their depth.",
+            [("What to do", "Look at the warnings, narrow the ranges, and run it again.")],
+            "The study gave no answer",
+        )
+    factor, share, metric = result.largest_share()
+    fits = [a.anova.predicted_r_squared for a in result.analyses]
+    unseen = not_seen(result)
+    return web.Headline(
+        "caution" if _warnings(result) else "sound",
+        f"A press {result.definition.depth:g} mm deep shows {in_words(factor)} most: it makes "
+        f"{100 * share:.0f} % of how the {metric.label} varies over the ranges.",
+        [
+            (
+                "What it doesn't show",
+                f"{', '.join(unseen)}: below 1 % in every window."
+                if unseen
+                else "Every factor makes 1 % or more somewhere.",
+            ),
+            (
+                "How sure",
+                "Of how runs differ that it hasn't seen, the fitted surface predicts "
+                f"{_percents(fits)} (R²). The runs are a model's, without noise.",
+            ),
+            ("What must be known beforehand", to_know(result)),
+            ("What to do", to_measure(result)[0]),
+        ],
+        "What a test of this leg can show",
+    )
+
+
+def _percents(shares: Sequence[float]) -> str:
+    low, high = (f"{100 * max(share, 0.0):.0f}" for share in (min(shares), max(shares)))
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def _warnings(result: StudyResult) -> list[str]:
+    short = result.stopped_short()
+    lines = [f"{short}."] if short else []
+    lines += [f"{metric.label} isn't analysed: {why}." for metric, why in result.not_analysed]
+    note = result.fascia_note()
+    return [*lines, note] if note else lines
+
+
+def _known(result: StudyResult) -> list[web.Known]:
+    source = result.definition.source.name
+    rows = [
+        web.Known(
+            f.label,
+            f"{f.low:g} to {f.high:g} {f.unit_text}",
+            "assumed",
+            source,
+            remark=f"range of the design, {f.coding}; its centre {f.value(0.0):.4g}",
+        )
+        for f in result.definition.factors
+    ]
+    rows.append(web.Known("depth of the press", f"{result.definition.depth:g} mm", "assumed", source))
+    found = result.information
+    if found is not None:
+        instrument = result.subject.instrument
+        rows += [
+            web.Known(
+                "error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"
+            ),
+            web.Known(
+                "error of a displacement reading",
+                f"{instrument.displacement_sd:.3g} mm (sd)",
+                "prior",
+                "subject.toml, or usual",
+            ),
+        ]
+    return rows
+
+
+def _effects(result: StudyResult) -> list[web.Block]:
+    if not result.analyses:
+        return [web.Prose(_NO_METRIC)]
+    blocks: list[web.Block] = [
+        web.Prose(
+            "Shares of how a metric varies when every factor goes from its low to its high value: "
+            "squares of the coefficients over their sum. Slopes say how hard the leg is to press "
+            "in a window of depth, curvatures how fast that grows."
+        )
+    ]
+    factors = result.definition.factors
+    every = [(analysis.metric.label, *analysis.shares()) for analysis in result.analyses]
+    deepest, main, interactions = every[-1]
+    bars = [LabelledBar(f.label, 100 * main[f.symbol], f"{100 * main[f.symbol]:.1f} %") for f in factors]
+    bars.append(LabelledBar("all interactions", 100 * interactions, f"{100 * interactions:.1f} %"))
+    rows = [[f.label, *(f"{100 * one[f.symbol]:.1f} %" for _, one, _ in every)] for f in factors]
+    rows.append(["all interactions", *(f"{100 * rest:.1f} %" for _, _, rest in every)])
+    return [
+        *blocks,
+        Bars(f"Shares of the {deepest}", ("factor", "share"), bars, greatest=100.0),
+        web.WebTable("Shares of every metric", ["factor", *(name for name, _, _ in every)], rows),
+    ]
+
+
+def _curves(result: StudyResult) -> Curves:
+    depth = result.definition.depth
+    grid = np.linspace(0.0, depth, _POINTS)
+    every = np.array([_on(grid, r.displacement, r.force_per_length) for r in result.records])
+    centre, corners = every[-1], every[:-1]
+    lines = [Line("centre of the ranges", centre, None, DATA_COLOUR)]
+    if result.analyses:
+        factor, _, _ = result.largest_share()
+        k = result.definition.factors.index(factor)
+        for level, word, colour in ((-1, "low", "#E69F00"), (1, "high", "#0072B2")):
+            chosen = corners[result.coded[: len(corners), k] == level]
+            lines.append(Line(f"mean with {factor.label} {word}", chosen.mean(axis=0), None, colour, "dashed"))
+    if np.isfinite(corners).any(axis=1).any():
+        lines += [
+            Line("least of all runs", corners.min(axis=0), None, FAINT, "dotted"),
+            Line("greatest of all runs", corners.max(axis=0), None, FAINT, "dotdash"),
+        ]
+    return Curves(
+        "runs",
+        f"Force per length of the cylinder over its displacement, of {len(result.records)} "
+        "simulations; where one stopped short, the lines over all end.",
+        grid,
+        "displacement (mm)",
+        "force per length (N/mm)",
+        "",
+        lines,
+    )
+
+
+def _on(grid: FloatArray, at: FloatArray, values: FloatArray) -> FloatArray:
+    if len(at) == 0:
+        return np.full(len(grid), np.nan)
+    return np.interp(grid, at, values, right=np.nan)
+
+
+def _surface(result: StudyResult) -> list[web.Block]:
+    if not result.analyses:
+        return [web.Prose(_NO_METRIC)]
+    factors = result.definition.factors
+    numbers = {f.symbol: k for k, f in enumerate(factors)}
+    main, _ = result.analyses[-1].shares()
+    first, second, *_ = sorted(numbers, key=lambda symbol: -main[symbol])
+    return [
+        ResponseSurface(
+            "Map of the fitted surface over two factors, the others where their sliders stand; the "
+            "cross is there, too. Light is little, dark is much.",
+            [
+                SurfaceFactor(
+                    f.label,
+                    (*(f"{f.value(at):.3g} {f.unit_text}" for at in (-1.0, 0.0, 1.0)),),  # type: ignore[arg-type]
+                )
+                for f in factors
+            ],
+            [
+                SurfaceMetric(
+                    a.metric.label,
+                    a.metric.typeset_unit,
+                    {tuple(numbers[s] for s in t.term.split(":") if s in numbers): t.value for t in a.tests},
+                )
+                for a in result.analyses
+            ],
+            ["coefficient of the coded factors", *(a.metric.label for a in result.analyses)],
+            [
+                [term_label(test.term, factors), *(_coefficient(a, k) for a in result.analyses)]
+                for k, test in enumerate(result.analyses[0].tests)
+            ],
+            (numbers[first], numbers[second]),
+        )
+    ]
+
+
+def _coefficient(analysis: MetricAnalysis, number: int) -> str:
+    test = analysis.tests[number]
+    return f"{test.value:+.2e} (t {test.t:+.1f}){'*' if test.significant else ''}"
+
+
+def _claims(result: StudyResult) -> list[web.Block]:
+    rows = [[v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])]
+    return [web.WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)]
+
+
+@dataclass(frozen=True)
+class DoeOptions:
+    """What a user chose."""
+
+    definitions: tuple[Path, ...]
+    subject_id: str
+    subject_dir: Path | None
+    out: Path
+    jobs: int
+    seed: int
+    counting: Counting
+    beyond: bool
+    quiet: bool = False
+
+    @property
+    def command(self) -> str:
+        """Command that does the same studies."""
+        names = [path.name if path.is_relative_to(RESOURCES) else str(path) for path in self.definitions]
+        words = ["python -m legfem.study doe", *(f"--factors {name}" for name in names)]
+        words.append(f"--subject-dir {self.subject_dir}" if self.subject_dir else f"--subject {self.subject_id}")
+        words.append(f"--seed {self.seed}")
+        words += ["--count factors"] if self.counting == "factors" else []
+        words += [] if self.beyond else ["--factorial-only"]
+        return " ".join(words)
+
+
+def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> bool:
+    """Study every definition and write a folder each; under MPI only the first rank writes.
+
+    Parameters
+    ----------
+    comm
+        Communicator over whose ranks the simulations are spread.
+    simulator
+        What simulates; the subject's plane-strain test by default.
+
+    Returns
+    -------
+    bool
+        Whether any simulation reached its depth; true on other ranks.
+    """
+    solved = True
+
+    def work() -> None:
+        nonlocal solved
+        definitions = [read_definition(path) for path in options.definitions]
+        folder = options.subject_dir or SUBJECTS.find(options.subject_id)
+        subject = load_subject(folder, need_recordings=False)
+        given = simulator or PlaneStrainSimulator.of_subject(subject)
+        with Workers(simulate, given, options.jobs, comm) as workers:
+            solved = _write_all(options, definitions, subject, workers)
+
+    lead(comm, work)
+    return solved
+
+
+def _write_all(
+    options: DoeOptions,
+    definitions: Sequence[Definition],
+    subject: Subject,
+    workers: Workers[Simulator, Request, Record],
+) -> bool:
+    # All studies share the simulations: the same point isn't done twice.
+    store = Store(options.out / "runs", Record, workers.context.fingerprint())
+    alone = len(definitions) == 1
+    folders = [options.out if alone else options.out / definition.source.stem for definition in definitions]
+    with progress_on(quiet=options.quiet) as progress:
+        workshop = Workshop(workers, store, progress)
+        results = [
+            _study(options, definition, subject, workshop, out)
+            for definition, out in zip(definitions, folders, strict=True)
+        ]
+    for result in results:
+        print(f"{result.definition.title}\n{table(*tables.anova_cells(result))}")
+        if beside := tables.table_3_cells(result):
+            print(f"beside the paper's Table 3\n{table(*beside)}")
+    found = verdicts(results)
+    print("\n".join(f"{verdict.claim}: {verdict.verdict}" for verdict in found))
+    if not alone:
+        gather_figures(results, folders, options.out)
+        write_atomically(options.out / "verdict.md", claims_page(results, found, options.command))
+        claims = verdict_documents(found, [result.definition.title for result in results])
+        write_document(options.out / "result.json", {"schema": 1, "claims": claims})
+        print(f"verdicts: {options.out / 'verdict.md'}")
+    return any(len(result.failed) < len(result.records) for result in results)
+
+
+def _study(options: DoeOptions, definition: Definition, subject: Subject, workshop: Workshop, out: Path) -> StudyResult:
+    began = time.perf_counter()
+
+    def keep(table: pd.DataFrame) -> None:
+        out.mkdir(parents=True, exist_ok=True)
+        write_atomically(out / "runs.csv", as_csv(definition, table))
+
+    result = study(definition, subject, workshop, options.counting, options.seed, options.beyond, keep)
+    if note := result.fascia_note():
+        print(note, file=sys.stderr)
+    if short := result.stopped_short():
+        print(f"warning: {short}", file=sys.stderr)
+    drawers = draw_response, draw_half_normal, draw_normality, draw_sobol, draw_information
+    page = study_web_page(result, options.seed, options.command)
+    entries = [
+        *(ReportFile([path], "a figure") for draw in drawers for path in draw(result, out)),
+        ReportFile([Path("runs.csv"), Path("runs")], "every simulation: a table, and a file each"),
+        RESULT,
+    ]
+    write_page(page, out, "curves and the response surface", entries)
+    claims = verdict_documents(verdicts([result]), [definition.title])
+    wall = time.perf_counter() - began
+    write_document(out / "result.json", study_document(result, options.seed, wall, claims))
+    print(
+        f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
+        f"report: {out / REPORT}\npage:   {out / PAGE}"
+    )
+    return result
