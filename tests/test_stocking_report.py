@@ -27,8 +27,6 @@ from legfem.report.leg_directions import Directions, angle_round, unwrapped
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
 from legfem.report.stocking import write_stocking_report
-from legfem.report.stocking_words import stiffness_interval, vein_interval
-from legfem.report.web.page import rendered
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_pressures import stiffness_interval, vein_interval
 from legfem.report.web.stocking_stiffness import verdict_sentence

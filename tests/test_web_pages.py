@@ -26,16 +26,8 @@ from legfem.report.plan import plan_web_page
 from legfem.report.render.html import embedded, rendered
 from legfem.report.specimens import specimen_page
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
-from legfem.report.web.stocking_leg import by_height, inward, stretch_round
-from legfem.report.write import PAGE_FILES
-from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.curves import Curves, Line, embedded
-from legfem.report.web.page import rendered
-from legfem.report.web.plan import plan_web_page
-from legfem.report.web.pressed_leg import pressed_leg
-from legfem.report.web.specimen import specimen_web_page
 from legfem.report.web.stocking_pressures import by_height, inward, stretch_round
-from legfem.report.web.turned import Marked, SkinField, Slider, View, turned_leg
+from legfem.report.write import PAGE_FILES
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.report import not_seen, study_web_page, to_measure
 from studies.legs.parametric_leg import round_leg

@@ -9,7 +9,7 @@ from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.suction import CupOnLayer
-from legfem.experiments.uniaxial import Bar
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.catalogue import DEEP_C10, RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import RELAXATION
@@ -115,7 +115,7 @@ _FOLLOWED: dict[type, str] = {
     PunchOnLayer: "a punch_diameter_mm of half the true value makes it at least twice as large",
     CylinderBetweenPlates: "a diameter_mm of half the true value makes it at least four times as large",
     CylinderOnBlock: "a length_mm of half the true value makes it twice as large",
-    Bar: "an area_mm2 of half the true value makes it twice as large",
+    UniaxialSpecimen: "an area_mm2 of half the true value makes it twice as large",
     CupOnLayer: "an opening_mm of half the true value makes it about half as large",
 }
 """At small strain: Hertz; Boussinesq; a stress on an area; a dome as wide as its opening."""

@@ -10,17 +10,8 @@ import numpy as np
 from legfem.common.documents import write_document
 from legfem.common.units import FloatArray
 from legfem.fem.fields import fields_of
-from legfem.geometry.leg_shape import LegShape
 from legfem.report.folder import REPORT, ReportFile, made_in_place
 from legfem.report.paraview import write_fields
-from legfem.report.stocking_contours_figure import stocking_contours_figure
-from legfem.report.stocking_fat_figure import stocking_fat_figure
-from legfem.report.stocking_pressure_figure import stocking_pressure_figure
-from legfem.report.stocking_section_figure import stocking_section_figure
-from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.listing import ReportFile
-from legfem.report.paraview import write_fields
-from legfem.report.plain import plain_page
 from legfem.report.stocking_figures import (
     stocking_contours_figure,
     stocking_fat_figure,

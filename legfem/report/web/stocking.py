@@ -9,10 +9,6 @@ import numpy as np
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.report import page as web
-from legfem.report.stocking_words import ORIGINS, both_units, low_in_fat, place_in_fat, share_of, vein_interval
-from legfem.report.web.stocking_leg import dressed_leg
-from legfem.report.web.stocking_mismatch import mismatch_blocks, mismatch_verdict
-from legfem.report.web import page as web
 from legfem.report.web.stocking_numbers import known_of
 from legfem.report.web.stocking_pressures import (
     ORIGINS,

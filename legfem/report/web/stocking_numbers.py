@@ -7,11 +7,6 @@ import numpy as np
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report.estimates import modulus_rows
 from legfem.report.page import Known, Provenance
-from legfem.report.stocking_words import both_units, low_in_fat, stiffness_interval, vein_interval
-from legfem.report.web.stocking_pressures import sensor_rows, tension_text
-from legfem.stockings.notices import TISSUES, best_complete
-from legfem.report.web.elastography import modulus_rows
-from legfem.report.web.page import Known, Provenance
 from legfem.report.web.stocking_pressures import (
     both_units,
     low_in_fat,

@@ -11,13 +11,8 @@ from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.report.page import Bars, Block, LabelledBar, Prose, WebTable
-from legfem.report.stocking_words import both_units, correlation, place_in_fat, vein_interval
-from legfem.stockings.notices import unloaded_skin
-from legfem.stockings.pressures import FatPressures, TissuePressures
-from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.page import Block, Prose, WebTable
-from legfem.report.web.turned import Marked, SkinField, Slider, TurnedLeg, View, turned_leg
+from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
+from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.stockings.notices import TISSUES, unloaded_skin
 from legfem.stockings.pressures import FatPressures, TissuePressures, too_low_by
 from legfem.stockings.result import StockingResult

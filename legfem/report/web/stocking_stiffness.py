@@ -6,10 +6,8 @@ import numpy as np
 
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
+from legfem.report import page as web
 from legfem.report.page import Block, Prose, WebTable
-from legfem.report.stocking_words import stiffness_values
-from legfem.report.web import page as web
-from legfem.report.web.page import Block, Prose, WebTable
 from legfem.report.web.stocking_pressures import stiffness_values
 from legfem.report.words import short_probability
 from legfem.stockings.discrepancy import ModelDiscrepancy
