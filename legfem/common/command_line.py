@@ -17,7 +17,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from legfem.common.errors import InputError, UnsolvedError
+from legfem.common.errors import InputError, UnsolvedError, missing_module
 
 _OPTION = "-no_signal_handler"
 
@@ -54,6 +54,8 @@ def command_context(resume: str = "run the same command again to go on", quiet: 
         _end(str(error), BAD_INPUT)
     except UnsolvedError as error:
         _end(f"nothing was solved: {' '.join(str(error).split())}", FAILED)
+    except ModuleNotFoundError as error:
+        _end(missing_module(error), FAILED)
     except KeyboardInterrupt:
         _end(f"interrupted: {resume}", INTERRUPTED)
     except BrokenProcessPool:
