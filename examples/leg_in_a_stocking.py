@@ -14,7 +14,7 @@ import legfem as lf
 from legfem.experiments.compression import CompressionSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import stocking_load
 from legfem.stockings.leg_model import LegModel3D
 
@@ -25,7 +25,7 @@ shape = leg.bare.at_levels(middle)
 laws = {"deep": NeoHookean(2.5e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}  # MPa, 1/MPa
 mesh = SolidMeshSettings(skin_size=12, inside_size=16, bone_size=12)
 model = LegModel3D(shape, laws, mesh, CompressionSettings(ends="held"))
-worn = WornLeg(model, leg.stocking).find()
+worn = EquilibriumSolver(model, leg.stocking).solve()
 print(f"{model.compression.spaces.unknowns} unknowns, {len(worn.changes)} states, {worn.converged=}")
 
 # %%

@@ -14,6 +14,13 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked no installer)
+    # Of ``python -m legfem.NAME`` only the line is shown.
+    raise (SystemExit if sys.argv[:1] == ["-m"] else ImportError)(
+        f"legfem needs Python 3.12 or later, and {sys.executable} is {sys.version.split()[0]}: in a checkout, begin "
+        "the command with scripts/in-env; else see docs/install.md"
+    )
+
 if TYPE_CHECKING:
     from legfem.api import (
         DiagnosedFolder,

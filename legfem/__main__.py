@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from importlib.util import find_spec
+from typing import Any
+
+from legfem.common.errors import missing_module
 
 COMMANDS = {
     "identify": "the deep tissue's stiffness from a subject's recordings",
@@ -17,31 +19,33 @@ COMMANDS = {
     "geometry": "a subject folder from cross-sections",
     "meshing": "a leg's mesh for gmsh, ParaView, Abaqus, CalculiX or FEBio Studio",
 }
+_ELSEWHERE = {"app": "legfem.app.command"}
+
+
+def command(name: str) -> Any:
+    """Return a command's typer application; where a package is missing, end with a line that says how to get it."""
+    try:
+        return import_module(_ELSEWHERE.get(name, f"legfem.commands.{name}")).app
+    except ModuleNotFoundError as error:
+        print(f"legfem: {missing_module(error)}", file=sys.stderr)
+        sys.exit(1)
 
 
 def main() -> None:
     """Run the command named by the first argument."""
-    there = {name: text for name, text in COMMANDS.items() if _module(name)}
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     if name in ("--help", "-h"):
         print("Usage: legfem COMMAND [OPTIONS]\n\nCommands:")
-        for known, text in there.items():
+        for known, text in COMMANDS.items():
             print(f"  {known:10} {text}")
         print("\nExample: legfem identify --subject 3\nlegfem COMMAND --help says more.")
         return
-    if name not in there:
-        print(f"legfem: {name}: unknown command; choose one of {', '.join(there)}", file=sys.stderr)
+    if name not in COMMANDS:
+        print(f"legfem: {name}: unknown command; choose one of {', '.join(COMMANDS)}", file=sys.stderr)
         sys.exit(2)
     # The command's own help then names the command as it was called.
     sys.argv = [f"legfem {name}", *sys.argv[2:]]
-    import_module(f"legfem.{name}.__main__").app(prog_name=f"legfem {name}")
-
-
-def _module(name: str) -> bool:
-    try:
-        return find_spec(f"legfem.{name}.__main__") is not None
-    except ModuleNotFoundError:
-        return False
+    command(name)(prog_name=f"legfem {name}")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from legfem.common.command_line import command_edge, leave_to_first_rank
+from legfem.common.command_line import command_context, leave_to_first_rank
 from legfem.common.progress import Silent
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.inverse.library_build import build_library
@@ -217,7 +217,7 @@ def bench(
     Example: python -m studies.bench --repeats 5
     """
     leave_to_first_rank()
-    with command_edge():
+    with command_context():
         if library:
             print_library()
             return

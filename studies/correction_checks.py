@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.documents import write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.legs.correction import smooth_ratio
@@ -44,7 +44,7 @@ def command(out: Out = None, jobs: Jobs = None) -> None:
     resume = "run the same command again to go on; solved models are kept"
     comm = MPI.COMM_WORLD
     with (
-        study_edge("correction-checks", out, jobs, resume) as (folder, processes),
+        study_context("correction-checks", out, jobs, resume) as (folder, processes),
         progress_on(quiet=comm.rank > 0) as progress,
     ):
         processes = processes if comm.size == 1 else 1

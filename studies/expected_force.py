@@ -16,7 +16,7 @@ import numpy as np
 import typer
 from scipy.optimize import linprog
 
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
@@ -45,7 +45,7 @@ def envelopes(
 
     Example: python -m studies.expected_force --legs 73 --seed 11
     """
-    with command_edge():
+    with command_context():
         every = [*random_legs(legs, seed), *shipped_legs()]
         shipped = len(SUBJECTS.names)
         weights = [1.0] * legs + [legs / shipped] * shipped

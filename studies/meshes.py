@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from legfem.commands.leg_meshes import MadeMesh, idealised_mesh, section_mesh, stocking_mesh
-from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank
+from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank
 from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.common.versions import versions_of
@@ -163,7 +163,7 @@ def meshes(out: Annotated[Path, typer.Option(help="Folder for the meshes.")] = P
     Example: python -m studies.meshes --out meshes
     """
     leave_to_first_rank()
-    with command_edge(), progress_on() as progress:
+    with command_context(), progress_on() as progress:
         check_out_folder(out)
         out.mkdir(parents=True, exist_ok=True)
         progress.stage("meshing", len(REFERENCES))

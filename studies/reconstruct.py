@@ -16,7 +16,7 @@ import typer
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from legfem.commands.study import Jobs
-from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa
@@ -184,7 +184,7 @@ def reconstruct_subjects(
     Example: python -m studies.reconstruct --out legfem/resources/frauziols/subjects
     """
     leave_to_first_rank()
-    with command_edge(), progress_on() as progress:
+    with command_context(), progress_on() as progress:
         check_out_folder(out)
         made = reconstruct(out, read_definition(definition or DEFINITION), progress, jobs or usable_cores())
         typer.echo(f"subject folders in {made}")

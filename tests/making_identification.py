@@ -12,13 +12,13 @@ from making import write_subject
 
 from legfem.common.progress import Silent
 from legfem.data import Instrument, Recording
-from legfem.identify.result import IdentificationResult, identification_result
 from legfem.inverse.fit import Fit, fit_with
 from legfem.inverse.outcome import FullSolver, JointForward, Outcome
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.details import LegDetails
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.problem import leg_problem
@@ -118,23 +118,8 @@ def identify(
     parameters: Sequence[Parameter] | None = None,
     fixed: Mapping[str, float] | None = None,
     correction: TabulatedCorrection | None = None,
-) -> list[IdentificationResult]:
+) -> list[Fit[LegDetails]]:
     """Return the results of laws, by default both."""
-    found = fits(subject, settings, model, solves, laws, parameters, fixed, correction)
-    return [identification_result(one) for one in found]
-
-
-def fits(
-    subject: Subject,
-    settings: IdentificationSettings | None = None,
-    model: AnalyticLeg | None = None,
-    solves: Path | None = None,
-    laws: tuple[Any, ...] = LAWS,
-    parameters: Sequence[Parameter] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    correction: TabulatedCorrection | None = None,
-) -> list[Fit[Any]]:
-    """Return the fits of laws, by default both."""
     model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
     settings = settings or IdentificationSettings()
     request = SearchRequest(parameters, fixed or {}, settings=settings)

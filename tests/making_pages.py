@@ -7,6 +7,7 @@ outside of legfem's environment.
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 from dataclasses import replace
@@ -33,7 +34,9 @@ from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
 from legfem.inverse.plan import DesignValue
+from legfem.inverse.search_log import SearchLog
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
@@ -45,20 +48,21 @@ from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
+from legfem.report.leg import leg_page
 from legfem.report.look import recordings_toml
-from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.report.web.identification import identification_page
+from legfem.report.page import PressedSection, WebPage
+from legfem.report.plan import plan_web_page
+from legfem.report.render.html import rendered
+from legfem.report.section import Film, pressed_section
+from legfem.report.specimens import specimen_page
 from legfem.report.web.look import Looked, look_web_page
-from legfem.report.web.page import WebPage, rendered
-from legfem.report.web.plan import plan_web_page
-from legfem.report.web.section import Film, PressedSection, pressed_section
-from legfem.report.web.specimen import specimen_web_page
 from legfem.report.web.stocking import stocking_web_page
 from legfem.solve.path import ForceCurve
+from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.recorded import LeftOut
-from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import SURFACES
@@ -92,8 +96,8 @@ def pressed(subject: Subject) -> PressedSection | None:
 
 def identified(folder: Path) -> WebPage:
     subject, measured = subject_in(folder), measured_curve(depth=DEPTH)
-    results = [result("neo-hookean", measured), result("reduced-polynomial", measured)]
-    return identification_page(results, subject, pressed(subject), COMMAND)
+    results = [result(law, measured, subject) for law in ("neo-hookean", "reduced-polynomial")]
+    return leg_page(results, pressed(subject), COMMAND)
 
 
 def pressed_in_3d() -> PressedLeg:
@@ -119,8 +123,8 @@ def identified_in_3d(folder: Path) -> WebPage:
     evidence = SpatialEvidence(
         "contours of one section, extruded", True, 120.0, (confirmed,), 1, 2, {"mesh": 0.01}, None, pressed_in_3d()
     )
-    found = result("reduced-polynomial", measured_curve(depth=DEPTH), spatial=evidence)
-    return identification_page([found], subject_in(folder), None, COMMAND)
+    found = result("reduced-polynomial", measured_curve(depth=DEPTH), subject_in(folder), evidence)
+    return leg_page([found], None, COMMAND)
 
 
 def diagnosis(folder: Path) -> WebPage:
@@ -179,39 +183,37 @@ def corrected(folder: Path) -> WebPage:
     return correction_web_page(given, found, {"cylinder's length (mm)": lengths}, COMMAND)
 
 
-def specimens(folder: Path, p_value: float = 0.4) -> list[SpecimenResult]:
+def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
     """Bars whose forces are met to a per cent by a law of 5 kPa."""
     given = load_specimen(write_bars(folder / "bars", ReducedPolynomial(5e-3, 1.0, 3e-3, np.inf)))
     found = Estimate(
         parameter_of("deep.C10", {}), 5e-3, 1e-4, (4.8e-3, 5.2e-3), "identifiable", "its interval is narrow"
     )
-    compared = tuple(
-        ComparedRecording(one.name, one.specimen, k > 0, one.course, 1.01 * one.course.force)
+    goodness = Goodness(30.0, 28, p_value)
+    tests = tuple(
+        TestFit(one, (ChannelFit(one.data.channels[0], 1.01 * one.course.force),), goodness, k > 0)
         for k, one in enumerate(given.recordings)
     )
     return [
-        SpecimenResult(
+        Fit(
+            kind="specimens",
+            subject=Identity(given.id, given.title, given.origin),
             law="neo-hookean",
-            parameters={"deep.C10": found},
+            estimates={"deep.C10": found},
             correlations=np.eye(1),
             values={"deep.C10": 5e-3},
             assumed={"deep.D1": 1.0},
-            forward_solves=9,
-            reused_solves=0,
-            wall_s=2.0,
-            seed=1,
-            emulator_error=1e-3,
-            converged=True,
+            goodness=goodness,
+            cost=Cost(1.0, 30, math.nan, 0.99, "errors", 30.0, "1"),
+            agreement=EXACT,
+            tests=tests,
+            log=SearchLog(("deep.C10",), (), (), None, True, 1, 2.0, 1e-3, 9, 0, 0, 90, ""),
+            neo_hookean_limit=False,
+            weighting="covariance",
+            settings={},
             warnings=("a warning",),
             versions={"legfem": "1"},
-            folder=given,
-            recordings=compared,
-            left_out=(LeftOut("torn", "it <never> touched"),),
-            chi_square=30.0,
-            degrees_of_freedom=28,
-            p_value=p_value,
-            gain_sd=0.02,
-            failed_solves=0,
+            details=SpecimenDetails(given, (LeftOut("torn", "it <never> touched"),), 0.02, {}, 0.0, ""),
         )
     ]
 
@@ -241,7 +243,7 @@ def stocking() -> StockingResult:
 
 def dressed(folder: Path) -> WebPage:
     found = stocking()
-    moved = {part: found.model.displacement(part, found.worn.state.unknown) for part in SURFACES}
+    moved = {part: found.model.displacement(part, found.equilibrium.state.unknown) for part in SURFACES}
     return stocking_web_page(found, moved, command=COMMAND)
 
 
@@ -267,7 +269,7 @@ PAGES = {
     "plan": planned,
     "doe": lambda folder: study_web_page(studied(folder), 1, COMMAND),
     "correction": corrected,
-    "specimen": lambda folder: specimen_web_page(specimens(folder), COMMAND),
+    "specimen": lambda folder: specimen_page(specimens(folder), COMMAND),
     "stocking": dressed,
 }
 

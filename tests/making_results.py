@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import math
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from making import press
+from making import press, write_subject
 
 from legfem.data import Instrument, LoadingCurve, mean_loading_curve, segment_all
-from legfem.identify.result import Cost, IdentificationResult, PredictedCurve
 from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.document import fit_document
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
 from legfem.inverse.search_log import CostMap, FullSolve, Generation, SearchLog
+from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence
+from legfem.legs.document import LegDocument
+from legfem.legs.identification import as_leg
+from legfem.legs.loading import load_subject
+from legfem.legs.site_test import SiteTest
+from legfem.legs.subject import Subject
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 NAMES = ("deep.C10", "deep.C20")
@@ -39,7 +50,14 @@ def sensitivities(depth: np.ndarray) -> dict[str, np.ndarray]:
     return {name: 1e3 * rate for name, rate in by_kpa.items()}
 
 
-def result(law: str, measured: LoadingCurve | None = None, **changes: object):
+def result(
+    law: str,
+    measured: LoadingCurve | None = None,
+    subject: Subject | None = None,
+    spatial: SpatialEvidence | None = None,
+    correction: AppliedCorrection | None = None,
+    **changes: object,
+) -> Fit[LegDetails]:
     measured = measured or measured_curve()
     depth = measured.displacement
     rates = sensitivities(depth)
@@ -75,31 +93,23 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
     c20 = 1e-3 * np.concatenate([[0.0], np.geomspace(0.02, 8, 50)]) if two else np.zeros(1)
     squares = float(cost(*best))
     n = len(depth)
+    leg = as_leg(subject or made_subject())
+    test = SiteTest(leg.sites[0], measured)
+    channel = test.data.channels[0]
+    goodness = Goodness(1.05 * n if two else 40.0 * n, n - len(columns), 0.3 if two else 1e-12)
     given = {
-        "subject_id": "3",
-        "subject_title": "Subject 3 of Frauziols et al.",
-        "subject_origin": "reconstructed",
+        "kind": "leg",
+        "subject": Identity(leg.id, leg.title, leg.origin),
         "law": law,
-        "parameters": parameters,
+        "estimates": parameters,
         "correlations": covariance / np.outer(error, error),
         "values": {"deep.C20": 0.0, "deep.D2": math.inf, **dict(zip(NAMES, optimum, strict=False))},
         "assumed": ASSUMED,
-        "cost": Cost(
-            value=squares,
-            points=n,
-            mean_square=squares / n,
-            per_length=squares / 50.0**2,
-            rms=math.sqrt(squares / n),
-            r_squared=0.9999,
-            chi_square=1.05 * n if two else 40.0 * n,
-            degrees_of_freedom=n - len(columns),
-            p_value=0.3 if two else 1e-12,
-            minimised="the cost E",
-            minimised_value=squares,
-        ),
-        "measured": measured,
-        "predicted": PredictedCurve(depth, matrix @ optimum, rates),
-        "search": SearchLog(
+        "goodness": goodness,
+        "cost": Cost(squares, n, squares / 50.0**2, 0.9999, "the cost E", squares, "N2"),
+        "agreement": EXACT,
+        "tests": (TestFit(test, (ChannelFit(channel, matrix @ optimum, rates),), goodness),),
+        "log": SearchLog(
             NAMES[: 2 if two else 1],
             tuple(
                 FullSolve({NAMES[0]: a, NAMES[1]: b}, float(cost(a, b)), stage, True, "", 60, 1.5)
@@ -120,18 +130,22 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
             factorisations=420,
             compromise="",
         ),
-        "forward_solves": 7,
-        "reused_solves": 2,
-        "factorisations": 420,
-        "wall_s": 12.3,
-        "seed": 5,
-        "emulator_error": 0.003,
-        "correction": None,
         "weighting": "paper",
-        "converged": True,
         "neo_hookean_limit": False,
         "warnings": ("the fascia's Poisson ratio is negative",),
         "settings": {"grid_step_mm": 0.25},
         "versions": {"legfem": "0.1.0"},
+        "details": LegDetails(leg, {}, (correction,), spatial),
     }
-    return IdentificationResult(**{**given, **changes})
+    return Fit(**{**given, **changes})
+
+
+@cache
+def made_subject() -> Subject:
+    """A subject that no test changes."""
+    return load_subject(write_subject(Path(tempfile.mkdtemp()) / "made"), need_recordings=False)
+
+
+def law_document(fit: Fit[LegDetails]) -> dict[str, Any]:
+    """What ``result.json`` holds of one law."""
+    return fit_document([fit], LegDocument())["laws"][fit.law]

@@ -139,12 +139,12 @@ def stocking() -> Entries:
     """The first leg in its stocking, coarse, with given stiffness: pressure and shape."""
     legs = module("legfem.stockings.loading")
     model_of = module("legfem.stockings.leg_model").LegModel3D
-    worn_leg, meshing = module("legfem.stockings.equilibrium").WornLeg, module("legfem.meshing.solid_leg")
+    worn_leg, meshing = module("legfem.stockings.equilibrium").EquilibriumSolver, module("legfem.meshing.solid_leg")
     leg = legs.load_leg(legs.LEGS.find("1"))
     mesh = meshing.SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
     model = model_of(leg.bare, leg.tissues, mesh)
     values = {"deep.C10": 6e-3, "superficial.C10": 2.5e-3}
-    worn = worn_leg(model, leg.stocking).find(values)
+    worn = worn_leg(model, leg.stocking).solve(values)
     moved = model.displacement("skin", worn.state.unknown)
     return {
         "stocking pressure (MPa)": list(worn.pressure.mean(axis=1)),

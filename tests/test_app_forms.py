@@ -7,8 +7,19 @@ import pytest
 from making import leg, press, write_contours, write_recording
 from making_specimens import write_bars
 
-from legfem.app.describe import DressedLeg, LabSpecimens, PressedLeg, contours_in, known_tests, scans_in
-from legfem.app.settings import read_value, settings_of, with_channels, with_settings
+from legfem.app.description import (
+    DescribedLeg,
+    DescribedSpecimens,
+    DescribedStocking,
+    contours_in,
+    known_tests,
+    read_value,
+    scans_in,
+    settings_of,
+    shown_errors,
+    with_channels,
+    with_settings,
+)
 from legfem.common.errors import InputError
 from legfem.common.input_files import checked
 from legfem.data.folder import RESOURCES
@@ -78,7 +89,7 @@ def test_loose_files_become_a_leg_that_lacks_nothing_but_the_instrument(tmp_path
     for trial in (SUBJECT / "recordings").iterdir():
         (folder / trial.name).write_bytes(trial.read_bytes())
     assert contours_in(folder) == ["outline.csv"]
-    PressedLeg("Mine", "outline.csv", 30, 50, (0, 0), 90).describe(folder)
+    DescribedLeg("Mine", "outline.csv", 30, 50, (0, 0), 90).describe(folder)
     given = subject_entry(folder / "subject.toml").given
     assert (given.section.contours, given.indenter.diameter_mm) == ("outline.csv", 30.0)
     assert given.instrument is None and given.origin == "measured"
@@ -86,9 +97,23 @@ def test_loose_files_become_a_leg_that_lacks_nothing_but_the_instrument(tmp_path
     assert len(list((folder / "recordings").iterdir())) == 3
 
 
+def test_what_the_recordings_show_can_stand_for_an_instrument_that_is_not_stated(tmp_path):
+    described(tmp_path)
+    force, displacement = shown_errors(tmp_path)
+    path = tmp_path / "subject.toml"
+    with pytest.raises(InputError, match="instrument: missing"):
+        load_subject(tmp_path)
+    stated = {("instrument", "force_sd_N"): force, ("instrument", "displacement_sd_mm"): displacement}
+    path.write_text(with_settings(path.read_text(), stated))
+    instrument = load_subject(tmp_path).instrument
+    assert (instrument.force_sd, instrument.displacement_sd) == (force, displacement)
+    assert shown_errors(tmp_path) is None
+    assert shown_errors(SUBJECT) is None
+
+
 def test_a_scan_takes_the_place_of_contours(tmp_path):
     (tmp_path / "leg.nii.gz").touch()
-    PressedLeg("Mine", "leg.nii.gz", 30, 50, (0, 0), 90, 300.0).describe(tmp_path)
+    DescribedLeg("Mine", "leg.nii.gz", 30, 50, (0, 0), 90, 300.0).describe(tmp_path)
     section = subject_entry(tmp_path / "subject.toml").given.section
     assert (section.scan, section.contours, section.level_mm) == ("leg.nii.gz", None, 300.0)
 
@@ -96,7 +121,7 @@ def test_a_scan_takes_the_place_of_contours(tmp_path):
 def described(folder, length=50.0, **pressed):
     write_contours(folder / "outline.csv", leg())
     write_recording(folder / "trial1.csv", press())
-    PressedLeg("Mine", "outline.csv", 30.0, length, (0.0, 0.0), 90.0, **pressed).describe(folder)
+    DescribedLeg("Mine", "outline.csv", 30.0, length, (0.0, 0.0), 90.0, **pressed).describe(folder)
     return (folder / "subject.toml").read_text()
 
 
@@ -143,7 +168,7 @@ def test_two_scans_become_a_leg_in_its_stocking(tmp_path):
     for name in ("bare.nii.gz", "in stocking.nii.gz", "notes.txt"):
         (tmp_path / name).touch()
     assert scans_in(tmp_path) == ["bare.nii.gz", "in stocking.nii.gz"]
-    DressedLeg("Mine", "bare.nii.gz", "in stocking.nii.gz", "2").describe(tmp_path)
+    DescribedStocking("Mine", "bare.nii.gz", "in stocking.nii.gz", "2").describe(tmp_path)
     given = parse_leg_file(tmp_path / "leg.toml")
     assert given.bare.scan == "bare.nii.gz" and given.stocking.compression_class == "2"
 
@@ -166,7 +191,7 @@ def test_recordings_become_specimens_that_lack_nothing(tmp_path, test):
         for one in known_tests()[test]
         if one.needed
     }
-    LabSpecimens("Mine", test, {**stated, "never stated": None}).describe(tmp_path)
+    DescribedSpecimens("Mine", test, {**stated, "never stated": None}).describe(tmp_path)
     found = load_specimen(tmp_path)
     assert found.origin == "measured" and not found.left_out
     assert len(found.recordings) == len(list((tmp_path / "recordings").iterdir())) > 1

@@ -141,6 +141,10 @@ def test_the_pages_show_what_stands_in_the_workspace(served):
     assert "there is none" in visitor.get("/run/nothing").text
     assert visitor.get("/compare").status_code == 200
     assert visitor.get("/assets/app/press.js").status_code == 404
+    for kind, begins in (("csv", b"\xef\xbb\xbfrun,of,command"), ("xlsx", b"PK")):
+        table = visitor.get(f"/table.{kind}")
+        assert table.content.startswith(begins) and f"legfem-results.{kind}" in table.headers["content-disposition"]
+    assert visitor.get("/table.html").status_code == 404
 
 
 def test_a_port_that_is_taken_is_said_in_a_line(tmp_path, capsys):

@@ -212,6 +212,64 @@ def test_a_leg_that_a_ball_pressed_is_dropped_and_described(served, page, tmp_pa
     assert (given.indenter.shape, given.indenter.length_mm) == ("ball", None)
 
 
+RED = "document.querySelector('.line.refused')?.innerText"
+
+
+def test_a_leg_is_described_without_red_before_anything_is_wrong(served, page, tmp_path):
+    workspace, _ = served
+    page.drop([loose_files(tmp_path)])
+    page.until("location.pathname.startsWith('/input/my%20leg')")
+    page.sees("holds no subject.toml", 3 * MINUTES)
+    assert not page.value(RED)
+    page.click("Describe")
+    page.type("diameter (mm)", "30")
+    page.click("It is a pressed leg")
+    page.sees("aim x (mm): a point on its way")
+    for label, number in (
+        ("cylinder's length (mm)", "50"),
+        ("aim x (mm): a point on its way", "0"),
+        ("aim y (mm)", "0"),
+        ("direction of travel (degrees from +x)", "90"),
+    ):
+        page.type(label, number)
+    page.click("It is a pressed leg")
+    page.sees("columns are separated by ;", 3 * MINUTES)
+    assert not page.value(RED)
+    page.click("Columns", ".q-tab")
+    page.click("Read them so")
+    page.sees("instrument: missing", 3 * MINUTES)
+    assert not page.value(RED)
+    assert accessible(page)
+    page.click("Assumed", ".q-tab")
+    page.sees("The instrument isn't stated")
+    page.click("Take what the recordings show")
+    page.until("!document.body.innerText.includes('isn\\'t stated')")
+    assert subject_entry(workspace.input(workspace.inputs[0]) / "subject.toml").given.instrument is not None
+    page.sees("Is this what you measured?", 3 * MINUTES)
+
+
+def test_an_input_is_renamed_deleted_and_put_back(served, page):
+    workspace, _ = served
+    name = begun(page, "a pressed leg")
+    page.click("Files", ".q-tab")
+    page.sees("can be put back")
+    page.type("name", "left calf")
+    page.click("Rename")
+    page.until("location.pathname === '/input/left%20calf'")
+    page.sees("Is this what you measured?", 3 * MINUTES)
+    assert "left calf" in workspace.inputs and name not in workspace.inputs
+    page.click("Files", ".q-tab")
+    page.sees("can be put back")
+    assert accessible(page)
+    page.click("Delete", "button")
+    page.until("location.pathname === '/'")
+    page.sees("Deleted")
+    page.click("Deleted")
+    page.click("Put back", "button")
+    page.until("location.pathname === '/input/left%20calf'")
+    assert "left calf" in workspace.inputs
+
+
 def test_recordings_of_specimens_are_dropped_described_and_identified(served, page, tmp_path):
     workspace, _ = served
     bars = write_bars(tmp_path / "bars", ReducedPolynomial(5e-3, 1.0, 3e-3, float("inf")))

@@ -1,5 +1,8 @@
 """The app's runs: commands as processes that outlive it, and what their results come to."""
 
+import csv
+import fcntl
+import io
 import json
 import os
 import signal
@@ -9,6 +12,7 @@ import time
 from importlib import import_module
 from pathlib import Path
 
+import openpyxl
 import pytest
 from making import write_subject
 from making_diagnosed import diagnosed
@@ -16,13 +20,13 @@ from making_results import result
 from test_diagnosis_report import CASES
 from typer.main import get_command
 
-from legfem.app.actions import ACTIONS
-from legfem.app.outcomes import found_by, sentence_of
-from legfem.app.runs import Run, RunState
+from legfem.app.outcomes import Answer, answers_of, as_csv, as_xlsx, sentence_of
+from legfem.app.runs import ACTIONS, Run, RunState, rename_input
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
-from legfem.identify.document import result_document
+from legfem.inverse.document import fit_document
+from legfem.legs.document import LegDocument
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis_document import document
 from legfem.report.words import number
@@ -175,10 +179,10 @@ def pretended(workspace, kind):
 def test_both_laws_of_an_identification_are_compared(workspace):
     run, both = (pretended(workspace, "identify"), [result("neo-hookean"), result("reduced-polynomial")])
     (run.results / "result.json").write_text('[{"half')
-    (row,) = found_by(run)
+    (row,) = answers_of(run)
     assert (row.kind, row.state, row.verdict) == ("identify", RunState.LOST, "")
-    write_document(run.results / "result.json", [result_document(one) for one in both])
-    for row, one in zip(found_by(run), both, strict=True):
+    write_document(run.results / "result.json", fit_document(both, LegDocument()))
+    for row, one in zip(answers_of(run), both, strict=True):
         shown = one.parameters["deep.C10"].shown
         low, high = shown.ci95
         digits = [number(value, (high - low) / 4) for value in (shown.value, low, high)]
@@ -192,9 +196,54 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     found, run = diagnosed(effects, bump=bump, asked=asked), pretended(workspace, "diagnose")
     subject = load_subject(write_subject(tmp_path))
     write_document(run.results / "diagnosis.json", document(found, subject, 0, 1.0))
-    (row,) = found_by(run)
+    (row,) = answers_of(run)
     low, high = found.intervals["C10"]
     ends = [number(end, (high - low) / 4) for end in (low, high)]
     assert f"({ends[0]} to {ends[1]}) kPa" in row.c10
     assert row.verdict == f"named: {found.models[0].names[0]}"
     assert sentence_of(run).endswith(row.verdict)
+
+
+def test_all_numbers_of_all_runs_are_a_table_for_other_programs(workspace):
+    run, both = pretended(workspace, "identify"), [result("neo-hookean"), result("reduced-polynomial")]
+    write_document(run.results / "result.json", fit_document(both, LegDocument()))
+    rows = list(csv.DictReader(io.StringIO(as_csv(answers_of(run)).decode("utf-8-sig"))))
+    assert [(row["law"], row["parameter"]) for row in rows] == [
+        ("neo-hookean", "c10_deep"),
+        ("reduced-polynomial", "c10_deep"),
+        ("reduced-polynomial", "c20_deep"),
+    ]
+    shown = both[1].parameters["deep.C20"].shown
+    found = [float(rows[2][key]) for key in ("value", "ci95_low", "ci95_high")]
+    assert found == [shown.value, *shown.ci95] and rows[2]["unit"] == "kPa"
+    sheet = openpyxl.load_workbook(io.BytesIO(as_xlsx(answers_of(run)))).active
+    assert [[str(cell) for cell in row] for row in sheet.iter_rows(min_row=2, max_col=8, values_only=True)] == [
+        list(row.values())[:8] for row in rows
+    ]
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@SUM(A1)"])
+def test_a_name_that_would_be_a_formula_is_none_in_a_spreadsheet(name):
+    (row,) = csv.reader(
+        io.StringIO(as_csv([Answer("run", name, "identify", "done")]).decode("utf-8-sig").split("\n", 1)[1])
+    )
+    assert row[1] == f"'{name}"
+
+
+def test_a_renamed_input_keeps_its_runs_and_what_is_deleted_can_be_put_back(workspace):
+    name = workspace.new_input("leg")
+    run = workspace.run(workspace.new_run("identify-leg"))
+    arguments = ["python", "-m", "legfem.identify", "--subject-dir", str(workspace.input(name))]
+    write_document(run / "run.json", {"about": name, "arguments": arguments, "cwd": "/", "began": 0.0})
+    now = rename_input(workspace, name, "left calf")
+    assert now == "left calf" and workspace.inputs == ["left calf"]
+    assert Run(run).about == "left calf" and str(workspace.input(now)) in Run(run).command.replace("'", "")
+    workspace.delete("inputs", now)
+    assert not workspace.inputs and workspace.deleted == [("inputs", "left calf")]
+    workspace.new_input("left calf")
+    assert workspace.put_back("inputs", "left calf") == "left calf-2" and not workspace.deleted
+    (run / "lock").touch()
+    with (run / "lock").open("rb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(InputError, match="runs on it; stop that first"):
+            rename_input(workspace, now, "right calf")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import errno
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import typer
 
-from legfem.common.command_line import BAD_INPUT, command_edge
+from legfem.common.command_line import BAD_INPUT, FAILED, command_context
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, parse_toml
 
@@ -25,7 +27,7 @@ from legfem.common.input_files import FileTable, parse_toml
     ],
 )
 def test_what_the_machine_lacks_is_one_line(capsys, error, words):
-    with pytest.raises(typer.Exit) as left, command_edge():
+    with pytest.raises(typer.Exit) as left, command_context():
         raise error
     said = capsys.readouterr().err
     assert left.value.exit_code == BAD_INPUT
@@ -33,7 +35,7 @@ def test_what_the_machine_lacks_is_one_line(capsys, error, words):
 
 
 def test_a_reader_that_left_is_not_a_full_disk():
-    with pytest.raises(BrokenPipeError), command_edge():
+    with pytest.raises(BrokenPipeError), command_context():
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
 
@@ -41,10 +43,10 @@ def test_a_reader_that_left_is_not_a_full_disk():
 def test_a_reader_that_leaves_after_petsc_was_loaded_ends_a_command_quietly(loaded):
     petsc = {loaded: "import petsc4py.PETSc"}
     work = f"""
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 {petsc.get("before", "")}
 try:
-    with command_edge():
+    with command_context():
         {petsc.get("inside", "")}
         input()
         print("x" * 100_000, flush=True)
@@ -67,3 +69,30 @@ def test_a_deeply_nested_toml_is_refused(tmp_path):
     path.write_text("a = " + "[" * 100_000)
     with pytest.raises(InputError, match="nested too deeply"):
         parse_toml(path, FileTable, "a folder")
+
+
+def test_a_package_that_is_missing_is_one_line_that_says_how_to_get_it(capsys):
+    for name, words in (("dolfinx.fem", "DOLFINx, which solves"), ("gmsh", "gmsh isn't installed")):
+        with pytest.raises(typer.Exit) as left, command_context():
+            raise ModuleNotFoundError(name=name)
+        said = capsys.readouterr().err
+        assert left.value.exit_code == FAILED
+        assert words in said and "scripts/in-env" in said and said.count("\n") == 1
+    with pytest.raises(ModuleNotFoundError), command_context():
+        raise ModuleNotFoundError(name="legfem.none")
+
+
+@pytest.mark.parametrize("name", ["identify", "study", "app"])
+def test_without_typer_every_command_ends_in_that_line(tmp_path, name):
+    (tmp_path / "typer.py").write_text("raise ModuleNotFoundError(name='typer')\n")
+    there = f"{tmp_path}{os.pathsep}{Path(__file__).resolve().parents[1]}"
+    for command in (["legfem", name], [f"legfem.{name}"]):
+        done = subprocess.run(
+            [sys.executable, "-m", *command],
+            env={**os.environ, "PYTHONPATH": there},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 1 and done.stderr.startswith("legfem: typer isn't installed for ")
+        assert done.stderr.count("\n") == 1

@@ -15,17 +15,16 @@ from matplotlib.image import imread
 
 from legfem.inverse.location import runs
 from legfem.legs.loading import load_subject
-from legfem.report import diagnosis as report
-from legfem.report import diagnosis_tables as tables
+from legfem.report import diagnosis_folder as report
+from legfem.report import diagnosis_numbers as tables
+from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_of
 from legfem.report.diagnosis_document import document
+from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
 from legfem.report.diagnosis_sentences import next_experiments, percent, verdict_sentence
-from legfem.report.diagnosis_style import REPAIRED_COLOUR, model_name
-from legfem.report.located import places_of
-from legfem.report.plain import plain_page
-from legfem.report.ranking_figure import ranking_figure
-from legfem.report.signature_figure import leading, matched, strongest
-from legfem.report.web.diagnosis import diagnosis_web_page
+from legfem.report.render.text import plain_page
 from legfem.report.words import number, probability
+from legfem.report.write import PAGE_FILES
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
@@ -68,9 +67,9 @@ def test_page_states_verdict_origin_and_open_questions(found, subject, verdict):
     assert text.index("*** SIMULATED DATA ***") < text.index("Verdict")
     assert "A constant factor on the force" in text, "a gain can't be told from the stiffness"
     assert "there is no 3D correction for this leg" in text
-    assert "an effect of rate can't be told from one loading ramp" in text
+    assert "an effect of rate cannot be determined from one loading ramp" in text
     assert "3.70 mm of air before first contact" in text
-    assert "No full finite-element solution was made" in text
+    assert "No full finite-element solution confirmed" in text
     for line in next_experiments(found[verdict]):
         assert line[1:] in text
     assert max(len(line) for line in page.splitlines()) <= 100
@@ -104,8 +103,8 @@ def test_ambiguous_page_prefers_no_candidate(found, subject):
     assert "What it left out is one of these" in page
     names = [model_name(model) for model in found["ambiguous"].models]
     assert set(names) == {"prestress", "fascia stiffness"}
-    assert f"{'; '.join(names)}: together they hold 90 % of the probability" in page
-    assert "Which of them it is can't be said" in page
+    assert f"{'; '.join(names)}: together they have 90 % of the probability" in page
+    assert "cannot determine which of them it is" in page
     assert found["ambiguous"].models[0].probability < 0.9
 
 
@@ -154,9 +153,9 @@ def test_parameters_that_are_at_a_bound_or_unseen_are_flagged(found):
     values = {**model.fit.values, "C20": model.fit.parameters[k].bounds[1]}
     at_bound = replace(model, fit=replace(model.fit, values=values))
     assert tables.flag(at_bound, "C20", 0.0).startswith("AT THE BOUND")
-    assert tables.flag(with_sd(0.99), "C20", 0.0).startswith("NOT SEEN")
-    assert tables.interval(with_sd(0.99), "C20") == "as known beforehand"
-    assert tables.flag(with_sd(0.5), "C20", 0.0) == "can't be told from 0"
+    assert tables.flag(with_sd(0.99), "C20", 0.0).startswith("NOT DETERMINED")
+    assert tables.interval(with_sd(0.99), "C20") == "not narrowed by this test"
+    assert tables.flag(with_sd(0.5), "C20", 0.0) == "not distinguishable from 0"
 
 
 def test_places_have_one_sign_and_hold_what_was_located(found):
@@ -177,7 +176,7 @@ def test_ranking_shows_what_may_be_left_out_and_marks_what_is_reported(found):
         one = found[verdict]
         axes = ranking_figure(one, "a leg", "simulated").axes[0]
         labels = [label.get_text() for label in axes.get_yticklabels()]
-        assert "nothing that shows" in labels
+        assert "nothing detectable" in labels
         assert "something unknown" in labels or verdict != "unexplained"
         bars = [patch.get_width() for patch in axes.patches]
         assert bars == sorted(bars, reverse=True)
@@ -210,7 +209,7 @@ def test_report_lists_every_file_it_writes(found, subject, tmp_path, verdict):
     wanted |= set() if verdict == "consistent" else {"signatures"}
     pictures = {f"{name}.png" for name in wanted}
     small = {f"{name}.svg" for name in wanted - {"section", "recording", "signatures"}}
-    assert written == {"report.txt", "report.html"} | pictures | small
+    assert written == set(PAGE_FILES) | pictures | small
     assert all(name in path.read_text() for name in written - {"report.txt"})
     for name in wanted:
         picture = imread(path.parent / f"{name}.png")

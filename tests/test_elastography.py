@@ -22,7 +22,7 @@ from legfem.legs.elastography import FibreRatio, ShearModulus, elastography_prio
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import DRAWN
 from legfem.legs.plausibility import doubts_about
-from legfem.report.web.diagnosis import waves_say
+from legfem.report.diagnosis import waves_say
 
 ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')
@@ -114,15 +114,15 @@ def test_elastography_narrows_what_the_ends_leave_open(tmp_path):
     """Recordings are exact but for a factor of 20 %: the two make the mean by their precisions."""
     subject = pressed_leg(tmp_path, 1.0, 0.0, seed=3)
     given = {"correction": corrected(0.2), "laws": ("neo-hookean",)}
-    alone = identify(subject, **given)[0].parameters["deep.C10"]
+    alone = identify(subject, **given)[0].estimates["deep.C10"]
     (found,) = identify(waved(subject, 1.3, 0.15), **given)
-    both = found.parameters["deep.C10"]
+    both = found.estimates["deep.C10"]
     assert both.standard_error < 0.8 * alone.standard_error
     first, second = alone.standard_error**-2, 0.15e-3**-2
     expected = (first * alone.value + second * 1.3e-3) / (first + second)
     assert both.value == pytest.approx(expected, rel=0.02)
     assert both.standard_error == pytest.approx((first + second) ** -0.5, rel=0.06)
-    assert found.weighting == "covariance" and found.converged
+    assert found.weighting == "covariance" and found.log.converged
     assert not any("Elastography finds" in text for text in found.warnings)
     assert both.error_shares["priors"] > 0.4
 
@@ -130,10 +130,10 @@ def test_elastography_narrows_what_the_ends_leave_open(tmp_path):
 def test_what_is_asked_on_the_command_line_rules_over_the_folder(tmp_path):
     subject = waved(pressed_leg(tmp_path, 1.0, 0.0, seed=3), 1.3, 0.15)
     (held,) = identify(subject, laws=("reduced-polynomial",), fixed={"deep.C10": 1e-3})
-    assert set(held.parameters) == {"deep.C20"}
+    assert set(held.estimates) == {"deep.C20"}
     own = replace(parameter_of("deep.C10", AnalyticLeg().nominal), prior=Prior(1e-3, 1e-5, "linear", "mine"))
     (found,) = identify(subject, laws=("neo-hookean",), parameters=[own])
-    assert found.parameters["deep.C10"].parameter.prior.source == "mine"
+    assert found.estimates["deep.C10"].parameter.prior.source == "mine"
 
 
 @pytest.mark.parametrize(("c10", "said"), [(1.6, "Elastography finds"), (0.5, "Indentation finds")])

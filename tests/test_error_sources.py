@@ -8,9 +8,9 @@ from making_identification import identify, pressed_leg
 
 from legfem.inverse.comparison import main_source, shares_of_error, total_of
 from legfem.legs.correction import TabulatedCorrection
-from legfem.report.web.identification import identification_page
+from legfem.report.leg import leg_page
 
-DEEPER, LONGER = "press deeper", "take a longer cylinder, or solve this leg in 3D (--model 3d)"
+DEEPER, LONGER = "press deeper", "use a longer cylinder, or solve this leg in 3D (--model 3d)"
 
 
 def of_ends(sd: float) -> TabulatedCorrection:
@@ -41,15 +41,15 @@ def test_shares_are_those_of_the_closed_form():
 def test_advice_is_what_narrows_the_interval(tmp_path, noise, ends_sd, said, unsaid, source):
     subject = pressed_leg(tmp_path, 0.9, 0.0, noise=noise)
     results = identify(subject, laws=("neo-hookean",), correction=of_ends(ends_sd))
-    found = results[0].parameters["deep.C10"]
+    found = results[0].estimates["deep.C10"]
     assert found.identifiability == "weakly identifiable"
     assert main_source(found.error_shares) == source
     assert sum(found.error_shares.values()) == pytest.approx(1.0)
-    advice = dict(identification_page(results, subject, None).headline.answers)["What to do"]
+    advice = dict(leg_page(results).headline.answers)["What to do"]
     assert said in advice and unsaid not in advice
     # What is advised against leaves the interval nearly as it was; what rules it, doesn't.
     better = {"ends": (noise / 3, ends_sd), "recordings": (noise, ends_sd / 3)}[source]
     again = pressed_leg(tmp_path, 0.9, 0.0, noise=better[0])
     (narrower,) = identify(again, laws=("neo-hookean",), correction=of_ends(better[1]))
-    width = narrower.parameters["deep.C10"].standard_error / found.standard_error
+    width = narrower.estimates["deep.C10"].standard_error / found.standard_error
     assert width == pytest.approx(1.0, abs=0.25)

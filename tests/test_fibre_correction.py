@@ -10,8 +10,8 @@ import pytest
 from making import TOML, write_subject
 from making_diagnosis import observations, ramps
 from making_identification import DEPTH, identify, pressed_leg
+from making_results import law_document
 
-from legfem.identify.document import result_document
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import (
     FIBRES,
@@ -26,8 +26,8 @@ from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.solver_3d import fibre_errors
-from legfem.report.plain import plain_page
-from legfem.report.web.identification import identification_page
+from legfem.report.leg import leg_page
+from legfem.report.render.text import plain_page
 from legfem.solve.path import ForceCurve
 
 GRID = np.linspace(0.0, 25.0, 26)
@@ -144,17 +144,17 @@ def test_a_known_ratio_takes_its_part_of_the_force_out_of_c10(tmp_path: Path):
     (found,) = identify(known, laws=laws, correction=corrected)
     exact = replace(KNOWN, sd=0.0)
     (sure,) = identify(replace(known, fibres=exact), laws=laws, correction=with_fibres(plain(), power(), exact))
-    high, c10 = without.parameters["deep.C10"], found.parameters["deep.C10"]
+    high, c10 = without.estimates["deep.C10"], found.estimates["deep.C10"]
     assert high.value > 1.2e-3 and not high.ci95[0] < 1e-3 < high.ci95[1]
     assert c10.value == pytest.approx(1e-3, rel=0.02) and c10.ci95[0] < 1e-3 < c10.ci95[1]
-    assert c10.relative_half_width > 1.5 * sure.parameters["deep.C10"].relative_half_width
+    assert c10.relative_half_width > 1.5 * sure.estimates["deep.C10"].relative_half_width
     assert c10.error_shares["fibres"] > 0.8
     assert "muscle fibres" in c10.why
     assert any("alike in all directions" in text for text in without.warnings)
     (said,) = [text for text in found.warnings if "times as stiff in shear" in text]
     assert "2.5 ± 0.4" in said and "measured: shear waves" in said
     assert any("stated without" in text for text in sure.warnings)
-    document = result_document(found)
+    document = law_document(found)
     assert document["fibres"] == {
         "ratio": 2.5,
         "sd": 0.4,
@@ -162,8 +162,8 @@ def test_a_known_ratio_takes_its_part_of_the_force_out_of_c10(tmp_path: Path):
         "source": "shear waves",
         "in_correction": True,
     }
-    assert result_document(without)["fibres"] is None
-    page = " ".join(plain_page(identification_page([found], known, None), []).split())
+    assert law_document(without)["fibres"] is None
+    page = " ".join(plain_page(leg_page([found]), []).split())
     assert "shear moduli along the leg over across: 2.5 ± 0.4" in page
 
 

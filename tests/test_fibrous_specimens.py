@@ -15,7 +15,7 @@ from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
-from legfem.experiments.uniaxial import Bar
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.parse_parameters import Written
 from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
@@ -23,6 +23,7 @@ from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.report.identification import write_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.comparison import OwnStiffness
 from legfem.specimens.fibre_directions import AXES
@@ -126,7 +127,7 @@ def test_sizes_and_slip_are_those_of_the_test_within() -> None:
     assert isinstance(thicker, FibrousTest) and lengths_of(thicker)["fat_thickness"] == 6.0
     free = slipping(test)
     assert isinstance(free, FibrousTest) and isinstance(free.whole, LayeredTest)
-    assert slipping(FibrousTest(Bar(10.0, 100.0), "load")) is None
+    assert slipping(FibrousTest(UniaxialSpecimen(10.0, 100.0), "load")) is None
 
 
 def test_typical_specimens_of_each_direction_have_a_mean_of_their_own() -> None:
@@ -170,8 +171,7 @@ def test_specimens_of_their_own_stiffness_tell_it_by_their_number(tmp_path: Path
     assert any("one_stiffness = true" in text for text in found.warnings)
     apart = [("load", 1.2), ("across", 0.9), ("load", 1 / 1.2), ("across", 1 / 0.9)]
     four = write_fibrous(tmp_path / "four", 2.0, apart, tissue="")
-    identified = lf.identify(four, "neo-hookean")
-    found = identified["neo-hookean"]
+    found = lf.identify(lf.load_specimen(four), "neo-hookean")["neo-hookean"]
     estimate = found.estimates[RATIO]
     assert estimate.value == pytest.approx(2.0, rel=0.05)
     assert estimate.ci95[0] < 2.0 < estimate.ci95[1]
@@ -179,7 +179,7 @@ def test_specimens_of_their_own_stiffness_tell_it_by_their_number(tmp_path: Path
     assert 0.15 < found.details.stiffness_spread < 0.25
     assert estimate.standard_error > 0.1 * estimate.value
     assert found.details.stiffness["bar0"] == pytest.approx(1.2, rel=0.02)
-    identified.write(tmp_path / "report")
+    write_report([found], tmp_path / "report")
     text = " ".join((tmp_path / "report" / "report.txt").read_text().split())
     assert "The tissue is stiffer along its fibres" in text and "fibre ratio" in text
 
@@ -218,7 +218,7 @@ def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path
 def test_a_diagnosis_has_the_stated_fibres_and_asks_for_an_open_ratio(tmp_path: Path) -> None:
     at, depth, c10 = np.linspace(0.4, 1.0, 4), 1.0, 8e-3
     stated = replace(TISSUE, stated={"fibre_ratio": 3.0})
-    for sizes in (FibrousTest(Bar(10.0, 100.0), "across"), FibrousTest(BALL, "load")):
+    for sizes in (FibrousTest(UniaxialSpecimen(10.0, 100.0), "across"), FibrousTest(BALL, "load")):
         models = SpecimenVariants(sizes, depth, (replace(stated, law=None),))
         found = models.follow(
             Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"), ("deep.C10",)

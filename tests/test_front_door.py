@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 import typer
 from making_diagnosed import diagnosed
-from making_identification import fits, pressed_leg
+from making_identification import identify as fits
+from making_identification import pressed_leg
 
 import legfem as lf
 from legfem.common.errors import InputError
@@ -47,12 +48,10 @@ def test_the_door_leads_to_all_it_names() -> None:
 @pytest.mark.parametrize("name", ["identify", "diagnose", "stocking"])
 def test_a_room_is_entered_by_calling_it_and_stays_a_room(name: str) -> None:
     import legfem.api
-    import legfem.identify.run as run
 
     room = getattr(lf, name)
     assert callable(room) and room is sys.modules[f"legfem.{name}"]
     assert inspect.signature(room) == inspect.signature(getattr(legfem.api, name))
-    assert run is sys.modules["legfem.identify.run"] and lf.identify.run is run
 
 
 def options_of(command: typer.Typer) -> set[str]:
@@ -110,7 +109,7 @@ def test_an_identified_leg_can_be_read_drawn_and_written(tmp_path: Path) -> None
     assert frame["value"][1] == found[laws[1]].estimates["deep.C10"].shown.value
     one = lf.Identification(leg, found.fits[:1])
     assert one.write(tmp_path / "out") == tmp_path / "out" / "report.txt"
-    assert one.document() == [json.loads((tmp_path / "out" / "result.json").read_text())]
+    assert one.document() == json.loads((tmp_path / "out" / "result.json").read_text())
     page = found._repr_html_()
     assert "simulated data" in page and "c20_deep" in page
     assert page.count("<iframe") == 1 and "&lt;!DOCTYPE html&gt;" in page

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from making import CROSSCHECK, write_subject
 from making_identification import LAWS, AnalyticLeg, Killed, identify, pressed_leg
+from making_results import law_document
 from scipy.stats import qmc
 from typer.testing import CliRunner
 
 from legfem.commands.identify import app
-from legfem.identify.document import result_document
-from legfem.identify.run import write_results
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import IdentificationSettings
 from legfem.jobs.store import Store
 from legfem.legs.laws import default_parameters
+from legfem.report.identification import write_report
 
 
 def same(result: object) -> str:
@@ -32,19 +32,19 @@ def same(result: object) -> str:
             return {k: clean(v) for k, v in value.items() if k not in aside}
         return [clean(v) for v in value] if isinstance(value, list) else value
 
-    return json.dumps(clean(result_document(result)))  # type: ignore[attr-defined]
+    return json.dumps(clean(law_document(result)))  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(("c10", "c20"), [(0.1, 5.0), (0.7, 0.8), (2.1, 2.6), (5.0, 0.3)])
 def test_planted_stiffness_is_found_in_few_solves(tmp_path: Path, c10: float, c20: float) -> None:
     neo_hookean, polynomial = identify(pressed_leg(tmp_path, c10, c20, trials=1, noise=0.0))
-    found = polynomial.parameters
+    found = polynomial.estimates
     assert found["deep.C10"].shown.value == pytest.approx(c10, rel=0.01)
     assert found["deep.C20"].shown.value == pytest.approx(c20, rel=0.01)
-    assert polynomial.converged and polynomial.forward_solves <= 12
+    assert polynomial.log.converged and polynomial.log.forward_solves <= 12
     assert polynomial.cost.value <= neo_hookean.cost.value
-    last = polynomial.search.solves[-1]
-    assert min(s.cost for s in polynomial.search.solves) == polynomial.cost.value
+    last = polynomial.log.solves[-1]
+    assert min(s.cost for s in polynomial.log.solves) == polynomial.cost.value
     assert last.stage == "proposal"
 
 
@@ -54,7 +54,7 @@ def test_neo_hookean_truth_lands_at_the_limit_of_the_polynomial(tmp_path: Path) 
         subject = pressed_leg(tmp_path, 1.5, 0.0, seed)
         neo_hookean, polynomial = identify(subject)
         assert polynomial.cost.value <= neo_hookean.cost.value
-        c20 = polynomial.parameters["deep.C20"]
+        c20 = polynomial.estimates["deep.C20"]
         assert c20.ci95[0] == 0.0 and c20.ci95[1] > 0.0
         assert c20.identifiability == "not identifiable"
         if polynomial.neo_hookean_limit:
@@ -62,16 +62,16 @@ def test_neo_hookean_truth_lands_at_the_limit_of_the_polynomial(tmp_path: Path) 
             assert c20.value == 0.0 and c20.at_bound == "lower"
             assert any("neo-Hookean limit" in text for text in polynomial.warnings)
         (alone,) = identify(subject, laws=("reduced-polynomial",))
-        assert alone.parameters["deep.C10"].value == polynomial.parameters["deep.C10"].value
+        assert alone.estimates["deep.C10"].value == polynomial.estimates["deep.C10"].value
     assert limits >= 1
 
 
 def test_a_law_that_misses_is_said_to(tmp_path: Path) -> None:
     neo_hookean, polynomial = identify(pressed_leg(tmp_path, 0.7, 0.8))
-    assert neo_hookean.cost.p_value < 1e-6 < polynomial.cost.p_value
+    assert neo_hookean.goodness.p_value < 1e-6 < polynomial.goodness.p_value
     assert any("does not describe" in text for text in neo_hookean.warnings)
     assert not any("does not describe" in text for text in polynomial.warnings)
-    assert neo_hookean.parameters["deep.C10"].identifiability != "identifiable"
+    assert neo_hookean.estimates["deep.C10"].identifiability != "identifiable"
 
 
 def test_what_the_model_gave_up_to_go_on_is_a_warning(tmp_path: Path) -> None:
@@ -86,8 +86,8 @@ def test_same_seed_same_result_and_another_seed_the_same_optimum(tmp_path: Path)
     first, again = identify(subject)[1], identify(subject)[1]
     assert same(first) == same(again)
     other = identify(subject, IdentificationSettings(seed=7))[1]
-    error = first.parameters["deep.C10"].standard_error
-    apart = other.parameters["deep.C10"].value - first.parameters["deep.C10"].value
+    error = first.estimates["deep.C10"].standard_error
+    apart = other.estimates["deep.C10"].value - first.estimates["deep.C10"].value
     assert abs(apart) < 0.02 * error
 
 
@@ -139,8 +139,8 @@ def test_intervals_cover_planted_truths(tmp_path: Path, weighting: str, number: 
     for seed, truth in enumerate(truths):
         subject = pressed_leg(tmp_path, *truth, seed=seed, noise=0.05)
         (found,) = identify(subject, settings, laws=("reduced-polynomial",))
-        assert found.converged and found.forward_solves <= 25
-        for value, one in zip(truth, found.parameters.values(), strict=True):
+        assert found.log.converged and found.log.forward_solves <= 25
+        for value, one in zip(truth, found.estimates.values(), strict=True):
             inside.append(one.shown.ci95[0] <= value <= one.shown.ci95[1])
             if one.identifiability == "identifiable":
                 called.append(abs(one.shown.value / value - 1))
@@ -152,11 +152,11 @@ def test_genetic_algorithm_on_the_full_model_agrees(tmp_path: Path) -> None:
     subject = pressed_leg(tmp_path, 0.7, 0.8)
     settings = IdentificationSettings(emulator=False, seed=2)
     plain, (neo_hookean, found) = identify(subject, settings)[1], identify(subject)
-    assert plain.search.cost_map is None and plain.forward_solves > 5 * found.forward_solves
+    assert plain.log.cost_map is None and plain.log.forward_solves > 5 * found.log.forward_solves
     assert plain.cost.value >= found.cost.value
     # The valley of the two stiffnesses is narrow: the algorithm alone gets near, and says so.
     assert plain.cost.value < 0.2 * neo_hookean.cost.value
-    assert not plain.converged and any("converged" in text for text in plain.warnings)
+    assert not plain.log.converged and any("converged" in text for text in plain.warnings)
 
 
 def test_bounds_are_kept_and_reported(tmp_path: Path) -> None:
@@ -164,23 +164,24 @@ def test_bounds_are_kept_and_reported(tmp_path: Path) -> None:
     both = zip(default_parameters(AnalyticLeg().nominal), bounds, strict=True)
     parameters = tuple(replace(one, bounds=own) for one, own in both)
     polynomial = identify(pressed_leg(tmp_path, 0.7, 0.8), parameters=parameters)[1]
-    stiffness = polynomial.parameters["deep.C10"]
+    stiffness = polynomial.estimates["deep.C10"]
     assert stiffness.value == 1e-3 and stiffness.at_bound == "lower"
     assert any("lower bound" in text for text in polynomial.warnings)
 
 
 def test_result_json_has_the_interfaces_fields(tmp_path: Path) -> None:
-    path = write_results(identify(pressed_leg(tmp_path, 0.7, 0.8)), tmp_path / "out", as_list=True)
-    documents = json.loads(path.read_text())
-    assert [one["law"] for one in documents] == list(LAWS)
-    for one in documents:
-        for name in ("c10_deep", "c20_deep")[: 1 + (one["law"] == LAWS[1])]:
+    write_report(identify(pressed_leg(tmp_path, 0.7, 0.8)), tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert {"schema", "kind", "subject", "title", "origin", "versions"} <= set(document)
+    assert list(document["laws"]) == list(LAWS)
+    for law, one in document["laws"].items():
+        for name in ("c10_deep", "c20_deep")[: 1 + (law == LAWS[1])]:
             parameter = one["parameters"][name]
             assert parameter["unit"] == "kPa" and len(parameter["ci95"]) == 2
-        assert one["schema"] and one["subject"] and one["cost"]["unit"] == "N2"
+        assert one["cost"]["unit"] == "N2"
         assert len(one["curve"]["displacement_mm"]) == len(one["curve"]["force_N"]) == 80
         assert one["identifiability"] in ("identifiable", "weakly identifiable", "not identifiable")
-        assert {"forward_solves", "wall_s", "seed", "versions"} <= set(one)
+        assert {"forward_solves", "wall_s", "seed", "warnings", "tests"} <= set(one)
 
 
 @pytest.mark.parametrize(
@@ -218,10 +219,10 @@ def test_independent_code_is_identified_within_2_percent(
     options = ["--subject-dir", str(CROSSCHECK / folder), "--out", str(tmp_path), "--jobs", "1"]
     run = CliRunner().invoke(app, options)
     assert run.exit_code == 0, run.output
-    documents = json.loads((tmp_path / "result.json").read_text())
-    assert documents[1]["cost"]["value"] <= documents[0]["cost"]["value"]
-    (found,) = (one for one in documents if one["law"] == law)
-    assert all(one["forward_solves"] <= 25 for one in documents)
+    laws = json.loads((tmp_path / "result.json").read_text())["laws"]
+    assert laws[LAWS[1]]["cost"]["value"] <= laws[LAWS[0]]["cost"]["value"]
+    found = laws[law]
+    assert all(one["forward_solves"] <= 25 for one in laws.values())
     for value, one in zip(truth, found["parameters"].values(), strict=True):
         assert one["ci95"][0] <= value <= one["ci95"][1]
         assert one["value"] == pytest.approx(value, rel=0.02)

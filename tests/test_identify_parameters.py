@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from making import write_subject
 from making_identification import DEPTH, AnalyticLeg, curve_of, identify, pressed_leg
+from making_results import law_document
 from test_inference import by_differential_evolution
 from typer.testing import CliRunner
 
@@ -19,7 +20,6 @@ from legfem.commands.identify import app
 from legfem.common.errors import InputError
 from legfem.data import Recording
 from legfem.data.ranges import C10 as PLAUSIBLE
-from legfem.identify.document import result_document
 from legfem.inverse import minimiser
 from legfem.inverse.catalogue import parameter_of, stiffness_in_words
 from legfem.inverse.parameter import Parameter, Prior
@@ -27,8 +27,8 @@ from legfem.inverse.parse_parameters import Written, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
 from legfem.report.fit_figure import fit_figure
-from legfem.report.plain import plain_page
-from legfem.report.web.identification import identification_page
+from legfem.report.leg import leg_page
+from legfem.report.render.text import plain_page
 
 NOMINAL = AnalyticLeg().nominal
 POLYNOMIAL = ("reduced-polynomial",)
@@ -41,7 +41,7 @@ def free(*names: str, **priors: Prior) -> list[Parameter]:
 
 def said_of(found, subject) -> str:
     """Return the report of one law, its lines joined."""
-    return " ".join(plain_page(identification_page([found], subject, None), []).split())
+    return " ".join(plain_page(leg_page([found]), []).split())
 
 
 THREE = ("deep.C10", "deep.C20", "superficial.C10")
@@ -51,14 +51,14 @@ THREE = ("deep.C10", "deep.C20", "superficial.C10")
 def test_three_planted_stiffnesses_are_found(tmp_path: Path, truth: tuple[float, ...], seed: int) -> None:
     subject = pressed_leg(tmp_path, *truth[:2], seed=seed, fat=truth[2], noise=0.002)
     (found,) = identify(subject, laws=POLYNOMIAL, parameters=free(*THREE))
-    assert found.converged and found.forward_solves <= 25
-    assert list(found.parameters) == list(THREE) and found.search.cost_map is None
-    for value, one in zip(truth, found.parameters.values(), strict=True):
+    assert found.log.converged and found.log.forward_solves <= 25
+    assert list(found.estimates) == list(THREE) and found.log.cost_map is None
+    for value, one in zip(truth, found.estimates.values(), strict=True):
         assert one.shown.ci95[0] <= value <= one.shown.ci95[1]
         assert one.shown.value == pytest.approx(value, rel=0.05)
         assert "if the assumed C10 of the fat" not in one.why
     assert np.diag(found.correlations) == pytest.approx(1.0)
-    document = json.loads(json.dumps(result_document(found), allow_nan=False))
+    document = json.loads(json.dumps(law_document(found), allow_nan=False))
     fat = document["parameters"]["c10_superficial"]
     assert fat["unit"] == "kPa" and fat["value"] == pytest.approx(truth[2], rel=0.05)
     assert document["search"]["solves"][0].keys() >= {"c10_kPa", "c20_kPa", "c10_superficial_kPa"}
@@ -76,22 +76,22 @@ def test_a_prior_is_one_more_measurement(tmp_path: Path) -> None:
     def identified(prior: Prior):
         return identify(subject, laws=POLYNOMIAL, parameters=free(*names, superficial=prior))[0]
 
-    narrow = identified(Prior(2e-3, 2e-6)).parameters
+    narrow = identified(Prior(2e-3, 2e-6)).estimates
     assert narrow["superficial.C10"].shown.value == pytest.approx(2.0, rel=2e-3)
     assert narrow["superficial.C10"].identifiability == "not identifiable"
     assert "add nothing to its prior" in narrow["superficial.C10"].why
     wide = identified(Prior(2e-3, math.log(2.0), "log"))
     assert wide.weighting == "covariance" and "priors" in wide.cost.minimised
-    fat = wide.parameters["superficial.C10"]
+    fat = wide.estimates["superficial.C10"]
     assert fat.shown.ci95[0] <= 2.6 <= fat.shown.ci95[1]
     assert "narrow its prior to" in fat.why
     assert fat.standard_error < fat.value * math.log(2.0)
-    deep = wide.parameters["deep.C10"].standard_error
+    deep = wide.estimates["deep.C10"].standard_error
     assert deep > 1.05 * narrow["deep.C10"].standard_error
     text = said_of(wide, subject)
     assert "prior 2 x/ 2 kPa (its logarithm is normal)" in text
     assert "C10 of the fascia: 100 kPa; assumed" in text
-    assert result_document(wide)["settings"]["priors"]["c10_superficial"]["centre"] == 2.0
+    assert law_document(wide)["settings"]["priors"]["c10_superficial"]["centre"] == 2.0
 
 
 def test_failed_solves_among_three_parameters_are_values(tmp_path: Path) -> None:
@@ -101,9 +101,9 @@ def test_failed_solves_among_three_parameters_are_values(tmp_path: Path) -> None
     (found,) = identify(
         subject, model=AnalyticLeg(softest=0.6), laws=POLYNOMIAL, parameters=free(*THREE, superficial=prior)
     )
-    failed = [solve for solve in found.search.solves if not solve.complete]
-    assert len(failed) >= 3 and found.converged and found.forward_solves <= 20
-    for value, one in zip((1.0, 0.8, 2.4), found.parameters.values(), strict=True):
+    failed = [solve for solve in found.log.solves if not solve.complete]
+    assert len(failed) >= 3 and found.log.converged and found.log.forward_solves <= 20
+    for value, one in zip((1.0, 0.8, 2.4), found.estimates.values(), strict=True):
         assert one.shown.ci95[0] <= value <= one.shown.ci95[1]
 
 
@@ -112,8 +112,8 @@ def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(tmp_path
     subject = pressed_leg(tmp_path, 1.5, 0.0, seed, fat=2.3)
     prior = Prior(2e-3, 1e-3)
     neo_hookean, polynomial = identify(subject, parameters=free(*THREE, superficial=prior))
-    assert list(neo_hookean.parameters) == ["deep.C10", "superficial.C10"]
-    assert neo_hookean.search.cost_map is not None
+    assert list(neo_hookean.estimates) == ["deep.C10", "superficial.C10"]
+    assert neo_hookean.log.cost_map is not None
     assert polynomial.cost.minimised_value <= neo_hookean.cost.minimised_value
     assert polynomial.cost.minimised_unit == "1"
 
@@ -133,14 +133,14 @@ def test_zero_and_onset_of_the_instrument_are_found_in_closed_form(
     subject = replace(subject, recordings=(recording,), starts_at_contact=True)
     deep = ("deep.C10", "deep.C20")
     (found,) = identify(subject, laws=POLYNOMIAL, parameters=free(*deep, name))
-    one = found.parameters[name]
+    one = found.estimates[name]
     assert one.value == pytest.approx(truth, abs=0.02) and one.unit == unit
     assert one.ci95[0] <= truth <= one.ci95[1] and "of what was open before" in one.why
-    assert found.parameters["deep.C10"].shown.value == pytest.approx(0.7, rel=0.02)
+    assert found.estimates["deep.C10"].shown.value == pytest.approx(0.7, rel=0.02)
     assert name in found.values and name not in found.model_values
-    assert result_document(found)["parameters"][f"{name[11:]}_instrument"]["unit"] == unit
+    assert law_document(found)["parameters"][f"{name[11:]}_instrument"]["unit"] == unit
     (held,) = identify(subject, laws=POLYNOMIAL, parameters=free(*deep), fixed={name: truth})
-    assert held.parameters["deep.C10"].shown.value == pytest.approx(0.7, rel=0.02)
+    assert held.estimates["deep.C10"].shown.value == pytest.approx(0.7, rel=0.02)
     assert f"{truth:g} {unit}; assumed".replace(" 1;", ";") in said_of(held, subject)
 
 
@@ -148,24 +148,24 @@ def test_a_gain_without_a_prior_is_not_told_from_stiffness(tmp_path: Path) -> No
     subject = pressed_leg(tmp_path, 0.7, 0.8, seed=5)
     names = ("deep.C10", "instrument.gain")
     (neo,) = identify(subject, laws=("neo-hookean",), parameters=free(*names, instrument=Prior(1.0, 0.02)))
-    gain = neo.parameters["instrument.gain"]
+    gain = neo.estimates["instrument.gain"]
     assert gain.unit == "-" and gain.value == pytest.approx(1.0, abs=0.2)
     (alone,) = identify(
         subject, laws=POLYNOMIAL, parameters=free("instrument.gain"), fixed={"deep.C10": 0.7e-3, "deep.C20": 0.8e-3}
     )
-    assert alone.forward_solves == 1 and alone.converged
-    assert alone.parameters["instrument.gain"].value == pytest.approx(1.0, abs=0.02)
+    assert alone.log.forward_solves == 1 and alone.log.converged
+    assert alone.estimates["instrument.gain"].value == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_search_of_the_users_own_finds_the_same(tmp_path: Path) -> None:
     subject = pressed_leg(tmp_path, 0.7, 0.8)
     own = IdentificationSettings(minimiser=by_differential_evolution)
     (found,), (usual,) = (identify(subject, s, laws=POLYNOMIAL) for s in (own, None))
-    assert found.converged
-    for name, one in found.parameters.items():
-        error = usual.parameters[name].standard_error
-        assert abs(one.value - usual.parameters[name].value) < 0.02 * error
-    named = result_document(found)["settings"]["genetic"]["minimiser"]
+    assert found.log.converged
+    for name, one in found.estimates.items():
+        error = usual.estimates[name].standard_error
+        assert abs(one.value - usual.estimates[name].value) < 0.02 * error
+    named = law_document(found)["settings"]["genetic"]["minimiser"]
     assert named == "by_differential_evolution"
 
 
@@ -269,7 +269,7 @@ def test_fat_is_identified_beside_muscle_from_the_command(tmp_path: Path) -> Non
     command = ["--subject", "3", *options, *prior, "--law", "reduced-polynomial", "--jobs", "1"]
     run = CliRunner().invoke(app, [*command, "--out", str(tmp_path)])
     assert run.exit_code == 0, run.output
-    document = json.loads((tmp_path / "result.json").read_text())
+    (document,) = json.loads((tmp_path / "result.json").read_text())["laws"].values()
     found = document["parameters"]
     # What subject 3's recordings were simulated with (kPa).
     for name, truth in {"c10_deep": 0.70, "c20_deep": 0.80, "c10_superficial": 2.0}.items():

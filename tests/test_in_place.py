@@ -10,7 +10,7 @@ import pytest
 
 from legfem.common.documents import markdown_table
 from legfem.jobs.checkpoint import write_arrays
-from legfem.report.in_place import REPORT, made_in_place
+from legfem.report.folder import REPORT, made_in_place
 
 
 def test_files_and_folders_are_moved_into_place_the_report_last(

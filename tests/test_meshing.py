@@ -164,12 +164,12 @@ def _square(side: float, size: float) -> None:
 def test_a_mesh_that_takes_too_long_ends_in_one_line_with_exit_status_2():
     """In a process of its own: gmsh can't be used again after that."""
     code = """
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.meshing.gmsh_mesh import generate, gmsh_model
 from test_meshing import _square
 import typer
 try:
-    with command_edge(), gmsh_model("endless") as model:
+    with command_context(), gmsh_model("endless") as model:
         _square(100.0, 0.02)
         generate(model, 2, seconds=0.2)
 except typer.Exit as end:

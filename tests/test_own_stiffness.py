@@ -6,11 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_specimens import BAR, PLANTED, compressed, left_out, ramp, record
+from making_specimens import BAR, PLANTED, compressed, ramp, record
 
 import legfem as lf
+from legfem.inverse.fit import Fit
 from legfem.specimens.comparison import OwnStiffness
-from legfem.specimens.details import rms_percent
+from legfem.specimens.details import SampleFit, compared, rms_percent
+
+
+def left_out(fit: Fit) -> list[SampleFit]:
+    """Return the recordings that a fit predicts."""
+    return [one for one in compared(fit) if not one.fitted]
 
 
 def test_specimens_of_differing_stiffness_tell_one_law(tmp_path: Path) -> None:

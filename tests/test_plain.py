@@ -6,21 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from legfem.report.listing import RESULT, ReportFile
-from legfem.report.plain import brief, plain_page
-from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.page import (
+from legfem.report.folder import RESULT, ReportFile
+from legfem.report.page import (
     PROVENANCE,
+    Bars,
     Bullets,
     Chapter,
     Headline,
     Known,
+    LabelledBar,
     Prose,
     Repeat,
     Verbatim,
     WebPage,
     WebTable,
 )
+from legfem.report.render.text import brief, plain_page
 
 LONG = "a sheet round the muscle, its fascia, holds it together"
 
@@ -30,7 +31,7 @@ def page() -> WebPage:
     tables = [
         WebTable("Narrow", ["site", "rms"], [["calf", "0.1"], ["shin", "0.2"]]),
         WebTable("Wide", ["cause", "what", "more"], [["fascia", LONG, LONG], ["none", LONG, ""]]),
-        Bars("Shares", ("part", "share"), [Bar("half", 0.5, "50 %")]),
+        Bars("Shares", ("part", "share"), [LabelledBar("half", 0.5, "50 %")]),
     ]
     return WebPage(
         title="How stiff is it?",

@@ -15,10 +15,10 @@ from legfem.inverse.plan import DISTINGUISHED, Candidate, DesignValue, DirectRea
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import Accuracy
+from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_sentences import next_experiments
-from legfem.report.plain import plain_page
 from legfem.report.plan import plan_lines
-from legfem.report.web.diagnosis import diagnosis_web_page
+from legfem.report.render.text import plain_page
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
 """The first two are alike in closed form."""
@@ -84,4 +84,4 @@ def test_a_page_says_what_to_write_into_the_folder(found, reckoned, tmp_path):
     page = " ".join(plain_page(diagnosis_web_page(found, subject, plan_lines(reckoned)), []).split())
     assert "[[measured]]" in page and '"fascia-stiffness"' in page
     assert all(line.lower() in page.lower() for line in next_experiments(found))
-    assert "Not reckoned" not in page
+    assert "whose chance was not calculated" not in page

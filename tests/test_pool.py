@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.common.progress import Silent
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
@@ -113,7 +113,7 @@ def test_a_killed_process_costs_a_line_and_what_it_had_in_hand(
     store = Store(tmp_path, int)
     with (
         pytest.raises(typer.Exit) as ended,
-        command_edge("run it again; what is done is kept"),
+        command_context("run it again; what is done is kept"),
         Workers(die, None, 2) as workers,
     ):
         finish(workers, range(4), store, Silent(), "dying", lambda task, _: f"{task}")
@@ -214,7 +214,7 @@ def test_a_command_apart_tells_how_it_ended() -> None:
 
 def main(folder: Path, store: Path) -> None:
     """Do one quick task and two long ones."""
-    with command_edge("run it again"), Workers(wait, folder, 2) as workers:
+    with command_context("run it again"), Workers(wait, folder, 2) as workers:
         finish(workers, range(3), Store(store, int), Silent(), "", lambda task, _: f"{task}")
 
 

@@ -7,8 +7,7 @@ import pytest
 from making_mechanics import fixed_steps, pressed_block
 
 from legfem.fem.system import System
-from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
-from legfem.solve.relaxation import REASON, RelaxationSettings, relax
+from legfem.solve.newton import RELAXED, Damping, NewtonOutcome, NewtonSolver, RelaxationSettings, relax
 from legfem.solve.settings import StepSettings
 from legfem.solve.stepping import press
 
@@ -39,7 +38,7 @@ def test_a_body_creeps_to_the_equilibrium_that_small_steps_reach():
     crept.reset()
     crept.set_displacement(1.0)
     outcome = relax(crept, NewtonSolver(crept))
-    assert outcome.converged and outcome.reason == REASON and outcome.residual < 1e-9
+    assert outcome.converged and outcome.reason == RELAXED and outcome.residual < 1e-9
     assert outcome.factorisations > 3
     assert crept.force() == pytest.approx(stepped.force(), rel=1e-6)
     np.testing.assert_allclose(
@@ -73,7 +72,7 @@ def test_where_a_path_ends_the_walk_goes_on_beyond_only_if_asked():
     asked = StepSettings(first=0.4, smallest=0.1, relaxes=True)
     report = press(system, OnlyFromNearby(system), [2.0], asked)
     assert report.complete
-    jumps = [step for step in report.steps if step.reason == REASON]
+    jumps = [step for step in report.steps if step.reason == RELAXED]
     assert jumps and all(step.accepted for step in jumps)
     smooth = pressed_block()
     press(smooth, NewtonSolver(smooth), [2.0], settings)

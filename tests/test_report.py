@@ -21,12 +21,12 @@ from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
+from legfem.report.estimates import comparison
 from legfem.report.fit_figure import fit_figure
-from legfem.report.identification import write_identification_report
-from legfem.report.law_comparison import comparison
-from legfem.report.plain import brief, plain_page
+from legfem.report.identification import write_report
+from legfem.report.leg import leg_page
+from legfem.report.render.text import brief, plain_page
 from legfem.report.style import save
-from legfem.report.web.identification import identification_page
 from legfem.report.words import number
 
 
@@ -44,21 +44,21 @@ def subject(tmp_path_factory):
 
 def text_of(results, subject) -> str:
     """Return ``report.txt``, its lines joined."""
-    return " ".join(plain_page(identification_page(results, subject, None), []).split())
+    return " ".join(plain_page(leg_page(results), []).split())
 
 
 def test_report_states_values_errors_and_units(both, subject):
     found = both[1]
     text = text_of(both, subject)
-    c10 = found.parameters["deep.C10"].shown
+    c10 = found.estimates["deep.C10"].shown
     low, high = (number(end, c10.standard_error) for end in c10.ci95)
     assert f"{number(c10.value, c10.standard_error)} kPa (95 % {low} to {high})" in text
     assert f"± {c10.standard_error:.2g} (sd)" in text
     for one in both:
         assert f"{one.cost.value:.6g}" in text and f"{one.cost.per_length:.6g}" in text
-        assert f"{one.cost.chi_square:.5g} on {one.cost.degrees_of_freedom} degrees" in text
+        assert f"{one.goodness.chi_square:.5g} on {one.goodness.degrees_of_freedom} degrees" in text
     assert found.cost.definition in text
-    assert f"factorisations: neo-Hookean: {both[0].factorisations}; reduced" in text
+    assert f"factorisations: neo-Hookean: {both[0].log.factorisations}; reduced" in text
     assert "full solves: 7; failed: 0; from before: 2; converged: yes; s: 12.3" in text
     assert "identifiable: its interval is narrow" in text
     assert f"C10 +1.000 {found.correlation('deep.C10', 'deep.C20'):+.3f}" in text
@@ -71,9 +71,9 @@ def test_one_parameter_has_no_correlations(both, subject):
 
 
 def test_the_correction_is_named_with_its_size_and_error(both, subject):
-    grid = both[0].measured.displacement
+    grid = both[0].tests[0].force.channel.station
     applied = AppliedCorrection("a leg's", np.full(len(grid), -0.15), np.full(len(grid), 0.04))
-    text = text_of([replace(both[0], correction=applied)], subject)
+    text = text_of([result("neo-hookean", correction=applied)], subject)
     assert "3D correction a leg's, neo-Hookean law: force = (1 - P) x plane strain" in text
     assert "5 -0.15 ± 0.04 15 -0.15 ± 0.04" in text
     assert "without a correction for 3D effects" in text_of(both[:1], subject)
@@ -94,8 +94,8 @@ def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(tmp_path):
 
 @pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])
 def test_origin_of_the_data_comes_first(both, subject, origin):
-    other = replace(both[1], subject_origin=origin)
-    page = identification_page([other], replace(subject, origin=origin), None)
+    other = result("reduced-polynomial", subject=replace(subject, origin=origin))
+    page = leg_page([other])
     for text in (plain_page(page, []), brief(page)):
         assert text.index(f"*** {origin.upper()} DATA ***") < text.index(page.headline.sentence[:20])
     assert f"{origin} data" in fit_figure([other]).get_suptitle()
@@ -103,33 +103,32 @@ def test_origin_of_the_data_comes_first(both, subject, origin):
 
 
 def test_terminal_is_told_how_the_laws_compare(both, subject):
-    text = " ".join(brief(identification_page(both, subject, None)).split())
+    text = " ".join(brief(leg_page(both)).split())
     ratio = both[0].cost.value / both[1].cost.value
-    assert f"its cost is {ratio:.3g} times smaller" in text
+    assert f"its cost is smaller by a factor of {ratio:.3g}" in text
     assert "The neo-Hookean law does not fit within the noise" in text
     assert "The reduced polynomial law fits within the noise (p = 0.3)" in text
-    assert "The data ask for its further parameter" in text
+    assert "Its additional parameter is needed" in text
     assert text.count("Poisson") == 1, "a warning of both laws is given once"
 
 
 def test_comparison_does_not_praise_a_parameter_that_the_data_do_not_need(both):
     neo, poly = both
-    alike = replace(neo, cost=replace(neo.cost, chi_square=poly.cost.chi_square + 0.5))
-    assert "do not ask for" in comparison([alike, poly])[-1]
+    alike = replace(neo, goodness=replace(neo.goodness, chi_square=poly.goodness.chi_square + 0.5))
+    assert "its additional parameter is not needed" in comparison([alike, poly])[-1]
     limit = replace(poly, cost=neo.cost, neo_hookean_limit=True)
-    assert "fit alike" in comparison([neo, limit])[-1]
+    assert "fit equally well" in comparison([neo, limit])[-1]
 
 
 def test_report_survives_numbers_that_are_missing(both, subject):
     found = both[1]
-    unmoved = replace(found.parameters["deep.C20"], value=0.0, moves={"superficial.C10": math.nan})
+    unmoved = replace(found.estimates["deep.C20"], value=0.0, moves={"superficial.C10": math.nan})
     bare = replace(
         found,
-        parameters={**found.parameters, "deep.C20": unmoved},
+        estimates={**found.estimates, "deep.C20": unmoved},
         correlations=np.full((2, 2), math.nan),
-        emulator_error=math.nan,
-        search=replace(found.search, cost_map=None, generations=()),
-        cost=replace(found.cost, p_value=math.nan),
+        log=replace(found.log, cost_map=None, generations=(), emulator_error=math.nan),
+        goodness=replace(found.goodness, p_value=math.nan),
         warnings=(),
     )
     text = text_of([bare], subject)
@@ -151,7 +150,7 @@ def test_figures_are_written_and_not_empty(both, tmp_path):
 
 def test_region_is_that_of_the_covariance(both):
     found = both[1]
-    c10, c20 = (estimate.shown for estimate in found.parameters.values())
+    c10, c20 = (estimate.shown for estimate in found.estimates.values())
     apart = (confidence_ellipse(found) - [c10.value, c20.value]) / [c10.standard_error, c20.standard_error]
     r = found.correlation("deep.C10", "deep.C20")
     distance = np.einsum("ni,ij,nj->n", apart, np.linalg.inv([[1, r], [r, 1]]), apart)
@@ -160,19 +159,19 @@ def test_region_is_that_of_the_covariance(both):
 
 def test_cost_near_the_optimum_is_the_cost_there(both):
     for found in both:
-        at = [np.array(estimate.shown.value) for estimate in found.parameters.values()]
+        at = [np.array(estimate.shown.value) for estimate in found.estimates.values()]
         assert linear_cost(found, *at) == pytest.approx(found.cost.value, rel=1e-6)
 
 
 def test_report_folder_is_complete_and_can_be_written_again(tmp_path):
     subject = load_subject(write_subject(tmp_path / "subject"), need_recordings=False)
     measured = measured_curve(depth=4.0)
-    results = [result("neo-hookean", measured), result("reduced-polynomial", measured)]
+    results = [result("neo-hookean", measured, subject), result("reduced-polynomial", measured, subject)]
     coarse = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=3.0, far_size=12.0))
     experiment = plane_strain_test(subject, coarse)
     out = tmp_path / "out"
     for solved in (experiment, None):
-        report = write_identification_report(results, subject, solved, out)
+        report = write_report(results, out, experiment=solved)
         text = report.read_text()
         assert "*** SIMULATED DATA ***" in text
         assert ("isn't among the 7 counted" in " ".join(text.split())) == (solved is not None)
@@ -188,7 +187,7 @@ def test_report_folder_is_complete_and_can_be_written_again(tmp_path):
 
 
 def test_parameters_go_back_to_the_model_in_its_units(both):
-    c10 = both[0].parameters["deep.C10"].value
+    c10 = both[0].estimates["deep.C10"].value
     assert both[0].model_values == {"deep.C10": c10, "deep.C20": 0.0, "deep.D2": math.inf}
     read = {**both[0].values, "instrument.gain": 1.01}
     assert "instrument.gain" not in replace(both[0], values=read).model_values

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from making import write_subject
 from making_identification import Killed
+from making_results import law_document
 from making_sites import SITES, write_sites
 from making_sites_in_3d import IN_TENSION, RISES, TRUE_C10, TRUE_RATIO, leg_of, models_as_deep_as_asked, models_of
 from typer.testing import CliRunner
@@ -20,13 +21,11 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
 from legfem.inverse.settings import SearchRequest
 from legfem.legs import fit_in_3d as spatial
 from legfem.legs.elastography import FibreRatio
-from legfem.legs.fit_in_3d import ways_of_pressing
+from legfem.legs.fit_in_3d import fit_in_3d, ways_of_pressing
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.subject import SitedLeg
-from legfem.report.sites_numbers import sites_document
-from legfem.report.web.page import rendered
-from legfem.report.web.sites import sites_web_page
-from legfem.sites.identification import identify_in_3d
+from legfem.report.leg import leg_page
+from legfem.report.render.html import rendered
 
 NEO_HOOKEAN = ("neo-hookean",)
 
@@ -35,38 +34,38 @@ def identified(leg: SitedLeg, names: Sequence[str] = (DEEP_C10, DEEP_RATIO), **o
     models = options.pop("models", None) or models_of(leg)
     asked = tuple(parameter_of(name, models[0].full.nominal) for name in names)
     request = SearchRequest(asked, **options)
-    (found,) = identify_in_3d(leg, NEO_HOOKEAN, request, models=models)
+    (found,) = fit_in_3d(leg, NEO_HOOKEAN, request, models=models)
     return found
 
 
 def test_two_ways_of_pressing_tell_the_fibres_ratio_from_c10(tmp_path):
     found = identified(leg_of(tmp_path, ("along", "across")))
     for name, truth in ((DEEP_C10, TRUE_C10), (DEEP_RATIO, TRUE_RATIO)):
-        one = found.parameters[name]
+        one = found.estimates[name]
         low, high = one.ci95
         assert low < truth < high and one.identifiability != "not identifiable"
         assert one.value == pytest.approx(truth, rel=0.1)
-    assert found.converged and found.spatial.untold == ""
+    assert found.log.converged and found.details.spatial.untold == ""
     assert not any("can't be told" in text for text in found.warnings)
-    errors = found.spatial.errors
+    errors = found.details.spatial.errors
     assert errors["in 3D: leg's length"] == pytest.approx(1e-3, rel=0.02)
     assert errors["in 3D: mesh at along"] == pytest.approx(4e-3 / (1.3**2 - 1), rel=0.02)
     tension = RISES["across"] * IN_TENSION * (TRUE_RATIO - 1) * np.log(2)
     tension /= 1 + RISES["across"] * (TRUE_RATIO - 1)
     assert errors["fibres: stiffness in tension"] == pytest.approx(tension, rel=0.1)
-    assert found.spatial.full_solves == 2 * found.forward_solves <= 16
+    assert found.details.spatial.full_solves == 2 * found.log.forward_solves <= 16
 
 
 def test_one_way_of_pressing_is_said_not_to_tell_it_and_c10_has_the_room_for_that(tmp_path):
     leg = leg_of(tmp_path, ("along",))
     found = identified(leg)
-    ratio, c10 = found.parameters[DEEP_RATIO], found.parameters[DEEP_C10]
+    ratio, c10 = found.estimates[DEEP_RATIO], found.estimates[DEEP_C10]
     assert ratio.identifiability == "not identifiable"
     assert ratio.ci95[0] < TRUE_RATIO < ratio.ci95[1] and c10.ci95[0] < TRUE_C10 < c10.ci95[1]
     (said,) = [text for text in found.warnings if "can't be told" in text]
     assert "axis_deg = 90" in said
     held = identified(leg, (DEEP_C10,), models=models_of(leg, start=None))
-    assert np.ptp(c10.ci95) > 1.5 * np.ptp(held.parameters[DEEP_C10].ci95)
+    assert np.ptp(c10.ci95) > 1.5 * np.ptp(held.estimates[DEEP_C10].ci95)
 
 
 def test_a_stated_ratio_is_a_prior_and_its_error_is_c10_s(tmp_path):
@@ -74,7 +73,7 @@ def test_a_stated_ratio_is_a_prior_and_its_error_is_c10_s(tmp_path):
     known = FibreRatio(TRUE_RATIO, 0.5, "prior", "subject.toml")
     leg = replace(leg, sites=tuple(replace(site, fibres=known) for site in leg.sites))
     found = identified(leg, (DEEP_C10,))
-    ratio, c10 = found.parameters[DEEP_RATIO], found.parameters[DEEP_C10]
+    ratio, c10 = found.estimates[DEEP_RATIO], found.estimates[DEEP_C10]
     assert ratio.parameter.role == "nuisance" and ratio.parameter.prior.sd == 0.5
     assert ratio.standard_error == pytest.approx(0.5, rel=0.15), "one way adds nothing to it"
     assert c10.ci95[0] < TRUE_C10 < c10.ci95[1]
@@ -93,11 +92,11 @@ def test_a_killed_run_loses_one_site_s_solve_at_most(tmp_path):
     assert done == 2, "the second point's first site was solved before"
     again = models_of(leg, out / SOLVES)
     found = identified(leg, models=again, out=out)
-    assert again[0].full.calls == again[1].full.calls - 1 == found.forward_solves - done
+    assert again[0].full.calls == again[1].full.calls - 1 == found.log.forward_solves - done
     once_more = models_of(leg, out / SOLVES)
     same = identified(leg, models=once_more, out=out)
     assert once_more[0].full.calls == once_more[1].full.calls == 0
-    assert same.parameters[DEEP_C10].value == found.parameters[DEEP_C10].value
+    assert same.estimates[DEEP_C10].value == found.estimates[DEEP_C10].value
 
 
 def test_sites_are_solved_side_by_side_with_the_same_result(tmp_path):
@@ -106,13 +105,13 @@ def test_sites_are_solved_side_by_side_with_the_same_result(tmp_path):
     models = models_of(leg)
     together = identified(leg, models=models, jobs=2)
     here = sum(one.full.calls for one in models)
-    assert here <= together.forward_solves, "another process took one site of every two at least"
+    assert here <= together.log.forward_solves, "another process took one site of every two at least"
     for name in (DEEP_C10, DEEP_RATIO):
-        one, other = together.parameters[name], alone.parameters[name]
+        one, other = together.estimates[name], alone.estimates[name]
         assert one.value == pytest.approx(other.value, rel=1e-9)
         assert one.ci95 == pytest.approx(other.ci95, rel=1e-9)
-    assert together.spatial.errors == pytest.approx(alone.spatial.errors, rel=1e-9)
-    assert together.spatial.rough_solves == alone.spatial.rough_solves
+    assert together.details.spatial.errors == pytest.approx(alone.details.spatial.errors, rel=1e-9)
+    assert together.details.spatial.rough_solves == alone.details.spatial.rough_solves
 
 
 def test_cylinders_that_lie_unlike_and_other_shapes_are_ways_of_pressing(tmp_path):
@@ -130,20 +129,20 @@ def test_cylinders_that_lie_unlike_and_other_shapes_are_ways_of_pressing(tmp_pat
 
 def test_report_and_document_say_that_the_leg_was_solved_in_3d(tmp_path):
     found = identified(leg_of(tmp_path, ("along",)))
-    page = rendered(sites_web_page([found]))
-    for text in ("How stiff is leg leg?", "in 3D", "larger elements", "across the leg: axis_deg"):
+    page = rendered(leg_page([found]))
+    for text in ("of subject leg?", "in 3D", "larger elements", "across the leg: axis_deg"):
         assert text in page
     for text in ("All sites", "These sites", "by themselves", "departs most", "site by site"):
         assert text not in page, "there is one"
-    document = sites_document(found)
+    document = law_document(found)
     assert document["model"] == "3d" and "can't be told" in document["spatial"]["untold"]
-    assert document["spatial"]["full_solves"] == found.spatial.full_solves
+    assert document["spatial"]["full_solves"] == found.details.spatial.full_solves
 
 
 def test_what_a_diagnosis_cant_take_is_not_sent_to_one(tmp_path):
     along, across = (identified(leg_of(tmp_path, (way,)), (DEEP_C10,)) for way in RISES)
-    assert "legfem.diagnose" in rendered(sites_web_page([along]))
-    assert "legfem.diagnose" not in rendered(sites_web_page([across]))
+    assert "legfem.diagnose" in rendered(leg_page([along]))
+    assert "legfem.diagnose" not in rendered(leg_page([across]))
 
 
 def test_a_section_in_plane_strain_knows_no_fibres(tmp_path):
@@ -165,8 +164,9 @@ def test_the_command_identifies_fibres_of_a_leg_with_sites_and_of_one_without(tm
     ran = CliRunner().invoke(identify_app, asked)
     assert ran.exit_code == 0, ran.output
     found = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert set(found["sites"]) == set(names) and found["model"] == "3d"
-    assert "can't be told" in found["spatial"]["untold"]
+    (law,) = found["laws"].values()
+    assert [one["name"] for one in law["tests"]] == list(names) and law["model"] == "3d"
+    assert "can't be told" in law["spatial"]["untold"]
     assert "can't be told" in (tmp_path / "out" / "report.txt").read_text()
     refused = CliRunner().invoke(identify_app, [*asked, "--correction", "own"])
     assert refused.exit_code == 2 and "--correction" in refused.stderr

@@ -14,7 +14,7 @@ from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
 from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
-from legfem.experiments.uniaxial import Bar
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.responses import BodyModels, Stopped
 from legfem.legs.mechanisms import Solution
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
@@ -97,7 +97,7 @@ def test_two_effects_are_named_together(tmp_path: Path) -> None:
     [
         (CylinderBetweenPlates(10.0, 12.0, "bonded"), 3.0),
         pytest.param(BallOnLayer(12.0, 5.0, 25.0), 3.0, marks=pytest.mark.slow),
-        (Bar(10.0, 100.0), 3.0),
+        (UniaxialSpecimen(10.0, 100.0), 3.0),
     ],
 )
 def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
@@ -132,7 +132,7 @@ def test_every_mechanism_is_tested_or_said_why_not() -> None:
     from legfem.legs.mechanisms import mechanisms
 
     scale = Scale(3.0, 5.0, 10.0, 5.0, 1000.0)
-    for sizes in (Bar(10.0, 100.0), CylinderOnBlock(20.0, 40.0, 30.0), BallOnLayer(12.0)):
+    for sizes in (UniaxialSpecimen(10.0, 100.0), CylinderOnBlock(20.0, 40.0, 30.0), BallOnLayer(12.0)):
         able, unable = mechanisms_of(sizes, scale)
         assert {m.name for m in able} | set(unable) == {m.name for m in mechanisms()}
         assert ("contact-slip" in unable) == (slipping(sizes) is None)

@@ -115,7 +115,7 @@ def _told(folder: Path) -> list[str]:
         assert "\n" not in str(error)
         return [str(error)]
     doubts = [text for text in found.warnings if text.startswith("DOUBTFUL INPUT")]
-    return [*doubts, *(one.reason for one in found.left_out)]
+    return [*doubts, *(one.reason for one in found.details.left_out)]
 
 
 def test_sound_bars_are_not_doubted(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import SliceSet, calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.stockings.equilibrium import Feedback, FixedPointSettings, Worn, WornLeg
+from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, EquilibriumSolver, LinearisedCoupling
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
@@ -23,7 +23,7 @@ from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
 from legfem.stockings.result import StockingResult, StockingSettings, run_leg
-from legfem.stockings.search import LEARNT_AT, Identified, SearchSettings, StiffnessSearch
+from legfem.stockings.search import SAMPLED_AT, SearchSettings, StiffnessFit, StiffnessSearch
 
 PLANTED = 1e-3 * np.array(PLANTED_KPA)
 ACCURACY = ContourAccuracy(sd=0.1, correlation=16.0, around=30.0, along=40.0, pressure_sd=0.003)
@@ -38,15 +38,15 @@ def shape() -> LegShape:
 
 
 @pytest.fixture(scope="module")
-def truth(shape: LegShape) -> tuple[LegModel3D, Worn]:
+def truth(shape: LegShape) -> tuple[LegModel3D, Equilibrium]:
     """Another mesh and stabilisation than identification has."""
     stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
     model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
-    return model, WornLeg(model, stocking).find()
+    return model, EquilibriumSolver(model, stocking).solve()
 
 
 @pytest.fixture(scope="module")
-def result(shape: LegShape, truth: tuple[LegModel3D, Worn]) -> StockingResult:
+def result(shape: LegShape, truth: tuple[LegModel3D, Equilibrium]) -> StockingResult:
     slices = calf_levels(shape)
     leg = StockingLeg(
         "t",
@@ -104,41 +104,41 @@ def test_planted_stiffness_lies_in_its_interval(result):
 def test_an_equilibrium_that_was_kept_is_as_it_was_found(result, tmp_path, monkeypatch):
     """A later run has it without a solution, and its answers to changes are the same."""
     name, at = "deep.C10", {"deep.C10": 2.5e-3, "superficial.C10": 6e-3}
-    leg = WornLeg(result.model, result.leg.stocking, folder=tmp_path)
-    found = leg.find(at, (name,))
-    rate = Feedback(leg, found).to_rate(found.state.sensitivities[name])
+    leg = EquilibriumSolver(result.model, result.leg.stocking, folder=tmp_path)
+    found = leg.solve(at, (name,))
+    rate = LinearisedCoupling(leg, found).rate(found.state.sensitivities[name])
     assert leg.states == len(found.changes)
     shape, tissues = result.model.shape, result.model.tissues
-    again = WornLeg(
+    again = EquilibriumSolver(
         LegModel3D(shape, tissues, COARSE, CompressionSettings(ends="held")), result.leg.stocking, folder=tmp_path
     )
     with monkeypatch.context() as patched:
         patched.setattr(LegModel3D, "solve", None)
-        kept = again.find(at, (name,))
+        kept = again.solve(at, (name,))
     np.testing.assert_array_equal(kept.state.unknown, found.state.unknown)
     np.testing.assert_array_equal(kept.load.pressure, found.load.pressure)
     assert (kept.changes, kept.converged) == (found.changes, found.converged)
-    after = Feedback(again, kept).to_rate(kept.state.sensitivities[name])
+    after = LinearisedCoupling(again, kept).rate(kept.state.sensitivities[name])
     np.testing.assert_allclose(after, rate, atol=1e-3 * np.abs(rate).max())
-    other = WornLeg(result.model, result.leg.stocking, FixedPointSettings(1e-4), tmp_path)
-    assert other.find(at, (name,)).changes[-1] < 1e-4, "other settings, another equilibrium"
+    other = EquilibriumSolver(result.model, result.leg.stocking, EquilibriumSettings(1e-4), tmp_path)
+    assert other.solve(at, (name,)).changes[-1] < 1e-4, "other settings, another equilibrium"
 
 
 @pytest.mark.slow
 def test_slopes_in_equilibrium_are_those_between_equilibria(result):
     """Without the stocking's answer they would be a quarter off and more."""
-    exact = FixedPointSettings(tolerance=1e-5, max_states=30)
-    leg = WornLeg(result.model, result.leg.stocking, exact)
+    exact = EquilibriumSettings(tolerance=1e-5, max_states=30)
+    leg = EquilibriumSolver(result.model, result.leg.stocking, exact)
     names = ("deep.C10", "superficial.C10")
     at = {"deep.C10": 2.5e-3, "superficial.C10": 6e-3}
     for name in names:
         step = 0.02 * at[name]
-        low, high = (leg.find({**at, name: at[name] + s * step}) for s in (-0.5, 0.5))
+        low, high = (leg.solve({**at, name: at[name] + s * step}) for s in (-0.5, 0.5))
         assert low.converged and high.converged
         moved = (high.state.unknown - low.state.unknown) / step
-        middle = leg.find(at, (name,))
+        middle = leg.solve(at, (name,))
         own = middle.state.sensitivities[name]
-        total = Feedback(leg, middle).to_rate(own)
+        total = LinearisedCoupling(leg, middle).rate(own)
         skin = [result.model.displacement("skin", rate) for rate in (moved, own, total)]
         size = np.abs(skin[0]).max()
         assert np.abs(skin[2] - skin[0]).max() < 0.05 * size
@@ -146,14 +146,14 @@ def test_slopes_in_equilibrium_are_those_between_equilibria(result):
 
 
 @pytest.fixture(scope="module")
-def answering(result) -> tuple[WornLeg, Worn, NuisanceSlopes]:
+def answering(result) -> tuple[EquilibriumSolver, Equilibrium, NuisanceSlopes]:
     """A leg in an exact equilibrium, and what moves its contours there."""
-    exact = FixedPointSettings(tolerance=1e-5, max_states=30)
-    leg = WornLeg(result.model, result.leg.stocking, exact)
+    exact = EquilibriumSettings(tolerance=1e-5, max_states=30)
+    leg = EquilibriumSolver(result.model, result.leg.stocking, exact)
     nuisances = NuisanceSlopes(leg, result.misfit)
     at = dict(zip(PARAMETERS, PLANTED, strict=True))
-    worn = leg.find(at)
-    nuisances.learn(PLANTED, worn)
+    worn = leg.solve(at)
+    nuisances.sample(PLANTED, worn)
     return leg, worn, nuisances
 
 
@@ -162,7 +162,7 @@ def test_a_wrong_pressure_moves_the_leg_as_its_slope_says(result, answering):
     leg, plain, nuisances = answering
     bump = sectors(result.model.shape)[2]
     at = dict(zip(PARAMETERS, PLANTED, strict=True))
-    wrong = leg.find(at, start=plain, error=0.02 * bump)
+    wrong = leg.solve(at, start=plain, error=0.02 * bump)
     moved = result.misfit.distances(wrong.shape) - result.misfit.distances(plain.shape)
     expected = 0.02 * nuisances.at(PLANTED)[:, RIGID + 2]
     assert np.abs(moved - expected).max() < 0.1 * np.abs(expected).max()
@@ -180,7 +180,7 @@ def test_an_error_of_the_bare_skin_is_answered_as_its_slope_says(result, answeri
     outwards = size * modes[..., number, None] * outward_normals(shape.contours["skin"])
     bumped = LegShape(shape.levels, {**shape.contours, "skin": shape.contours["skin"] + outwards})
     other = LegModel3D(bumped, laws(*PLANTED_KPA), COARSE)
-    found = WornLeg(other, result.leg.stocking, FixedPointSettings(1e-5, 30)).find(at)
+    found = EquilibriumSolver(other, result.leg.stocking, EquilibriumSettings(1e-5, 30)).solve(at)
     moved = result.misfit.distances(found.shape) - result.misfit.distances(plain.shape)
     expected = size * nuisances.at(PLANTED)[:, RIGID + SECTORS + number]
     bare = result.misfit.distances(bumped) - result.misfit.distances(shape)
@@ -193,17 +193,17 @@ def test_an_error_of_the_bare_skin_is_answered_as_its_slope_says(result, answeri
 def test_answers_at_another_stiffness_are_those_of_the_stiffnesses_around_it(result, answering):
     leg, _, exact = answering
     between = NuisanceSlopes(leg, result.misfit)
-    for parameters in LEARNT_AT:
-        between.learn(parameters, leg.find(dict(zip(PARAMETERS, parameters, strict=True))))
+    for parameters in SAMPLED_AT:
+        between.sample(parameters, leg.solve(dict(zip(PARAMETERS, parameters, strict=True))))
     known, found = exact.at(PLANTED), between.at(PLANTED)
     assert np.linalg.norm(found - known) < 0.05 * np.linalg.norm(known)
 
 
 def test_an_equilibrium_that_does_not_settle_still_bears_derivatives(shape):
-    hasty = FixedPointSettings(tolerance=1e-12, max_states=2)
+    hasty = EquilibriumSettings(tolerance=1e-12, max_states=2)
     stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
     model = LegModel3D(shape, laws(3.0, 3.0), COARSE)
-    found = WornLeg(model, stocking, hasty).find(sensitivities=("deep.C10",))
+    found = EquilibriumSolver(model, stocking, hasty).solve(sensitivities=("deep.C10",))
     assert not found.converged and len(found.changes) == 2
     assert found.state.report.complete and "deep.C10" in found.state.sensitivities
 
@@ -212,15 +212,15 @@ def test_an_equilibrium_that_does_not_settle_still_bears_derivatives(shape):
 def test_a_wrong_stiffness_fits_worse(result):
     best, misfit = result.best, result.misfit
     twice = {"deep.C10": 2 * best.parameters[0]}
-    wrong = WornLeg(result.model, result.leg.stocking).find(twice, start=best.worn)
+    wrong = EquilibriumSolver(result.model, result.leg.stocking).solve(twice, start=best.equilibrium)
     assert misfit.cost(misfit.distances(wrong.shape)) > 5 * best.cost
 
 
 @pytest.mark.slow
 def test_nelder_mead_finds_the_same(result):
     settings = SearchSettings(max_evaluations=40, simplex_tolerance=0.03)
-    search = StiffnessSearch(WornLeg(result.model, result.leg.stocking), result.misfit, settings)
-    found: Identified = search.nelder_mead()
+    search = StiffnessSearch(EquilibriumSolver(result.model, result.leg.stocking), result.misfit, settings)
+    found: StiffnessFit = search.nelder_mead()
     print(1e3 * found.parameters, found.solves, found.cost)
     assert found.cost < 0.2 and found.solves > 2 * result.best.solves
     assert found.parameters[0] == pytest.approx(result.best.parameters[0], rel=0.1)
@@ -236,7 +236,7 @@ def test_a_motion_left_between_the_scans_is_found(result, truth):
     accuracy = replace(ACCURACY, shift_sd=(0.5, 0.5, 0.5))
     misfit = ContourMisfit(SliceSet.of(moved, result.leg.slices), accuracy)
     settings = SearchSettings(starts_kPa=((2.5, 6.0),))
-    worn_leg = WornLeg(result.model, result.leg.stocking)
+    worn_leg = EquilibriumSolver(result.model, result.leg.stocking)
     found = StiffnessSearch(worn_leg, misfit, settings).weighted()[0]
     np.testing.assert_allclose(found.rigid[:2], shift[:2], atol=0.05)
     assert found.parameters[0] == pytest.approx(result.best.parameters[0], rel=0.1)
@@ -274,7 +274,7 @@ def test_a_finer_mesh_has_the_same_pressures(shape, truth, result):
     model = result.model
     stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
     names = dict(zip(("deep.C10", "superficial.C10"), 1e-3 * np.array(PLANTED_KPA), strict=True))
-    coarse = WornLeg(model, stocking).find(names)
+    coarse = EquilibriumSolver(model, stocking).solve(names)
     fine, rough = (
         tissue_pressures(PressureProbe(m.compression), w.state, w.load, result.leg.veins)
         for m, w in ((fine_model, worn), (model, coarse))
@@ -310,7 +310,7 @@ C10_kPa = 8.17
 """
     )
     found = run_leg(load_leg(tmp_path), StockingSettings(cells=20_000), Silent())
-    assert found.worn.converged and found.pressures is not None
+    assert found.equilibrium.converged and found.pressures is not None
     assert 1.5e-3 < found.pressures.mean_interface < 3.5e-3
     for vein in found.pressures.at_veins:
         assert 0.6 < vein / found.pressures.mean_interface < 1.6

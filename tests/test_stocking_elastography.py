@@ -14,10 +14,10 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import calf_levels
 from legfem.legs.elastography import ShearModulus
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.report.plain import plain_page
+from legfem.report.render.text import plain_page
 from legfem.report.web.stocking import stocking_web_page
 from legfem.stockings.document import stocking_document
-from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
@@ -69,7 +69,7 @@ def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
     shape = short_leg()
     stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
     model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
-    worn = WornLeg(model, stocking).find()
+    worn = EquilibriumSolver(model, stocking).solve()
     leg = StockingLeg(
         "t",
         "Test",

@@ -17,8 +17,8 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.stockings.discrepancy import TERMS, Mismatch, mismatch_of
-from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.discrepancy import ModelDiscrepancy, model_discrepancy
+from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourAccuracy, ContourMisfit, outline_errors
@@ -51,19 +51,19 @@ def _diagnosed(
     seed: int = 3,
     accuracy: ContourAccuracy = ACCURACY,
     **mechanism: float,
-) -> Mismatch:
+) -> ModelDiscrepancy:
     """Diagnose a leg whose truth has other pressures, another position, or a mechanism."""
     truth, model = models
     stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
-    worn = WornLeg(truth, stocking).find(mechanism, error=factor - 1)
+    worn = EquilibriumSolver(truth, stocking).solve(mechanism, error=factor - 1)
     assert worn.converged
     scanned = rigidly_moved(worn.shape, np.eye(3), np.array(shift))
     clean = ContourMisfit(SliceSet.of(scanned, calf_levels(shape)), accuracy)
     noisy = ContourMisfit(clean.target, accuracy, _noise(clean, seed))
-    leg = WornLeg(model, stocking)
+    leg = EquilibriumSolver(model, stocking)
     search = StiffnessSearch(leg, noisy, SearchSettings(starts_kPa=((3.0, 3.0),), max_steps=3))
     best = search.weighted()[0]
-    return mismatch_of(leg, noisy, search.nuisances, best)
+    return model_discrepancy(leg, noisy, search.nuisances, best)
 
 
 def _noise(misfit: ContourMisfit, seed: int) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_a_pressure_too_low_on_one_side_is_named_and_mended(shape, models):
 @pytest.mark.slow
 def test_drained_blood_is_named(shape, models):
     """2 % of the deep tissue's volume is gone."""
-    found = _diagnosed(shape, models, **{TERMS["volume-loss"]: 0.02})
+    found = _diagnosed(shape, models, **{"deep.volume_loss.share": 0.02})
     print(found)
     assert found.named and found.named[0] == "volume-loss"
     share, error = next(s for s in found.scores if s.name == "volume-loss").strengths["share"]
@@ -118,7 +118,7 @@ def test_scans_farther_apart_than_the_registration_says_are_named(shape, models)
 def test_a_fascia_that_the_model_lacks_is_named(shape, models):
     """Of C10 100 kPa and 0.8 mm; behind outlines 0.1 mm off the muscle's stiffness hides it."""
     accuracy = replace(ACCURACY, sd=0.02, model_sd=0.01)
-    found = _diagnosed(shape, models, accuracy=accuracy, **{TERMS["fascia"]: 0.16})
+    found = _diagnosed(shape, models, accuracy=accuracy, **{"fascia.membrane.stiffness": 0.16})
     print(found)
     assert "fascia" in found.named
     stiffness, error = next(s for s in found.scores if s.name == "fascia").strengths["stiffness (N/mm)"]

@@ -16,7 +16,7 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.fabric import Stocking
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.plausibility import check_scans_differ, doubts_about_leg
+from legfem.stockings.plausibility import LEAST_LENGTH_MM, check_scans_differ, doubts_about_leg
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
@@ -82,6 +82,18 @@ def _fabric(stretch: float = 1.5, stiffness: float = 0.3) -> Change:
     return lambda leg: replace(leg, stocking=Stocking(stiffness, leg.bare.levels, perimeter(leg.bare) / stretch))
 
 
+def _shortened(length: float) -> Change:
+    """Return a cut of leg and scans to a length about their middle."""
+
+    def change(leg: StockingLeg) -> StockingLeg:
+        middle = float(leg.bare.levels.mean())
+        levels = np.linspace(middle - length / 2, middle + length / 2, 16)
+        cut = {name: getattr(leg, name).at_levels(levels) for name in ("bare", "scanned_bare", "compressed")}
+        return replace(leg, **cut)
+
+    return change
+
+
 def _table(low: float, high: float) -> Change:
     """Return a change of the levels at which the fabric is known."""
 
@@ -99,6 +111,7 @@ def _table(low: float, high: float) -> Change:
         (_resized(0.6), "bare", "a girth of"),
         (_resized(0.75), "bare", "a tibia's width"),
         (_resized(1.8), "bare", "both are large"),
+        (_shortened(75.0), "segment", "is 75 mm long: what its end faces do"),
         (_tissue("deep", D1=150.0), "tissues.deep.D1_per_MPa", "a D1 of 150"),
         (_tissue("superficial", C10=0.1), "tissues.superficial.C10_kPa", "C10 of 100 kPa"),
         (_tissue("deep", C10=40e-3), "tissues.deep.C10_kPa", "C10 of 40 kPa"),
@@ -134,6 +147,12 @@ def test_what_cannot_be_is_refused(leg, change, field, words):
         doubts_about_leg(change(leg), TOML)
     assert caught.value.field == field
     assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_doubt_of_a_short_segment_names_the_least_length_which_is_not_doubted(leg):
+    (doubt,) = doubts_about_leg(_shortened(40.0)(leg), TOML)
+    assert f"model {LEAST_LENGTH_MM:g} mm or more" in doubt.remedy and "segment" in str(doubt)
+    assert doubts_about_leg(_shortened(LEAST_LENGTH_MM)(leg), TOML) == ()
 
 
 def test_stiffness_that_is_only_a_start_is_not_doubted(leg):

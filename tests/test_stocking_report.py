@@ -24,22 +24,22 @@ from legfem.inverse.intervals import quantile
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.leg_directions import Directions, angle_round, unwrapped
-from legfem.report.plain import plain_page
+from legfem.report.render.html import rendered
+from legfem.report.render.text import plain_page
 from legfem.report.stocking import write_stocking_report
-from legfem.report.stocking_words import stiffness_interval, vein_interval
-from legfem.report.web.page import rendered
 from legfem.report.web.stocking import stocking_web_page
+from legfem.report.web.stocking_pressures import stiffness_interval, vein_interval
 from legfem.report.web.stocking_stiffness import verdict_sentence
 from legfem.stockings.document import stocking_document
-from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.notices import stocking_warnings, unloaded_skin
+from legfem.stockings.notices import stocking_notices, unloaded_skin
 from legfem.stockings.pressures import PressureProbe, fat_pressures, too_low_by
 from legfem.stockings.result import StockingSettings, run_leg
-from legfem.stockings.search import SearchSettings, expected_rms, judge, starts_agree
+from legfem.stockings.search import SearchSettings, expected_rms, starts_agree, stiffness_estimates
 from studies.legs.parametric_leg import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
@@ -54,7 +54,7 @@ def result():
     bare = parametric_leg(read_legs(LEGS)["1"], n_points=90).at_levels(np.linspace(50.0, 100.0, 11))
     stocking = fitted_stocking(bare, ClassFit(CompressionClass.MODERATE))
     true = {"deep": NeoHookean(2.6e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
-    made = WornLeg(LegModel3D(bare, true, MESH), stocking).find()
+    made = EquilibriumSolver(LegModel3D(bare, true, MESH), stocking).solve()
     registration = Registration(
         RigidTransform(), 0.11, 2000, 120, np.array([0.012, 0.011, 0.05]), np.array([0.03, 0.02, 0.09]), 23, True
     )
@@ -81,7 +81,7 @@ def result():
 
 @pytest.fixture(scope="module")
 def fat(result):
-    return fat_pressures(result.leg.bare, result.worn, PressureProbe(result.model.compression))
+    return fat_pressures(result.leg.bare, result.equilibrium, PressureProbe(result.model.compression))
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_a_scan_made_by_the_model_itself_is_met(result):
     """With the stiffness it was made with: no more than the linear solver's error is left."""
     np.testing.assert_allclose(result.best.parameters, [2.6e-3, 6e-3], rtol=0.02)
     assert result.best.rms < 0.01
-    assert result.mismatch is not None and result.mismatch.verdict == "consistent"
+    assert result.discrepancy is not None and result.discrepancy.verdict == "consistent"
 
 
 def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
@@ -131,7 +131,7 @@ def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
     assert len(html.encode()) < 5_000_000
     assert "mmHg on average; at the deep veins the pressure is" in page.words
     assert "simulated data (the scans were computed" in page.words
-    for known in judge(result.best, result.leg.accuracy):
+    for known in stiffness_estimates(result.best, result.leg.accuracy):
         assert f"{mpa_to_kpa(known.value):.3g} kPa" in page.words
     for k, vein in enumerate(result.leg.veins):
         low, high = vein_interval(result, k)
@@ -145,9 +145,9 @@ def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
 
 
 def test_a_page_of_a_state_that_was_not_found_or_a_scan_that_is_missed_says_so(result):
-    report = replace(result.worn.state.report, complete=False, reason="step too small")
-    state = replace(result.worn.state, report=report)
-    lost = replace(result, worn=replace(result.worn, state=state), pressures=None)
+    report = replace(result.equilibrium.state.report, complete=False, reason="step too small")
+    state = replace(result.equilibrium.state, report=report)
+    lost = replace(result, equilibrium=replace(result.equilibrium, state=state), pressures=None)
     page = stocking_web_page(lost)
     assert page.headline.tone == "wrong" and "could not be computed" in page.headline.sentence
     read(rendered(page))
@@ -171,11 +171,11 @@ def test_page_says_who_what_and_that_it_is_simulated(result, folder):
 
 def test_page_gives_stiffness_with_intervals_and_every_search(result, folder):
     text = " ".join((folder / "report.txt").read_text().split())
-    for known, tissue in zip(judge(result.best, result.leg.accuracy), ("muscle", "fat"), strict=True):
-        low, high = mpa_to_kpa(np.array(known.interval95))
+    for known, tissue in zip(stiffness_estimates(result.best, result.leg.accuracy), ("muscle", "fat"), strict=True):
+        low, high = mpa_to_kpa(np.array(known.ci95))
         assert (
             f"C10 of the {tissue}: {mpa_to_kpa(known.value):.3g} kPa (95 % {low:.3g} to "
-            f"{high:.3g}); estimated, both scans; {known.verdict}" in text
+            f"{high:.3g}); estimated, both scans; {known.identifiability}" in text
         )
         assert verdict_sentence(known) in text
     nelder = result.searches[-1]
@@ -205,9 +205,9 @@ def test_page_gives_pressures_in_both_units(result, folder):
 )
 def test_verdict_follows_the_interval(result, half_width, verdict):
     other = widened(result, half_width)
-    for known in judge(other.best, result.leg.accuracy):
-        assert known.half_width == pytest.approx(half_width)
-        assert known.verdict == verdict
+    for known in stiffness_estimates(other.best, result.leg.accuracy):
+        assert known.relative_half_width == pytest.approx(half_width)
+        assert known.identifiability == verdict
         assert verdict in verdict_sentence(known)
     assert f"both scans; {verdict}" in words_on(other)
 
@@ -239,17 +239,17 @@ def test_intervals_are_the_profile_s(result):
 def test_a_fit_that_misses_the_scan_is_weak_at_best_and_warned_of(result):
     other = widened(result, 0.05)
     missed = replace(other.best, rms=2 * expected_rms(result.leg.accuracy))
-    assert {k.verdict for k in judge(missed, result.leg.accuracy)} == {"weakly identifiable"}
+    assert {k.identifiability for k in stiffness_estimates(missed, result.leg.accuracy)} == {"weakly identifiable"}
     other = replace(other, searches=(missed, *other.searches[1:]))
-    assert any("The model misses the scan" in text for text in stocking_warnings(other))
-    assert not any("misses the scan" in text for text in stocking_warnings(result))
+    assert any("The model misses the scan" in text for text in stocking_notices(other))
+    assert not any("misses the scan" in text for text in stocking_notices(result))
 
 
 def test_a_stiffness_at_a_bound_is_not_known(result):
     best = widened(result, 0.05).best
     at_bound = replace(best, parameters=np.array([best.parameters[0], 0.1]))
-    muscle, fat = judge(at_bound, result.leg.accuracy)
-    assert (muscle.verdict, fat.verdict, fat.at_bound) == ("identifiable", "not identifiable", "upper")
+    muscle, fat = stiffness_estimates(at_bound, result.leg.accuracy)
+    assert (muscle.identifiability, fat.identifiability, fat.at_bound) == ("identifiable", "not identifiable", "upper")
     assert "upper bound" in verdict_sentence(fat)
 
 
@@ -261,7 +261,7 @@ def test_starts_that_disagree_are_told(result):
     sure = widened(result, 0.05).best
     assert not starts_agree([sure, replace(near, log_covariance=None)]), "the best one's interval"
     apart = replace(result, searches=(best, other))
-    assert any("did not all lead to the same" in text for text in stocking_warnings(apart))
+    assert any("did not all lead to the same" in text for text in stocking_notices(apart))
     assert "30 % apart" in words_on(apart)
     page = words_on(replace(result, searches=(best, near)))
     assert "All 2 starts led to the same stiffness (within 3 %)." in page
@@ -270,19 +270,19 @@ def test_starts_that_disagree_are_told(result):
 
 
 def test_what_did_not_settle_or_was_not_found_is_warned_of(result):
-    unsettled = replace(result, worn=replace(result.worn, converged=False, changes=(0.1, 0.04)))
-    assert "still changed by 4 %" in " ".join(stocking_warnings(unsettled))
-    report = replace(result.worn.state.report, complete=False, reason="step too small")
-    state = replace(result.worn.state, report=report)
-    lost = replace(result, worn=replace(result.worn, state=state), pressures=None)
-    assert "could not be computed (step too small)" in stocking_warnings(lost)[0]
+    unsettled = replace(result, equilibrium=replace(result.equilibrium, converged=False, changes=(0.1, 0.04)))
+    assert "still changed by 4 %" in " ".join(stocking_notices(unsettled))
+    report = replace(result.equilibrium.state.report, complete=False, reason="step too small")
+    state = replace(result.equilibrium.state, report=report)
+    lost = replace(result, equilibrium=replace(result.equilibrium, state=state), pressures=None)
+    assert "could not be computed (step too small)" in stocking_notices(lost)[0]
     page = words_on(lost)
     assert "Hydrostatic pressure" not in page and "nan" not in page
     assert stocking_document(lost)["pressures"] is None
-    failed = replace(result.best, worn=replace(result.worn, state=state), converged=False)
+    failed = replace(result.best, equilibrium=replace(result.equilibrium, state=state), converged=False)
     assert any(
         "met a state that could not be computed" in text
-        for text in stocking_warnings(replace(result, searches=(failed,)))
+        for text in stocking_notices(replace(result, searches=(failed,)))
     )
 
 
@@ -290,13 +290,13 @@ def test_slack_heights_and_spanned_hollows_are_warned_of(result):
     bare = result.leg.bare
     spans = stocking_load(bare, result.leg.stocking).perimeter
     wide = Stocking(0.3, bare.levels, np.where(bare.levels < 70.0, 1.1, 0.9) * spans)
-    worn = replace(result.worn, load=stocking_load(bare, wide))
-    texts = " ".join(stocking_warnings(replace(result, worn=worn)))
+    worn = replace(result.equilibrium, load=stocking_load(bare, wide))
+    texts = " ".join(stocking_notices(replace(result, equilibrium=worn)))
     assert "slack, and presses on nothing, at 4 of 11 heights, between 50 and 65 mm" in texts
     assert (unloaded_skin(bare, worn.load)[:4] == 0).all(), "slack is no hollow"
     assert "as if the leg went on alike" in texts
     free = replace(result, leg=replace(result.leg, ends="free"))
-    assert not any("went on alike" in text for text in stocking_warnings(free))
+    assert not any("went on alike" in text for text in stocking_notices(free))
 
 
 def test_document_has_every_number_with_its_unit(result, fat):
@@ -311,7 +311,7 @@ def test_document_has_every_number_with_its_unit(result, fat):
     pressures = read["pressures"]
     assert pressures["mean_interface_kPa"] == pytest.approx(1e3 * result.pressures.mean_interface)
     assert [vein["name"] for vein in pressures["veins"]] == [v.name for v in result.leg.veins]
-    assert read["warnings"] == list(stocking_warnings(result))
+    assert read["warnings"] == list(stocking_notices(result))
     assert {"legfem", "dolfinx", "python"} <= set(read["versions"])
 
 
@@ -342,10 +342,10 @@ def test_pictures_and_fields_are_written_and_nothing_else_is_left(folder):
 
 
 def test_fields_hold_the_stocking_s_pressure(result):
-    result.model.put_in(result.worn.state, result.worn.pressure, result.parameters)
+    result.model.set_state(result.equilibrium.state, result.equilibrium.pressure, result.parameters)
     fields = fields_of(result.model.compression.system)
     assert fields.skin_pressure.name == "interface_pressure"
-    highest = 1e3 * result.worn.load.pressure.max()
+    highest = 1e3 * result.equilibrium.load.pressure.max()
     assert fields.skin_pressure.x.array.max() == pytest.approx(highest, rel=0.1)
     skin = fields.skin_pressure.x.array.mean()
     assert skin == pytest.approx(1e3 * result.pressures.mean_interface, rel=0.1)

@@ -16,19 +16,19 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.report.plain import plain_page
+from legfem.report.render.text import plain_page
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_pressures import sensor_rows
-from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.leg import Posture, StockingLeg
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.notices import of_sensors
+from legfem.stockings.notices import sensor_notices
 from legfem.stockings.result import StockingSettings, run_leg
 from legfem.stockings.schema import LegFile, parse_leg_file
 from legfem.stockings.search import SearchSettings
-from legfem.stockings.sensors import Sensing, Sensor, off_skin
+from legfem.stockings.sensors import Sensor, SensorArray, off_skin
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
 COARSE = SolidMeshSettings(skin_size=11, inside_size=14, bone_size=9)
@@ -48,20 +48,20 @@ def sensor(shape, point, pressure, sd=None, diameter=30.0):
 def test_a_sensor_feels_the_mean_of_what_lies_under_its_face():
     shape = short_leg()
     sensors = [sensor(shape, 10, 3e-3), sensor(shape, 50, 3e-3, diameter=1.0)]
-    sensing = Sensing.on(shape, sensors)
+    sensors_on = SensorArray.on(shape, sensors)
     even = np.full(shape.contours[SKIN].shape[:2], 2.5e-3)
-    np.testing.assert_allclose(sensing.felt(even), 2.5e-3, rtol=1e-12)
+    np.testing.assert_allclose(sensors_on.averages(even), 2.5e-3, rtol=1e-12)
     along = even * shape.levels[:, None] / shape.levels[len(shape.levels) // 2]
-    np.testing.assert_allclose(sensing.felt(along), 2.5e-3, rtol=1e-2)
+    np.testing.assert_allclose(sensors_on.averages(along), 2.5e-3, rtol=1e-2)
     spot = np.zeros_like(even)
     spot[len(shape.levels) // 2, 50] = 1.0
-    assert sensing.felt(spot)[1] == pytest.approx(1.0), "a small face lies on one point"
+    assert sensors_on.averages(spot)[1] == pytest.approx(1.0), "a small face lies on one point"
     assert off_skin(shape, sensors[0].position) < 1e-9
-    assert not list(of_sensors(sensing.compared(3.1e-3 / 2.5e-3 * even)))
-    (said,) = of_sensors(sensing.compared(even)[:1])
+    assert not list(sensor_notices(sensors_on.compared(3.1e-3 / 2.5e-3 * even)))
+    (said,) = sensor_notices(sensors_on.compared(even)[:1])
     assert "at 10" in said and "22.5 ± 0.9 mmHg" in said and "18.8 mmHg" in said
-    one, other = sensing.compared(even)
-    assert one.departure == pytest.approx((2.5e-3 - 3e-3) / (SENSOR * 3e-3))
+    one, other = sensors_on.compared(even)
+    assert one.standardised_residual == pytest.approx((2.5e-3 - 3e-3) / (SENSOR * 3e-3))
     assert other.sensor.name == "at 50"
 
 
@@ -136,9 +136,9 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
     given = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
     true = Stocking((1 + TENSION) * given.stiffness, given.levels, given.unstretched)
     model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
-    worn = WornLeg(model, true).find()
+    worn = EquilibriumSolver(model, true).solve()
     places = [sensor(shape, point, 1e-3) for point in (20, 65)]
-    felt = Sensing.on(shape, places).felt(worn.load.pressure)
+    felt = SensorArray.on(shape, places).averages(worn.load.pressure)
     # One reads too much and one too little, by their standard deviation.
     sensors = tuple(
         sensor(shape, point, float(p) * (1 + sign * SENSOR))
@@ -184,6 +184,6 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
     assert len(sensor_rows(result)) == 2
     said = plain_page(stocking_web_page(result), [])
     assert "tension of the fabric over what was given" in said and "at 20" in said
-    assert result.worn.load.pressure.mean() == pytest.approx(worn.load.pressure.mean(), rel=0.06)
-    assert all(abs(one.departure) < 3 for one in result.sensors)
+    assert result.equilibrium.load.pressure.mean() == pytest.approx(worn.load.pressure.mean(), rel=0.06)
+    assert all(abs(one.standardised_residual) < 3 for one in result.sensors)
     assert MPA_PER_MMHG * 10 < result.pressures.mean_interface < MPA_PER_MMHG * 100

@@ -11,27 +11,25 @@ import numpy as np
 import pytest
 from making_identification import DEPTH, AnalyticLeg, Killed, pressed_leg
 from making_legs_3d import cone_folder
+from making_results import law_document
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording
-from legfem.identify.document import result_document
-from legfem.identify.result import identification_result
 from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.search import SearchError
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.correction import TabulatedCorrection, confirmed_correction
 from legfem.legs.details import CLOSE
 from legfem.legs.elastography import FibreRatio
-from legfem.legs.identification import as_leg, confirmed_in_3d
+from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
-from legfem.legs.problem import leg_problem
 from legfem.legs.subject import Subject
 from legfem.legs.two_fidelity import MOST_SOLVES
-from legfem.report.plain import plain_page
-from legfem.report.web.identification import identification_page
+from legfem.report.leg import leg_page
+from legfem.report.render.text import plain_page
 
 GRID = np.linspace(0.0, DEPTH, 41)
 
@@ -100,30 +98,29 @@ def identified(
         kept,
     )
     request = SearchRequest()
-    problem = leg_problem(as_leg(subject), laws, request, [start], JointForward((section,)))
-    return [identification_result(one) for one in confirmed_in_3d(problem, laws, request, models)]
+    return fit_leg(subject, laws, request, [start], JointForward((section,)), models)
 
 
 @pytest.mark.parametrize("start", [table(0.3), table(0.0, trend=0.0), None])
 def test_c10_is_recovered_from_any_start_by_few_solves(start, tmp_path):
     solid = AnalyticSolid()
     (result,) = identified(recorded(tmp_path, 1.3), start, solid=solid)
-    found = result.parameters["deep.C10"]
+    found = result.estimates["deep.C10"]
     low, high = found.ci95
     assert low < 1.3e-3 < high
     assert abs(found.value / 1.3e-3 - 1) < 0.02
-    assert result.spatial.converged and result.converged
-    assert result.spatial.full_solves == solid.calls <= 4
-    last = result.spatial.confirmations[-1]
+    assert result.details.spatial.converged and result.log.converged
+    assert result.details.spatial.full_solves == solid.calls <= 4
+    last = result.details.spatial.confirmations[-1]
     assert last.error < CLOSE and last.moved < CLOSE
 
 
 def test_what_is_left_of_the_correction_s_error_is_in_the_interval_and_the_table_s_is_not(tmp_path):
     (result,) = identified(recorded(tmp_path, 1.3), table(0.3))
-    assert set(result.spatial.errors) == {"prediction", "first contact", "mesh", "leg's length"}
-    np.testing.assert_allclose(result.spatial.errors["leg's length"], 0.004, rtol=0.02)
-    assert 0.01 < result.correction.sd[-1] < 0.04
-    width = result.parameters["deep.C10"].relative_half_width
+    assert set(result.details.spatial.errors) == {"prediction", "first contact", "mesh", "leg's length"}
+    np.testing.assert_allclose(result.details.spatial.errors["leg's length"], 0.004, rtol=0.02)
+    assert 0.01 < result.details.corrections[0].sd[-1] < 0.04
+    width = result.estimates["deep.C10"].relative_half_width
     assert 2 * 0.01 / 1.3 < width < 0.1
 
 
@@ -153,9 +150,9 @@ def test_the_error_of_the_fibres_ratio_is_that_of_the_leg_s_own_derivatives(tmp_
     )
     (result,) = identified(subject, table(0.0), models=models)
     expected = 0.25 * 2 * 1.3e-3 * (FibrousSolid.BY_SHEAR + 4 * FibrousSolid.BY_EXTENSION)
-    assert result.spatial.errors["fibres: ratio"] == pytest.approx(1.27 * expected, rel=0.1)
-    assert result.parameters["deep.C10"].error_shares["fibres"] > 0.8
-    assert result.correction.with_fibres
+    assert result.details.spatial.errors["fibres: ratio"] == pytest.approx(1.27 * expected, rel=0.1)
+    assert result.estimates["deep.C10"].error_shares["fibres"] > 0.8
+    assert result.details.corrections[0].with_fibres
     (said,) = [text for text in result.warnings if "times as stiff in shear" in text]
     assert "C10's interval has the error" in said
 
@@ -187,8 +184,8 @@ def test_both_laws_share_the_budget(tmp_path):
     solid = AnalyticSolid()
     laws = ("neo-hookean", "reduced-polynomial")
     results = identified(recorded(tmp_path, 0.7), table(0.2), solid=solid, laws=laws)
-    assert results[-1].spatial.full_solves == solid.calls
-    assert solid.calls + results[-1].spatial.rough_solves <= MOST_SOLVES
+    assert results[-1].details.spatial.full_solves == solid.calls
+    assert solid.calls + results[-1].details.spatial.rough_solves <= MOST_SOLVES
 
 
 def test_solves_are_kept_and_a_killed_run_goes_on(tmp_path):
@@ -197,11 +194,11 @@ def test_solves_are_kept_and_a_killed_run_goes_on(tmp_path):
         identified(subject, table(0.3), kept, AnalyticSolid(killed_after=1))
     again = AnalyticSolid()
     (result,) = identified(subject, table(0.3), kept, again)
-    assert again.calls == result.spatial.full_solves - 1
+    assert again.calls == result.details.spatial.full_solves - 1
     once_more = AnalyticSolid()
     (same,) = identified(subject, table(0.3), kept, once_more)
     assert once_more.calls == 0
-    assert same.parameters["deep.C10"].value == result.parameters["deep.C10"].value
+    assert same.estimates["deep.C10"].value == result.estimates["deep.C10"].value
 
 
 def test_a_leg_that_stops_short_is_a_search_error(tmp_path):
@@ -212,13 +209,13 @@ def test_a_leg_that_stops_short_is_a_search_error(tmp_path):
 def test_report_and_document_say_what_the_leg_itself_said(tmp_path):
     subject = recorded(tmp_path, 1.3)
     (result,) = identified(subject, table(0.3))
-    text = " ".join(plain_page(identification_page([result], subject, None), []).split())
+    text = " ".join(plain_page(leg_page([result]), []).split())
     assert "extruded over 120 mm (assumed)" in text and "the table of idealised legs" in text
-    document = result_document(result)
+    document = law_document(result)
     assert document["model"] == "3d"
-    assert len(document["spatial"]["confirmations"]) == result.spatial.full_solves
+    assert len(document["spatial"]["confirmations"]) == result.details.spatial.full_solves
     assert document["spatial"]["extruded"] and any("extruded" in w for w in document["warnings"])
-    assert len(document["spatial"]["correction_P_of_table"]) == len(result.measured.displacement)
+    assert len(document["spatial"]["correction_P_of_table"]) == len(result.tests[0].force.channel)
 
 
 def test_recordings_in_plane_strain_are_refused(tmp_path):
@@ -242,8 +239,8 @@ def test_a_confirmed_correction_is_what_was_solved_and_follows_the_table_from_th
 def test_the_last_full_solve_is_there_to_be_looked_at(monkeypatch, tmp_path):
     monkeypatch.setattr(LegModels, "pressed", lambda models, outcome: outcome)
     (result,) = identified(recorded(tmp_path, 1.3), table(0.3))
-    last = result.spatial.confirmations[-1]
-    assert 1e3 * result.spatial.pressed.values["deep.C10"] == pytest.approx(last.c10)
+    last = result.details.spatial.confirmations[-1]
+    assert 1e3 * result.details.spatial.pressed.values["deep.C10"] == pytest.approx(last.c10)
     monkeypatch.undo()
     (bare,) = identified(recorded(tmp_path, 1.3), table(0.3))
-    assert bare.spatial.pressed is None, "a model without states has nothing to show"
+    assert bare.details.spatial.pressed is None, "a model without states has nothing to show"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from making_stocking import COARSE, laws, short_leg
 
-from legfem.stockings.equilibrium import FixedPointSettings, WornLeg
+from legfem.stockings.equilibrium import EquilibriumSettings, EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.leg import default_veins
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
@@ -20,10 +20,10 @@ KPA = (2.6, 6.0)
 @pytest.fixture(scope="module")
 def leg():
     bare = short_leg()
-    return WornLeg(
+    return EquilibriumSolver(
         LegModel3D(bare, laws(*KPA), COARSE),
         fitted_stocking(bare, ClassFit(CompressionClass.MODERATE)),
-        FixedPointSettings(tolerance=2e-4, max_states=20),
+        EquilibriumSettings(tolerance=2e-4, max_states=20),
     )
 
 
@@ -31,13 +31,13 @@ def leg():
 def test_they_are_those_of_the_leg_solved_anew(leg):
     """With muscle 20 % stiffer and softer, and with a pressure 5 % higher all round."""
     values = dict(zip(PARAMETERS, (1e-3 * k for k in KPA), strict=True))
-    worn, probe = leg.find(values), PressureProbe(leg.model.compression)
+    worn, probe = leg.solve(values), PressureProbe(leg.model.compression)
     veins = default_veins(leg.model.shape, 80.0)
     points = np.array([vein.position for vein in veins])
 
     def at_veins(muscle: float, error: float = 0.0):
         other = {**values, PARAMETERS[0]: muscle * values[PARAMETERS[0]]}
-        return probe.at(points, leg.find(other, start=worn, error=error).state)
+        return probe.at(points, leg.solve(other, start=worn, error=error).state)
 
     middle = at_veins(1.0)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 from dataclasses import replace
 from datetime import date
 
@@ -23,13 +22,13 @@ from legfem.fem.fields import FieldReader, fields_of
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.estimates import QUESTION, high_or_low
+from legfem.report.leg import leg_page
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.web.curves import Curves, Line, embedded, ways
-from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.report.web.identification import identification_page
-from legfem.report.web.page import rendered
-from legfem.report.web.section import Film, pressed_section
-from legfem.report.web.usual import QUESTION, high_or_low
+from legfem.report.page import Curves, Line
+from legfem.report.render.html import embedded, rendered, ways
+from legfem.report.section import Film, pressed_section
 
 MOST_BYTES = 2_000_000
 DEPTH = 4.0
@@ -63,11 +62,11 @@ def pressed(film):
 
 def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subject, both, pressed):
     command = "python -m legfem.identify --subject-dir 'my <leg>'"
-    html = rendered(identification_page(both, subject, pressed, command))
+    html = rendered(leg_page(both, pressed, command))
     page = read(html)
     assert len(html.encode()) < MOST_BYTES
-    c10 = both[1].parameters["deep.C10"].shown
-    assert f"the deep tissue's C10 is {c10.value:.2f}" in page.words
+    c10 = both[1].estimates["deep.C10"].shown
+    assert f"Muscle stiffness C10 = {c10.value:.2f}" in page.words
     assert page.words.index("1 warning") < page.words.index("Recordings and model")
     assert "the fascia's Poisson ratio is negative" in page.words
     assert "Simulated data" in page.words or "simulated data" in page.words
@@ -82,22 +81,22 @@ def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subj
 
 
 def test_a_law_that_does_not_fit_is_not_praised(subject, both):
-    page = identification_page(both[:1], subject, None)
+    page = leg_page(both[:1])
     assert page.headline.tone == "wrong"
-    assert "don't rely on it" in dict(page.headline.answers)["What it does to C10"]
-    assert "legfem.diagnose" in dict(page.headline.answers)["What to do"]
-    unsure = replace(both[1].parameters["deep.C20"], identifiability="weakly identifiable")
-    poly = replace(both[1], parameters={**both[1].parameters, "deep.C20": unsure})
-    page = identification_page([both[0], poly], subject, None)
+    assert "don't rely on it" in dict(page.headline.answers)["Effect on C10"]
+    assert "legfem diagnose" in dict(page.headline.answers)["What to do"]
+    unsure = replace(both[1].estimates["deep.C20"], identifiability="weakly identifiable")
+    poly = replace(both[1], estimates={**both[1].estimates, "deep.C20": unsure})
+    page = leg_page([both[0], poly])
     assert page.headline.tone == "caution"
     assert "C20" in dict(page.headline.answers)["What to do"]
 
 
 def test_a_law_with_a_parameter_that_the_data_do_not_need_is_not_chosen(subject, both):
     neo, poly = both
-    alike = replace(neo, cost=replace(neo.cost, chi_square=poly.cost.chi_square + 0.5, p_value=0.3))
-    page = identification_page([alike, poly], subject, None)
-    assert page.headline.sentence.startswith("The neo-Hookean law describes")
+    alike = replace(neo, goodness=replace(neo.goodness, chi_square=poly.goodness.chi_square + 0.5, p_value=0.3))
+    page = leg_page([alike, poly])
+    assert "The neo-Hookean law describes" in page.headline.sentence
 
 
 @pytest.mark.parametrize("verdict", CASES)
@@ -108,7 +107,7 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
     html = rendered(diagnosis_web_page(found, subject, plan))
     page, answers = read(html), dict(diagnosis_web_page(found, subject).headline.answers)
     assert len(html.encode()) < MOST_BYTES
-    asked = ["What is wrong", "How sure", "What it does to C10", "What to do"]
+    asked = ["Problems found", "How sure", "Effect on C10", "What to do"]
     assert [question for question in answers if question != QUESTION] == asked
     assert (QUESTION in answers) == (verdict != "unexplained")
     assert all(answers.values())
@@ -152,7 +151,7 @@ def test_a_sound_model_whose_stiffness_may_be_moved_unseen_is_a_range_and_says_b
 
 def test_the_film_holds_the_solutions_last_state(film, pressed):
     _, solved, last = film
-    data = json.loads(pressed.data)
+    data = pressed.data
     assert data["displacement"][0] == 0 and data["displacement"][-1] == pytest.approx(DEPTH)
     assert len(data["displacement"]) > 5
     assert data["force"][-1] == pytest.approx(solved.curve.force[-1])
@@ -225,14 +224,14 @@ def test_a_stiffness_is_set_beside_what_was_published_with_its_source(low, high,
 
 def test_where_nothing_was_published_nothing_is_said_of_high_or_low(subject, both):
     assert high_or_low("fascia", 100.0) == [] and high_or_low("", 1.0) == []
-    page = identification_page(both, subject, None)
+    page = leg_page(both)
     assert [q for q, _ in page.headline.answers].count(QUESTION) == 1
-    misses = identification_page(both[:1], subject, None)
+    misses = leg_page(both[:1])
     assert QUESTION not in dict(misses.headline.answers), "a wrong model's number isn't compared"
 
 
 def test_a_page_says_its_day_in_words(subject, both):
-    page = replace(identification_page(both, subject, None), made=date(2026, 3, 9))
+    page = replace(leg_page(both), made=date(2026, 3, 9))
     words = read(rendered(page)).words
     assert words.index("made on 9 March 2026") < words.index(page.headline.sentence)
 
@@ -243,13 +242,13 @@ in_browser = pytest.mark.skipif(browser.browser() is None, reason="no Chromium h
 @in_browser
 def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work(subject, both, pressed, tmp_path):
     path = tmp_path / "report.html"
-    path.write_text(rendered(identification_page(both, subject, pressed)), encoding="utf-8")
+    path.write_text(rendered(leg_page(both, pressed)), encoding="utf-8")
     seen = browser.seen(path, browser.browser(), browser.axe())
     assert browser.faults(seen) == [] and "inaccessible" in seen
     assert set(seen["off"]) == {False} and set(seen["on"]) == {True}
     assert seen["paths_off"] < seen["paths"]
     assert "displacement (mm)" in seen["cursor"]
-    force = f"{json.loads(pressed.data)['force'][-1]:.2f} N"
+    force = f"{pressed.data['force'][-1]:.2f} N"
     assert seen["readings"] == [f"{DEPTH:.1f} mm, {force}", *seen["readings"][1:2], "0.0 mm, 0.00 N"]
     assert seen["spoken"] == seen["readings"][1]
     assert seen["pictures"] == 3, "deep, half, none"

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import base64
-import json
 from dataclasses import replace
 from html import unescape
 
@@ -22,17 +21,15 @@ from typer.testing import CliRunner
 from legfem.commands.plan import app
 from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.curves import Curves, Line, embedded
-from legfem.report.web.page import rendered
-from legfem.report.web.plan import plan_web_page
-from legfem.report.web.pressed_leg import pressed_leg
-from legfem.report.web.specimen import specimen_web_page
-from legfem.report.web.stocking_leg import by_height, inward, stretch_round
-from legfem.report.web.turned import Marked, SkinField, Slider, View, turned_leg
+from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
+from legfem.report.plan import plan_web_page
+from legfem.report.render.html import embedded, rendered
+from legfem.report.specimens import specimen_page
+from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
+from legfem.report.web.stocking_pressures import by_height, inward, stretch_round
+from legfem.report.write import PAGE_FILES
 from legfem.study.correction.page import correction_web_page
-from legfem.study.doe.claims import not_seen, to_measure
-from legfem.study.doe.report import study_web_page
+from legfem.study.doe.report import not_seen, study_web_page, to_measure
 from studies.legs.parametric_leg import round_leg
 
 MOST_BYTES = 2_000_000
@@ -79,7 +76,7 @@ def test_the_command_of_a_plan_writes_its_page(tmp_path, monkeypatch):
     asked = ["--subject-dir", str(leg), "--depth", "12", "--out", str(out), "--jobs", "1"]
     done = CliRunner().invoke(app, [*asked, "--library", str(tmp_path / "library")])
     assert done.exit_code == 0, done.output
-    assert {p.name for p in out.iterdir()} == {"plan.json", "report.txt", "report.html"}
+    assert {p.name for p in out.iterdir()} == {"plan.json", *PAGE_FILES}
     assert f"page:   {out / 'report.html'}" in done.output
     words = read((out / "report.html").read_text(encoding="utf-8")).words
     assert "12 mm" in words and (out / "report.txt").read_text()[:20] in words
@@ -114,7 +111,7 @@ def test_shares_are_those_of_the_variance_that_the_surface_explains(study):
 def test_the_map_predicts_what_the_surface_does(study):
     page = study_web_page(study, 1, "")
     (block,) = next(c.blocks for c in page.chapters if c.title == "The response surface")
-    data = json.loads(block.data)
+    data = block.data
     at = np.random.default_rng(1).uniform(-1, 1, 5)
     point = {f.symbol: [x] for f, x in zip(study.definition.factors, at, strict=True)}
     for metric, analysis in zip(data["metrics"], study.analyses, strict=True):
@@ -145,7 +142,7 @@ def test_a_correction_says_how_large_it_is_and_in_which_direction():
 
 
 def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_path):
-    page = specimen_web_page(pages.specimens(tmp_path), pages.COMMAND)
+    page = specimen_page(pages.specimens(tmp_path), pages.COMMAND)
     checked(
         page,
         "C10 of the tissue 5.00 kPa",
@@ -155,7 +152,7 @@ def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_pat
         "a bar: length 10 mm, area 100 mm²",
     )
     assert page.headline.tone == "caution", "a recording was left out"
-    wrong = specimen_web_page(pages.specimens(tmp_path, p_value=1e-9))
+    wrong = specimen_page(pages.specimens(tmp_path, p_value=1e-9))
     assert wrong.headline.tone == "wrong" and "does not describe" in wrong.headline.sentence
 
 
@@ -195,7 +192,7 @@ def test_the_turned_leg_holds_what_was_computed(shrunk):
         "A leg",
         [Marked("a vein", np.array([1.0, 2.0, 3.0]))],
     )
-    data = json.loads(made.data)
+    data = made.data
     assert data["stops"] == [0.0, 40.0, 100.0]
     skin = next(part for part in data["parts"] if part["name"] == SKIN)
     rows, columns = skin["shape"]
@@ -233,7 +230,7 @@ def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
         posed=in_pose(pressed.posed.given, replace(pose, direction_deg=pose.direction_deg + 90.0)),
         states=tuple(replace(one, skin=one.skin @ turn.T, hull=one.hull @ turn.T) for one in pressed.states),
     )
-    first, second = (json.loads(pressed_leg(one, "").data) for one in (pressed, sideways))
+    first, second = (pressed_leg(one, "").data for one in (pressed, sideways))
     for one, other in zip(first["parts"], second["parts"], strict=True):
         for key in ("at", "moves"):
             if one[key] is not None:
@@ -258,16 +255,18 @@ def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
     assert kinds == ["turned", "still"]
     words = read(rendered(page)).words
     assert "The leg in 3D (the section, extruded) with the reduced polynomial law at C10 0.8" in words
-    found = pages.result("reduced-polynomial", pages.measured_curve(depth=pages.DEPTH))
-    plain = pages.identification_page([found], pages.subject_in(tmp_path / "other"), None)
+    found = pages.result(
+        "reduced-polynomial", pages.measured_curve(depth=pages.DEPTH), pages.subject_in(tmp_path / "other")
+    )
+    plain = pages.leg_page([found])
     assert not any(b.kind == "turned" for c in plain.chapters for b in c.blocks)
 
 
 def test_bars_are_in_proportion_and_ends_stay_within():
-    bars = Bars("c", ("a", "b"), [Bar("x", 5.0, "5", (4.0, 10.0)), Bar("y", 0.0, "0")])
+    bars = Bars("c", ("a", "b"), [LabelledBar("x", 5.0, "5", (4.0, 10.0)), LabelledBar("y", 0.0, "0")])
     half, none = bars.drawn
     assert half.width == 50.0 and half.interval == (40.0, 100.0) and none.width == 0.0
-    (over,) = replace(bars, bars=[Bar("x", 120.0, "")], greatest=100.0).drawn
+    (over,) = replace(bars, bars=[LabelledBar("x", 120.0, "")], greatest=100.0).drawn
     assert over.width == 100.0
     assert Bars("c", ("a", "b"), []).drawn == []
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from legfem.inverse.plan import DesignValue
     from legfem.inverse.verdict import Diagnosis
-    from legfem.report.web.page import WebPage
+    from legfem.report.page import WebPage
     from legfem.specimens.diagnosis import DiagnosedSpecimen
     from legfem.specimens.folder import SpecimenFolder
 
@@ -46,7 +46,7 @@ class DiagnosedLeg(Result):
 
     def summary(self) -> str:
         """Return the report's text."""
-        from legfem.report.plain import plain_page
+        from legfem.report.render.text import plain_page
 
         return plain_page(self._page(), [])
 
@@ -69,8 +69,8 @@ class DiagnosedLeg(Result):
     def write(self, folder: Given) -> Path:
         """Write diagnosis.json, report.txt, report.html and the figures; return report.txt's path."""
         from legfem.common.documents import write_document
-        from legfem.report.diagnosis import write_diagnosis_report
-        from legfem.report.web.page import command_line
+        from legfem.report.diagnosis_folder import write_diagnosis_report
+        from legfem.report.page import command_line
 
         write_document(Path(folder) / DIAGNOSIS, self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
@@ -82,7 +82,7 @@ class DiagnosedLeg(Result):
         return plan_lines(self.next_tests)
 
     def _page(self) -> WebPage:
-        from legfem.report.web.diagnosis import diagnosis_web_page
+        from legfem.report.diagnosis import diagnosis_web_page
 
         return diagnosis_web_page(self.diagnosis, self.subject, self._plan)
 
@@ -115,8 +115,8 @@ class DiagnosedFolder(Result):
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
-        from legfem.report.plain import plain_page
-        from legfem.report.specimen_diagnosis import specimens_page
+        from legfem.report.diagnosis_folder import specimens_page
+        from legfem.report.render.text import plain_page
 
         if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
             return plain_page(self._page(), [])
@@ -147,8 +147,8 @@ class DiagnosedFolder(Result):
 
     def write(self, folder: Given) -> Path:
         """Write what the command writes; return the report's path."""
-        from legfem.report.specimen_diagnosis import write_specimen_diagnoses
-        from legfem.report.web.page import command_line
+        from legfem.report.diagnosis_folder import write_specimen_diagnoses
+        from legfem.report.page import command_line
 
         out = Path(folder)
         if out in self._written:
@@ -164,7 +164,7 @@ class DiagnosedFolder(Result):
 
     def _page(self) -> WebPage:
         """Return that of the first diagnosed specimen; each has one of its own."""
-        from legfem.report.web.diagnosis import diagnosis_web_page
+        from legfem.report.diagnosis import diagnosis_web_page
 
         one, found = self._first
         return diagnosis_web_page(found, one)
@@ -302,8 +302,8 @@ def _diagnosed_specimens(
     seed: int,
     out: Path | None,
 ) -> DiagnosedFolder:
-    from legfem.report.specimen_diagnosis import write_specimen_diagnoses
-    from legfem.report.web.page import command_line
+    from legfem.report.diagnosis_folder import write_specimen_diagnoses
+    from legfem.report.page import command_line
     from legfem.specimens.diagnosis import diagnose_specimens
 
     made: list[DiagnosedSpecimen] = []

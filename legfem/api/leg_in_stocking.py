@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpi4py import MPI
 
-    from legfem.report.web.page import WebPage
+    from legfem.report.page import WebPage
     from legfem.stockings.leg import StockingLeg
     from legfem.stockings.result import StockingResult
 
@@ -30,7 +30,7 @@ class LegInStocking(Result):
 
     def summary(self) -> str:
         """Return what was found, in words."""
-        from legfem.report.plain import brief
+        from legfem.report.render.text import brief
         from legfem.report.web.stocking import PRESSURES, STIFFNESS, stocking_web_page
 
         return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
@@ -43,7 +43,7 @@ class LegInStocking(Result):
 
     def plot(self) -> Figure:
         """Return the pressure of the stocking on the skin, unrolled and on the leg."""
-        from legfem.report.stocking_pressure_figure import stocking_pressure_figure
+        from legfem.report.stocking_figures import stocking_pressure_figure
 
         return stocking_pressure_figure(self.result)
 

@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from legfem.experiments.plane_strain import PlaneStrainIndentation
     from legfem.inverse.fit import Fit
     from legfem.inverse.laws import LawName
     from legfem.inverse.outcome import JointForward
     from legfem.legs.forward import PlaneStrainForward
     from legfem.legs.subject import SitedLeg, Subject
-    from legfem.report.web.page import WebPage
+    from legfem.report.page import WebPage
     from legfem.specimens.folder import SpecimenFolder
 
 
@@ -59,7 +60,7 @@ class Result(ABC):
 
     def _repr_html_(self) -> str:
         """Return the parameters and the report's page for a notebook, its curves and leg alive."""
-        from legfem.report.web.page import rendered
+        from legfem.report.render.html import rendered
 
         page = self._page()
         table = self.to_frame().to_html(index=False, na_rep="", float_format="{:.4g}".format)
@@ -88,96 +89,61 @@ class Identification(Result):
             raise KeyError(f"{law!r} was not identified: there is {', '.join(found)}")
         return found[law]
 
+    @property
+    def best(self) -> Fit[Any]:
+        """The fit of the law that the recordings ask for."""
+        from legfem.report.estimates import preferred
+
+        return preferred(self.fits)
+
     def summary(self) -> str:
         """Values, intervals, which law fits better, whether sites agree, how well the rest is predicted, warnings."""
-        from legfem.report.plain import brief
+        from legfem.report.identification import kind_of
+        from legfem.report.render.text import brief
 
-        return brief(self._pressed_page(False))
+        return brief(kind_of(self.fits).page(self.fits, None, "", ""))
 
-    def _page(self) -> WebPage:
-        return self._pressed_page(True)
+    def document(self) -> dict[str, Any]:
+        """What ``result.json`` holds; its laws are members."""
+        from legfem.inverse.document import fit_document
+        from legfem.report.identification import kind_of
 
-    def document(self) -> Any:
-        """What ``result.json`` holds, one a law."""
-        return [self._document_of(fit) for fit in self.fits]
-
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for fit in self.fits:
-            for name, entry in self._document_of(fit)["parameters"].items():
-                yield {"law": fit.law} | row(name, entry)
-
-    @property
-    def _kind(self) -> str:
-        """Which pages show it: ``section`` of a leg with one site, ``sites``, or ``specimens``."""
-        from legfem.legs.details import LegDetails, SpatialSites
-
-        details = self.fits[0].details
-        if not isinstance(details, LegDetails):
-            return "specimens"
-        together = len(details.leg.sites) > 1 or isinstance(details.spatial, SpatialSites)
-        return "sites" if together else "section"
-
-    @property
-    def _shown(self) -> list[Any]:
-        """Results as the pages have them."""
-        from legfem.identify.result import identification_result
-        from legfem.sites.result import sites_result
-        from legfem.specimens.result import specimen_result
-
-        made: Any = {"section": identification_result, "sites": sites_result, "specimens": specimen_result}
-        return [made[self._kind](fit) for fit in self.fits]
-
-    def _document_of(self, fit: Fit[Any]) -> dict[str, Any]:
-        from legfem.identify.document import result_document
-        from legfem.report.sites_numbers import sites_document
-        from legfem.report.specimen_numbers import specimen_document
-
-        made: Any = {"section": result_document, "sites": sites_document, "specimens": specimen_document}
-        document: dict[str, Any] = made[self._kind](self._shown[self.fits.index(fit)])
-        return document
-
-    def _pressed_page(self, pressed: bool) -> WebPage:
-        from legfem.report.identification import pressed_leg
-        from legfem.report.web.identification import identification_page
-        from legfem.report.web.sites import sites_web_page
-        from legfem.report.web.specimen import specimen_web_page
-
-        shown = self._shown
-        if self._kind != "section":
-            return (sites_web_page if self._kind == "sites" else specimen_web_page)(shown)
-        model = self._section.models[0] if pressed and self._section else None
-        film = None if model is None else pressed_leg(shown, model.experiment)
-        return identification_page(shown, self.fits[0].details.subject, film)
+        return fit_document(self.fits, kind_of(self.fits).document)
 
     def plot(self) -> Figure:
-        """Recordings, model and their difference: for each law, or every site beside the law that fits better."""
-        from legfem.report.fit_figure import fit_figure
-        from legfem.report.sites_figure import sites_figure
-        from legfem.report.specimen_figure import specimen_figure
-        from legfem.report.web.sites import best_law
+        """Recordings, model and their difference, for each law."""
+        from legfem.report.identification import kind_of
 
-        shown = self._shown
-        if self._kind == "sites":
-            return sites_figure(best_law(shown))
-        return (fit_figure if self._kind == "section" else specimen_figure)(shown)
+        return kind_of(self.fits).figure(self.fits)
 
     def write(self, folder: Given) -> Path:
-        """Write result.json, report.txt, report.html, figures and fields; return the path of report.txt."""
-        from legfem.identify.run import write_results
-        from legfem.report.identification import write_identification_report
-        from legfem.report.sites import write_sites_report
-        from legfem.report.specimen import write_specimen_report
-        from legfem.report.web.page import command_line
+        """Write result.json, report.txt, report.html, tables, figures and fields; return the path of report.txt."""
+        from legfem.report.identification import write_report
+        from legfem.report.page import command_line
 
-        shown, folder, command = self._shown, Path(folder), command_line()
-        if self._kind == "specimens":
-            return write_specimen_report(shown, folder, command)
-        if self._kind == "sites":
-            return write_sites_report(shown, folder, command)[1]
-        write_results(shown, folder, as_list=len(shown) > 1)
-        model = None if self._section is None else self._section.models[0].experiment
-        subject = self.fits[0].details.subject
-        return write_identification_report(shown, subject, model, folder, command, self.jobs)
+        return write_report(self.fits, Path(folder), command_line(), self._experiment, self.jobs)
+
+    def to_frame(self) -> pd.DataFrame:
+        """The parameters: a row each, with law, value, 95 % interval, unit and verdict."""
+        from legfem.report.render.table import estimates_frame
+
+        return estimates_frame(self.fits)
+
+    @property
+    def _experiment(self) -> PlaneStrainIndentation | None:
+        """The section of the only site, which a report presses; None of others."""
+        only = self._section is not None and len(self._section.models) == 1
+        return self._section.models[0].experiment if self._section is not None and only else None
+
+    def _rows(self) -> Iterator[dict[str, Any]]:
+        yield from self.to_frame().to_dict("records")
+
+    def _page(self) -> WebPage:
+        from legfem.report.identification import kind_of, pressed_section_of
+
+        experiment = self._experiment
+        pressed = None if experiment is None else pressed_section_of(self.fits, experiment)
+        return kind_of(self.fits).page(self.fits, pressed, "", "")
 
 
 IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = Identification

@@ -1,12 +1,16 @@
-"""What runs found, as rows that can be compared."""
+"""What runs found, as rows that can be compared, and as a table of numbers for other programs."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from openpyxl import Workbook
 
 from legfem.app.runs import Run
 from legfem.common.units import kpa_to_mpa, mpa_to_mmhg
@@ -14,110 +18,162 @@ from legfem.report.words import number
 
 
 @dataclass(frozen=True)
-class Found:
+class Answer:
     """One result of one run; a run of two laws has two."""
 
     run: str
-    """Its name."""
+    """Name of the run."""
     about: str
-    """What was looked at."""
+    """Name of the input."""
     kind: str
-    """The command."""
+    """Name of the command."""
     state: str
     law: str = ""
     origin: str = ""
-    c10: str = ""
-    """Of the muscle, or a specimen, with its 95 % interval."""
-    c20: str = ""
-    fat: str = ""
-    """C10 of the fat."""
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Estimates as documents have them, by key (``c10_deep``)."""
     verdict: str = ""
 
+    @property
+    def c10(self) -> str:
+        """C10 of the muscle, or of a specimen, with its 95 % interval."""
+        return self._number("c10_deep")
 
-def found_by(run: Run) -> list[Found]:
-    """Return a run's results; one row that says how far it is where it has none."""
+    @property
+    def c20(self) -> str:
+        """C20 of the same."""
+        return self._number("c20_deep")
+
+    @property
+    def fat(self) -> str:
+        """C10 of the fat."""
+        return self._number("c10_superficial")
+
+    def _number(self, key: str) -> str:
+        known = self.parameters.get(key, {})
+        if known.get("value") is None:
+            return ""
+        ends = known.get("ci95") or ()
+        if not ends or None in ends:
+            return f"{known['value']:.3g} {known['unit']}"
+        low, high = ends
+        value, low, high = (number(one, (high - low) / 4) for one in (known["value"], low, high))
+        return f"{value} ({low} to {high}) {known['unit']}"
+
+
+def answers_of(run: Run) -> list[Answer]:
+    """Return a run's results; one that says how far it is where it has none."""
     plain = (run.folder.name, run.about, run.kind, str(run.state))
-    rows = []
-    for name, rows_of in _ROWS.items():
+    found = []
+    for name, read in _READ.items():
         try:
             content = json.loads((run.results / name).read_text(encoding="utf-8"))
-            documents = content if isinstance(content, list) else [content]
-            rows += [Found(*plain, **row) for one in documents for row in rows_of(one)]
+            found += [Answer(*plain, **read(one)) for one in _by_law(content)]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             # It has none yet, or a legfem of other days wrote it.
             continue
-    return rows or [Found(*plain)]
+    return found or [Answer(*plain)]
 
 
 def sentence_of(run: Run) -> str:
     """Return what a run found in a sentence; empty where it found nothing yet."""
-    found = [one for one in found_by(run) if one.verdict]
+    found = [one for one in answers_of(run) if one.verdict]
     return "; ".join(
         ", ".join(part for part in (one.law, f"C10 {one.c10}" if one.c10 else "", one.verdict) if part) for one in found
     )
 
 
-def _identified(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
+def _by_law(content: Any) -> Iterator[Mapping[str, Any]]:
+    """Yield one law after another, each with what the document says of all."""
+    laws = content.get("laws", {"": {}})
+    shared = {**content, **(content["subject"] if isinstance(content.get("subject"), dict) else {})}
+    for law, own in laws.items():
+        yield {"law": law, **shared, **own}
+
+
+def _identified(document: Mapping[str, Any]) -> dict[str, Any]:
     if "stiffness" in document:
-        yield from _in_stocking(document)
-        return
+        return _in_stocking(document)
     known = document["parameters"]
-    c10 = known.get("c10_deep", {})
-    yield {
-        "law": document["law"],
-        "origin": document["origin"],
-        "c10": _number(c10),
-        "c20": _number(known.get("c20_deep")),
-        "fat": _number(known.get("c10_superficial")),
-        "verdict": document.get("identifiability") or c10.get("identifiability", ""),
+    verdict = document.get("identifiability") or known.get("c10_deep", {}).get("identifiability", "")
+    return {"law": document["law"], "origin": document["origin"], "parameters": known, "verdict": verdict}
+
+
+def _in_stocking(document: Mapping[str, Any]) -> dict[str, Any]:
+    found = {
+        f"c10_{tissue}": entry["identified"]
+        for name, entry in document["stiffness"].items()
+        for tissue in ("deep", "superficial")
+        if tissue in name and entry["identified"]
     }
-
-
-def _in_stocking(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
-    stiffness = document["stiffness"]
-    found = {name: entry["identified"] or {} for name, entry in stiffness.items()}
-    verdicts = sorted({one["identifiability"] for one in found.values() if one})
-    pressures = document["pressures"]
-    if pressures is not None:
+    verdicts = sorted({one["identifiability"] for one in found.values()})
+    if (pressures := document["pressures"]) is not None:
         mean = mpa_to_mmhg(kpa_to_mpa(pressures["mean_interface_kPa"]))
         verdicts.append(f"pressure on the skin {mean:.0f} mmHg on average")
-    deep = next((one for name, one in found.items() if "deep" in name), {})
-    fat = next((one for name, one in found.items() if "superficial" in name), {})
-    yield {"origin": document["origin"], "c10": _number(deep), "fat": _number(fat), "verdict": ", ".join(verdicts)}
+    return {"origin": document["origin"], "parameters": found, "verdict": ", ".join(verdicts)}
 
 
-def _diagnosed(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
-    known = document["parameters_after"]
+def _diagnosed(document: Mapping[str, Any]) -> dict[str, Any]:
     named = [entry["name"] for entry in document["physics"]]
     verdict = document["verdict"]
     if named:
         verdict += ": " + (" or " if verdict == "ambiguous" else ", ").join(dict.fromkeys(named))
-    yield {
-        "law": document["law"],
-        "origin": document["origin"],
-        "c10": _number(known.get("c10_deep")),
-        "c20": _number(known.get("c20_deep")),
-        "verdict": verdict,
-    }
+    known = document["parameters_after"]
+    return {"law": document["law"], "origin": document["origin"], "parameters": known, "verdict": verdict}
 
 
-def _planned(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
-    best = document["tests"][0]
-    yield {"origin": document["origin"], "verdict": f"most telling: {best['test']}"}
+def _planned(document: Mapping[str, Any]) -> dict[str, Any]:
+    return {"origin": document["origin"], "verdict": f"most telling: {document['tests'][0]['test']}"}
 
 
-_ROWS = {"result.json": _identified, "diagnosis.json": _diagnosed, "plan.json": _planned}
+_READ = {"result.json": _identified, "diagnosis.json": _diagnosed, "plan.json": _planned}
+HEADER = (
+    "run",
+    "of",
+    "command",
+    "state",
+    "law",
+    "data",
+    "verdict",
+    "parameter",
+    "value",
+    "ci95_low",
+    "ci95_high",
+    "unit",
+    "identifiability",
+)
 
 
-def _number(known: Mapping[str, Any] | None) -> str:
-    if not known or known.get("value") is None:
-        return ""
-    ends = known.get("ci95") or ()
-    if not ends or None in ends:
-        return f"{known['value']:.3g} {known['unit']}"
-    low, high = ends
-    value, low, high = (number(one, (high - low) / 4) for one in (known["value"], low, high))
-    return f"{value} ({low} to {high}) {known['unit']}"
+def table_of(answers: Sequence[Answer]) -> list[list[Any]]:
+    """Return a row for every number of every result, under `HEADER`; a result without numbers has one."""
+    rows: list[list[Any]] = []
+    for one in answers:
+        plain = [one.run, one.about, one.kind, one.state, one.law, one.origin, one.verdict]
+        for key, known in one.parameters.items() or [("", {})]:
+            low, high = known.get("ci95") or (None, None)
+            rows.append([*plain, key, known.get("value"), low, high, known.get("unit"), known.get("identifiability")])
+    return rows
+
+
+def as_csv(answers: Sequence[Answer]) -> bytes:
+    """Return the table as CSV, with a mark by which spreadsheets know its UTF-8."""
+    text = io.StringIO()
+    csv.writer(text).writerows([HEADER, *map(_texts, table_of(answers))])
+    return text.getvalue().encode("utf-8-sig")
+
+
+def as_xlsx(answers: Sequence[Answer]) -> bytes:
+    """Return the table as a workbook."""
+    book, content = Workbook(), io.BytesIO()
+    for row in (HEADER, *map(_texts, table_of(answers))):
+        book.active.append(list(row))
+    book.save(content)
+    return content.getvalue()
+
+
+def _texts(row: Sequence[Any]) -> list[Any]:
+    """Return a row whose texts are no formula: names of inputs and runs are a user's."""
+    return [f"'{one}" if isinstance(one, str) and one[:1] in ("=", "+", "-", "@") else one for one in row]
 
 
 def files_of_results(folder: Path) -> list[Path]:

@@ -11,17 +11,19 @@ import fcntl
 import json
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from legfem.app.workspace import Workspace
 from legfem.common.command_line import BAD_INPUT, INTERRUPTED
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
@@ -159,6 +161,12 @@ class Run:
         both = (self.results / name for name in ("report.html", "report.txt"))
         return next((path for path in both if path.is_file()), None)
 
+    def point_to(self, about: str, before: Path, now: Path) -> None:
+        """Let the command find an input that was moved."""
+        given = self._given()
+        arguments = [str(now) if one == str(before) else one for one in given["arguments"]]
+        write_document(self.folder / "run.json", {**given, "about": about, "arguments": arguments})
+
     def log(self) -> list[str]:
         """Return the last lines of its messages."""
         return self._lines(0)
@@ -197,3 +205,186 @@ class Run:
 def written(module: str, options: Sequence[str]) -> str:
     """Return a command as people type it."""
     return shlex.join(["python", "-m", module, *options])
+
+
+@dataclass(frozen=True)
+class Choice:
+    """An option that the app asks for by itself.
+
+    Parameters
+    ----------
+    option : str
+        As the command knows it.
+    label : str
+        As people read it, with the unit.
+    choices : sequence of str
+        What it may be; empty for a number.
+    """
+
+    option: str
+    label: str
+    choices: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Action:
+    """A command on one kind of folder.
+
+    Parameters
+    ----------
+    name : str
+        Of the command.
+    folder : str
+        The option that takes the folder.
+    does : str
+        In a sentence.
+    choices : sequence of Choice
+        Asked for.
+    """
+
+    name: str
+    folder: str
+    does: str
+    choices: Sequence[Choice] = ()
+
+    @property
+    def module(self) -> str:
+        """What ``python -m`` starts."""
+        return f"legfem.{self.name}"
+
+    def options(self, folder: Path, out: Path, chosen: Mapping[str, str], more: str = "") -> list[str]:
+        """Return the command's options.
+
+        Parameters
+        ----------
+        folder, out : Path
+            What is looked at, and where the results go.
+        chosen : mapping
+            Values by option; an empty one leaves it at its default.
+        more : str
+            Other options, as people type them.
+
+        Raises
+        ------
+        InputError
+            If ``more`` can't be taken apart, or names what the app itself gives.
+        """
+        try:
+            typed = shlex.split(more)
+        except ValueError as error:
+            raise InputError("options", more, str(error).lower(), "close the quotes") from None
+        for word in typed:
+            if word.partition("=")[0] in (self.folder, "--out", "--subject", "--json", "--quiet"):
+                raise InputError("options", word, "is given by the app", "leave it out")
+        stated = [part for option, value in chosen.items() if value for part in (option, value)]
+        return [self.folder, str(folder), "--out", str(out), *stated, *typed]
+
+
+_DEPTH = Choice("--depth", "use recordings down to (mm)")
+_LEG = (
+    Action(
+        "identify",
+        "--subject-dir",
+        "Find C10 and C20 of the muscle, with intervals.",
+        (
+            Choice("--law", "law", ("both", "neo-hookean", "reduced-polynomial")),
+            _DEPTH,
+            Choice("--model", "model", ("2d", "3d")),
+        ),
+    ),
+    Action(
+        "diagnose",
+        "--subject-dir",
+        "Say whether the model describes the recordings, and which physics is missing if not. "
+        "The first of a leg takes long.",
+    ),
+    Action(
+        "plan",
+        "--subject-dir",
+        "Say which tests of this leg would show which effects, before any is made.",
+        (
+            Choice("--c10", "expected C10 (kPa)"),
+            Choice("--c20", "expected C20 (kPa)"),
+            Choice("--depth", "to press to (mm)"),
+            Choice("--rate", "rate (mm/s)"),
+        ),
+    ),
+)
+ACTIONS: Mapping[str, Sequence[Action]] = {
+    "subject.toml": _LEG,
+    "leg.toml": (
+        Action(
+            "stocking",
+            "--subject-dir",
+            "Find the stiffness of fat and muscle, and the pressures in the leg.",
+            (Choice("--cells", "about how many tetrahedra"),),
+        ),
+    ),
+    "specimen.toml": (
+        Action(
+            "identify",
+            "--specimen-dir",
+            "Fit one law to all recordings together.",
+            (Choice("--law", "law", ("neo-hookean", "reduced-polynomial", "yeoh", "exponential")),),
+        ),
+        Action(
+            "diagnose",
+            "--specimen-dir",
+            "Say of each specimen whether the model describes its recordings, and which physics is missing if not.",
+            (Choice("--specimen", "one specimen alone (its name)"),),
+        ),
+    ),
+}
+"""By the file that says what a folder is."""
+
+
+def looked_at(workspace: Workspace, name: str) -> Run:
+    """Return the run that looks at an input as it is now, begun if there is none."""
+    folder = workspace.preview(name)
+    run = Run(folder)
+    if run.there:
+        if run.state is RunState.LOST:
+            run.resume()
+        return run
+    for older in folder.parent.iterdir():
+        if older != folder and not Run(older).alive:
+            shutil.rmtree(older, ignore_errors=True)
+    options = ["preview", str(workspace.input(name)), "--out", str(run.results)]
+    return Run.begun(folder, "legfem.data", options, name)
+
+
+def seen(run: Run) -> dict[str, Any] | None:
+    """Return what a preview wrote; None where it wrote nothing."""
+    try:
+        found: dict[str, Any] = json.loads((run.results / "preview.json").read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found
+
+
+def runs_of(workspace: Workspace, about: str = "") -> list[Run]:
+    """Return the runs of a workspace, or of one of its inputs, the latest first."""
+    there = [run for run in map(Run, map(workspace.run, workspace.runs)) if run.there]
+    return [run for run in there if about in ("", run.about)]
+
+
+def rename_input(workspace: Workspace, name: str, wish: str) -> str:
+    """Give an input another name, or one with a number behind it; its runs follow. Return the name.
+
+    Raises
+    ------
+    InputError
+        While a command runs on it.
+    """
+    check_idle(workspace, name)
+    before, now = workspace.input(name), workspace.rename_input(name, wish)
+    for run in runs_of(workspace, name):
+        run.point_to(now, before, workspace.input(now))
+    return now
+
+
+def check_idle(workspace: Workspace, name: str) -> None:
+    """Raise an InputError while a command runs on an input."""
+    for run in runs_of(workspace, name):
+        if run.alive:
+            raise InputError("input", name, f"{run.folder.name} runs on it", "stop that first")

@@ -10,13 +10,21 @@ from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Res
 from nicegui import ui
 from starlette.requests import ClientDisconnect
 
-from legfem.app.pages import add_pages
+from legfem.app.input_page import input_page
+from legfem.app.outcomes import answers_of, as_csv, as_xlsx
+from legfem.app.overview_page import compare_page, home_page
+from legfem.app.run_page import run_page
+from legfem.app.runs import runs_of
 from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
 
 _ALONE = {"content-security-policy": "sandbox allow-scripts"}
 """A report's scripts run, but have nothing of the app's, in a window of its own either."""
 _ASSETS = Path(__file__).resolve().parents[1] / "resources" / "web"
+_TABLES = {
+    "csv": (as_csv, "text/csv; charset=utf-8"),
+    "xlsx": (as_xlsx, "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet"),
+}
 _AWAY_S = 120.0
 """How long a window may be silent (asleep, or on a busy machine) until what was typed in it, and
 not saved, is given up. By NiceGUI's own 3 s a page that was busy for as long came back empty."""
@@ -50,7 +58,16 @@ def application(workspace: Workspace) -> FastAPI:
     async def asset(name: str) -> Response:
         return FileResponse(_ASSETS / name) if name in ("app.js", "app.css") else Response(None, 404)
 
-    add_pages(workspace)
+    @server.get("/table.{kind}")
+    async def table(kind: str) -> Response:
+        if kind not in _TABLES:
+            return Response(None, 404)
+        write, medium = _TABLES[kind]
+        found = [one for run in runs_of(workspace) for one in answers_of(run)]
+        name = f'attachment; filename="legfem-results.{kind}"'
+        return Response(write(found), media_type=medium, headers={"content-disposition": name})
+
+    _add_pages(workspace)
     ui.run_with(server, title="legfem", show_welcome_message=False, tailwind=False, reconnect_timeout=_AWAY_S)
     return server
 
@@ -73,3 +90,20 @@ def _shown(workspace: Workspace, kind: str, path: str) -> Path:
     if kind not in ("previews", "runs") or not found.is_relative_to(root) or not there:
         raise none
     return found
+
+
+def _add_pages(workspace: Workspace) -> None:
+    """Give NiceGUI the pages of a workspace."""
+    for field in (ui.input, ui.number, ui.select):
+        field.default_props("outlined dense stack-label hide-bottom-space")
+    ui.button.default_props("unelevated no-caps")
+    ui.page("/")(lambda: home_page(workspace))
+    ui.page("/compare")(lambda: compare_page(workspace))
+
+    @ui.page("/input/{name}")
+    def one_input(name: str) -> None:
+        input_page(workspace, name)
+
+    @ui.page("/run/{name}")
+    def one_run(name: str) -> None:
+        run_page(workspace, name)

@@ -1,8 +1,8 @@
 """A folder that holds all that the app knows: what was given, what was seen in it, and the runs.
 
 ``inputs/NAME/`` is a folder for the commands as a user gave it, ``previews/NAME/KEY/`` what was
-seen in it before anything was solved, ``runs/NAME/`` a run (`legfem.app.runs`), ``token`` the
-secret that the browser shows.
+seen in it before anything was solved, ``runs/NAME/`` a run (`legfem.app.runs`), ``deleted/`` what
+can be put back, ``token`` the secret that the browser shows.
 """
 
 from __future__ import annotations
@@ -150,6 +150,31 @@ class Workspace:
         shutil.copytree(folder, self.input(name), dirs_exist_ok=True)
         return name
 
+    def rename_input(self, name: str, wish: str) -> str:
+        """Move an input to the wished name, or one with a number behind it; return the name."""
+        given, now = self.input(name), self.new_input(wish)
+        given.replace(self.folder / "inputs" / now)
+        shutil.rmtree(self.folder / "previews" / name, ignore_errors=True)
+        return now
+
+    @property
+    def deleted(self) -> list[tuple[str, str]]:
+        """What can be put back, as kind (``inputs`` or ``runs``) and name, the latest first."""
+        return [(kind, name) for kind in ("inputs", "runs") for name in _latest_first(self.folder / "deleted" / kind)]
+
+    def delete(self, kind: str, name: str) -> None:
+        """Put an input or a run aside, from where `put_back` takes it."""
+        aside = self.folder / "deleted" / kind
+        aside.mkdir(parents=True, exist_ok=True)
+        _existing(self.folder / kind, name).replace(aside / _free(aside, name))
+
+    def put_back(self, kind: str, name: str) -> str:
+        """Undo a deletion; return the name, which has a number behind it where it was given anew meanwhile."""
+        given = _existing(self.folder / "deleted" / kind, name)
+        now = _free(self.folder / kind, name)
+        given.replace(self.folder / kind / now)
+        return now
+
     def place(self, name: str, path: str) -> Path:
         """Return where a file of an input is, or is to be.
 
@@ -253,6 +278,8 @@ def _new(parent: Path, wish: str) -> str:
 
 
 def _latest_first(parent: Path) -> list[str]:
+    if not parent.is_dir():
+        return []
     there = [path for path in parent.iterdir() if path.is_dir() and path.name[:1] != "."]
     return [path.name for path in sorted(there, key=lambda p: (-p.stat().st_mtime, p.name))]
 

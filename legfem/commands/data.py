@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, check_out_folder, command_edge
+from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, check_out_folder, command_context
 from legfem.common.errors import InputError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -50,7 +50,7 @@ def look(
 
     Example: python -m legfem.data look trial1.tdms trial2.tdms
     """
-    with command_edge(quiet=quiet):
+    with command_context(quiet=quiet):
         from legfem.common.documents import write_atomically, write_document
         from legfem.data import Scales, segment
         from legfem.data.contact import LEG
@@ -59,8 +59,9 @@ def look(
         from legfem.data.quality import quality_of
         from legfem.data.reader import propose, recording_of
         from legfem.report.look import LOOK, draw_look, look_document, look_text, recordings_toml
+        from legfem.report.page import PAGE, command_line
+        from legfem.report.render.html import rendered
         from legfem.report.web.look import Looked, look_web_page
-        from legfem.report.web.page import PAGE, command_line, write_page
 
         # A required argument's help would end in a backslash and [required].
         if not files:
@@ -100,7 +101,7 @@ def look(
         folder.mkdir(parents=True, exist_ok=True)
         text = "\n".join(look_text(*parts) for parts in seen)
         pictures = [draw_look(recording, quality, folder) for recording, _, quality in seen]
-        write_page(look_web_page(seen, tomls[first], text, command_line()), folder)
+        write_atomically(folder / PAGE, rendered(look_web_page(seen, tomls[first], text, command_line())))
         write_atomically(folder / "report.txt", text)
         write_atomically(folder / "recordings.toml", tomls[first])
         path = write_document(folder / LOOK, look_document(seen))
@@ -128,7 +129,7 @@ def preview(
 
     Example: python -m legfem.data preview path/to/folder --out seen
     """
-    with command_edge(quiet=quiet):
+    with command_context(quiet=quiet):
         from legfem.report.preview import PREVIEW, preview_of
 
         target = out or Path("results") / "preview"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, print_outcome
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
 from legfem.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def diagnose(
     Example: python -m legfem.diagnose --subject 3 --out results/diagnose-3
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with work_edge(jobs, resume, quiet) as processes:
+    with parallel_context(jobs, resume, quiet) as processes:
         from legfem.api.arguments import check_whole
         from legfem.api.diagnosed import DIAGNOSIS
         from legfem.api.diagnosed import diagnose as diagnose_in_full

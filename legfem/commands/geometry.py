@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from legfem.commands.options import Site, SubjectDir
-from legfem.common.command_line import AsJson, Quiet, command_edge
+from legfem.common.command_line import AsJson, Quiet, command_context
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError, check_finite
 from legfem.geometry.section import fat_thickness, girth
@@ -56,13 +56,13 @@ def convert(
     Example: python -m legfem.geometry --cross-sections cross_sections_5mm.csv --level 300
     --out my-leg
     """
-    with command_edge("run the same command again", quiet):
+    with command_context("run the same command again", quiet):
         from legfem.geometry.contours import write_outlines
         from legfem.geometry.frames import CuttingPlane
         from legfem.legs.folder import folder_of_leg
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
-        from legfem.report.placement_figure import placement_figure
+        from legfem.report.leg_figure import placement_figure
         from legfem.report.style import save
 
         given = [source for source in (cross_sections, scan, surface, subject_dir) if source]

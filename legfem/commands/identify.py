@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, print_outcome
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, command_edge, process_count, work_edge
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, command_context, parallel_context, process_count
 from legfem.common.errors import InputError, UnsolvedError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -149,10 +149,10 @@ def run(
 
 @contextmanager
 def _edge(model: str, jobs: int | None, quiet: bool) -> Iterator[int]:
-    """As `legfem.common.command_line.work_edge`; in 3D the other ranks join in the first one's solves."""
+    """As `legfem.common.command_line.parallel_context`; in 3D the other ranks join in the first one's solves."""
     resume = "run the same command again to go on; solves that are done are kept"
     if model == "2d":
-        with work_edge(jobs, resume, quiet) as processes:
+        with parallel_context(jobs, resume, quiet) as processes:
             yield processes
         return
     import petsc4py.PETSc  # noqa: F401  (it starts on all ranks together)
@@ -161,7 +161,7 @@ def _edge(model: str, jobs: int | None, quiet: bool) -> Iterator[int]:
     from legfem.jobs.ranks import leading
 
     comm = MPI.COMM_WORLD
-    with command_edge(resume, quiet), leading(comm, (InputError, UnsolvedError, typer.Exit)) as first:
+    with command_context(resume, quiet), leading(comm, (InputError, UnsolvedError, typer.Exit)) as first:
         if not first:
             raise typer.Exit(0)
         yield process_count(jobs, comm.size)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.common.command_line import AsJson, Quiet, command_edge, leave_to_first_rank
+from legfem.common.command_line import AsJson, Quiet, command_context, leave_to_first_rank
 from legfem.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def export(
     Example: python -m legfem.meshing --subject 3 --out leg.inp
     """
     leave_to_first_rank()
-    with command_edge(quiet=quiet):
+    with command_context(quiet=quiet):
         from legfem.meshing.exchange import extruded, format_of, write_mesh
 
         format_of(out)

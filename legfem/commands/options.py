@@ -32,7 +32,7 @@ def print_outcome(texts: Sequence[str], result: Path, report: Path, quiet: bool,
     quiet, as_json
         Options of the command.
     """
-    from legfem.report.web.page import PAGE
+    from legfem.report.page import PAGE
 
     if as_json:
         print(result.read_text(encoding="utf-8"), end="")

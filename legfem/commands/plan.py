@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import check_finite
 from legfem.common.progress import progress_on
@@ -41,7 +41,7 @@ def plan(
     Example: python -m legfem.plan --subject 3 --c10 0.7 --c20 0.8 --depth 20 --rate 0.4
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with work_edge(jobs, resume, quiet) as processes:
+    with parallel_context(jobs, resume, quiet) as processes:
         from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
         from legfem.legs.correction import read_correction
@@ -52,12 +52,11 @@ def plan(
         from legfem.legs.plausibility import doubts_about
         from legfem.legs.variants import library_folder
         from legfem.report.diagnosis_document import versions
-        from legfem.report.in_place import REPORT, made_in_place
-        from legfem.report.listing import NUMBERS, ReportFile
-        from legfem.report.plain import brief, plain_page
-        from legfem.report.plan import plan_document
-        from legfem.report.web.page import command_line, listed, write_page
-        from legfem.report.web.plan import RANKED, SHOWN, plan_web_page
+        from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
+        from legfem.report.page import command_line
+        from legfem.report.plan import RANKED, SHOWN, plan_document, plan_web_page
+        from legfem.report.render.text import brief
+        from legfem.report.write import write_page
 
         check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
         found = load_subject(
@@ -76,6 +75,5 @@ def plan(
         path = write_document(folder / "plan.json", plan_document(ranked, found.id))
         page = plan_web_page(ranked, found, expected, doubts, versions(), command_line())
         with made_in_place(folder) as hidden:
-            files = [listed("what each test would show"), ReportFile([path], NUMBERS)]
-            write_page(page, hidden, plain_page(page, files))
+            write_page(page, hidden, "what each test would show", [ReportFile([path], NUMBERS)])
         print_outcome([brief(page, (RANKED, SHOWN))], path, folder / REPORT, quiet, as_json)

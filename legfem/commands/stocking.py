@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import FAILED, AsJson, Quiet, check_out_folder, command_edge
+from legfem.common.command_line import FAILED, AsJson, Quiet, check_out_folder, command_context
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent, progress_on
@@ -36,14 +36,14 @@ def stocking(
 
     Example: python -m legfem.stocking --subject 1 --out results/leg-1
     """
-    with command_edge("run the same command again to go on; equilibria are kept", quiet):
+    with command_context("run the same command again to go on; equilibria are kept", quiet):
         if not 2_000 <= cells <= 5_000_000:
             raise InputError("--cells", f"{cells}", "is out of range", "give 2000 to 5000000")
         from mpi4py import MPI
 
         from legfem.commands.options import print_outcome
+        from legfem.report.page import command_line
         from legfem.report.stocking import NUMBERS, write_stocking_report
-        from legfem.report.web.page import command_line
         from legfem.stockings.loading import LEGS, load_leg
         from legfem.stockings.result import StockingSettings, run_leg
 
@@ -64,7 +64,7 @@ def stocking(
         if comm.rank == 0:
             text = report.read_text(encoding="utf-8")
             print_outcome([text], results / NUMBERS, report, quiet, as_json)
-        if not result.worn.converged:
+        if not result.equilibrium.converged:
             if comm.rank == 0:
                 print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)
             raise typer.Exit(FAILED)

@@ -13,9 +13,9 @@ from legfem.common.command_line import (
     Quiet,
     brief_output,
     check_out_folder,
-    command_edge,
+    command_context,
     end_without_a_solution,
-    study_edge,
+    study_context,
     usable_cores,
 )
 from legfem.common.errors import check_finite
@@ -50,7 +50,7 @@ def convergence(
 
     Example: python -m legfem.study convergence --subject 3
     """
-    with study_edge("convergence", out, jobs, quiet=quiet) as (folder, processes):
+    with study_context("convergence", out, jobs, quiet=quiet) as (folder, processes):
         check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
         from legfem.study import convergence as convergence_command
 
@@ -85,7 +85,7 @@ def reproduce(
 
     Example: python -m legfem.study reproduce
     """
-    with study_edge("reproduce", out, jobs, quiet=quiet) as (folder, processes):
+    with study_context("reproduce", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import reproduce as tables
 
         with brief_output(quiet, as_json) as written:
@@ -135,7 +135,7 @@ def doe(
     Example: python -m legfem.study doe --subject 3 --factorial-only --out results/doe
     """
     resume = "run the same command again to go on; simulations that are done are kept"
-    with command_edge(resume, quiet):
+    with command_context(resume, quiet):
         from mpi4py import MPI
 
         from legfem.study.doe.design import IDENTIFIED, PAPER
@@ -195,7 +195,7 @@ def correction(
 
     Example: python -m legfem.study correction, or mpirun -n 4 python -m legfem.study correction
     """
-    with command_edge("run the same command again to go on; solved models are kept", quiet):
+    with command_context("run the same command again to go on; solved models are kept", quiet):
         from mpi4py import MPI
 
         from legfem.experiments.indentation_3d import Cylinder, IdealisedLegSettings

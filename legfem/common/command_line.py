@@ -17,7 +17,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from legfem.common.errors import InputError, UnsolvedError
+from legfem.common.errors import InputError, UnsolvedError, missing_module
 
 _OPTION = "-no_signal_handler"
 
@@ -36,7 +36,7 @@ BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
 
 
 @contextmanager
-def command_edge(resume: str = "run the same command again to go on", quiet: bool = False) -> Iterator[None]:
+def command_context(resume: str = "run the same command again to go on", quiet: bool = False) -> Iterator[None]:
     """Turn a user's mistake, Ctrl-C and what the machine lacks into a line and an exit status.
 
     Parameters
@@ -51,68 +51,58 @@ def command_edge(resume: str = "run the same command again to go on", quiet: boo
     try:
         yield
     except InputError as error:
-        print(error, file=sys.stderr)
-        raise typer.Exit(BAD_INPUT) from None
+        _end(str(error), BAD_INPUT)
     except UnsolvedError as error:
-        print(f"nothing was solved: {' '.join(str(error).split())}", file=sys.stderr)
-        raise typer.Exit(FAILED) from None
+        _end(f"nothing was solved: {' '.join(str(error).split())}", FAILED)
+    except ModuleNotFoundError as error:
+        _end(missing_module(error), FAILED)
     except KeyboardInterrupt:
-        print(f"interrupted: {resume}", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
+        _end(f"interrupted: {resume}", INTERRUPTED)
     except BrokenProcessPool:
-        print(
-            f"a worker process was ended from outside (out of memory?): {resume}; --jobs 1 takes the least memory",
-            file=sys.stderr,
-        )
-        raise typer.Exit(FAILED) from None
+        killed = "a worker process was ended from outside (out of memory?)"
+        _end(f"{killed}: {resume}; --jobs 1 takes the least memory", FAILED)
     except MemoryError:
-        print(
-            "memory: there is not enough for this input; are its lengths in mm? Else ask for fewer "
-            "elements, or --jobs 1",
-            file=sys.stderr,
-        )
-        raise typer.Exit(BAD_INPUT) from None
+        asked = "are its lengths in mm? Else ask for fewer elements, or --jobs 1"
+        _end(f"memory: there is not enough for this input; {asked}", BAD_INPUT)
     except RecursionError:
-        print("input: something in it is nested too deeply; flatten it", file=sys.stderr)
-        raise typer.Exit(BAD_INPUT) from None
+        _end("input: something in it is nested too deeply; flatten it", BAD_INPUT)
     except OSError as error:
         # A pipe whose reader has left is the shell's business.
         if error.errno == errno.EPIPE:
             raise
         where = error.filename or "file"
-        print(f"{where}: {error.strerror or error}; {_FREED}, and {resume}", file=sys.stderr)
-        raise typer.Exit(BAD_INPUT) from None
+        _end(f"{where}: {error.strerror or error}; {_FREED}, and {resume}", BAD_INPUT)
 
 
 _FREED = "free the disk or give a place that can be read and written"
 
 
 @contextmanager
-def work_edge(
+def parallel_context(
     jobs: int | None = None, resume: str = "run the same command again to go on", quiet: bool = False
 ) -> Iterator[int]:
-    """Yield a number of processes on the first rank alone, with `command_edge` around it.
+    """Yield a number of processes on the first rank alone, with `command_context` around it.
 
     Parameters
     ----------
     jobs : int, optional
         What the user gave; all usable cores by default, one process where there are ranks.
     resume, quiet
-        See `command_edge`.
+        See `command_context`.
     """
-    with command_edge(resume, quiet):
+    with command_context(resume, quiet):
         yield process_count(jobs, leave_to_first_rank())
 
 
 @contextmanager
-def study_edge(
+def study_context(
     name: str,
     out: Path | None,
     jobs: int | None = None,
     resume: str = "run the same command again to go on",
     quiet: bool = False,
 ) -> Iterator[tuple[Path, int]]:
-    """Yield a study's folder and number of processes, with `command_edge` around it.
+    """Yield a study's folder and number of processes, with `command_context` around it.
 
     Parameters
     ----------
@@ -121,20 +111,25 @@ def study_edge(
     out : Path, optional
         What the user gave.
     jobs : int, optional
-        See `work_edge`.
+        See `parallel_context`.
     resume, quiet
-        See `command_edge`.
+        See `command_context`.
     """
-    with work_edge(jobs, resume, quiet) as processes:
+    with parallel_context(jobs, resume, quiet) as processes:
         folder = out or Path("results") / name
         check_out_folder(folder)
         yield folder, processes
 
 
 def end_without_a_solution(what: str) -> NoReturn:
-    """End a command of whose work nothing was solved: what did, is in its report."""
-    print(f"{what}: nothing was solved, see the report", file=sys.stderr)
-    raise typer.Exit(FAILED)
+    """End a command whose solutions all failed; its report tells how far they came."""
+    _end(f"{what}: nothing was solved, see the report", FAILED)
+
+
+def _end(line: str, status: int) -> NoReturn:
+    """Print a line to stderr and end the command."""
+    print(line, file=sys.stderr)
+    raise typer.Exit(status) from None
 
 
 class _Stderr(logging.Handler):

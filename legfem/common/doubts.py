@@ -1,4 +1,4 @@
-"""What was given and can be, but is unlikely: said on top of every result that rests on it."""
+"""Doubtful input: possible but unlikely values, which are named on top of every result that rests on them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Doubt:
         return str(self.error())
 
     def error(self) -> InputError:
-        """Return it as the error that it is where it can't be."""
+        """Return the same as an error, for values that are impossible."""
         return InputError(self.source, self.field, self.problem, self.remedy)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from numbers import Real
@@ -44,6 +45,24 @@ class UnsolvedError(Exception):
 
     Commands catch it, print its message as one line and exit with status 1.
     """
+
+
+def missing_module(error: ModuleNotFoundError) -> str:
+    """Return the line that says how to get a package that isn't installed; raises what is legfem's own fault.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        The error itself, where the missing module is legfem's.
+    """
+    package = (error.name or "").partition(".")[0]
+    if package in ("", "legfem", "studies"):
+        raise error
+    what = "DOLFINx, which solves the finite elements," if package in ("dolfinx", "ufl", "basix", "ffcx") else package
+    return (
+        f"{what} isn't installed for {sys.executable}: in a checkout, begin the command with scripts/in-env, which "
+        "installs all that it needs; else see docs/install.md"
+    )
 
 
 @contextmanager

@@ -159,19 +159,11 @@ def _header_problem(found: Sequence[str], columns: Sequence[str]) -> tuple[str, 
 def _check_width(path: Path, line: int, row: list[str], width: int, wanted: str) -> None:
     if len(row) == width:
         return
-    if len(row) > width:
-        raise InputError(
-            path,
-            f"line {line}",
-            f"{len(row)} cells where {width} are needed (decimal commas?)",
-            f"write decimals with points; the columns are {wanted}",
-        )
-    raise InputError(
-        path,
-        f"line {line}",
-        f"{len(row)} cells where {width} are needed",
-        f"complete or remove the row; the columns are {wanted}",
+    guess, mend = (
+        (" (decimal commas?)", "write decimals with points") if len(row) > width else ("", "complete or remove the row")
     )
+    problem = f"{len(row)} cells where {width} are needed{guess}"
+    raise InputError(path, f"line {line}", problem, f"{mend}; the columns are {wanted}")
 
 
 def _numbers(path: Path, column: pd.Series[str]) -> pd.Series[float]:
@@ -264,7 +256,7 @@ def checked[File: BaseModel](path: Path, content: object, schema: type[File]) ->
 
 
 def trouble(key: str, problem: str, remedy: str) -> PydanticCustomError:
-    """Return an error that a validator raises for one of its table's keys."""
+    """Return an error for a validator of a table to raise: the key at fault, the problem, and the remedy."""
     return PydanticCustomError("legfem", "{problem}", {"key": key, "problem": problem, "remedy": remedy})
 
 

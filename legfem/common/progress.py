@@ -103,18 +103,18 @@ class Reached:
     """How far the lines of a run say that it is."""
 
     seconds: float
-    """Since the start."""
+    """Time since the start, s."""
     stage: str
     done: int = 0
     total: int | None = None
     last: str = ""
-    """What was done last."""
+    """Text of the unit of work that was done last."""
     began: float = 0.0
-    """When the stage began, s since the start."""
+    """Time from the start to the beginning of the stage, s."""
 
     @property
     def left(self) -> float | None:
-        """How long the stage will take from here (s), if the rest goes as it went."""
+        """Estimated time that is left in the stage, s; None before its first unit of work is done."""
         if self.total is None or self.done == 0:
             return None
         return (self.seconds - self.began) / self.done * (self.total - self.done)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, overload
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,38 +19,22 @@ type FloatArray = Annotated[
 ]
 
 
-@overload
-def kpa_to_mpa(value: float) -> float: ...
-@overload
-def kpa_to_mpa(value: FloatArray) -> FloatArray: ...
-def kpa_to_mpa(value: float | FloatArray) -> float | FloatArray:
+def kpa_to_mpa[Value: (float, FloatArray)](value: Value) -> Value:
     """Convert a stress from kPa to MPa."""
     return value * MPA_PER_KPA
 
 
-@overload
-def mpa_to_kpa(value: float) -> float: ...
-@overload
-def mpa_to_kpa(value: FloatArray) -> FloatArray: ...
-def mpa_to_kpa(value: float | FloatArray) -> float | FloatArray:
+def mpa_to_kpa[Value: (float, FloatArray)](value: Value) -> Value:
     """Convert a stress from MPa to kPa."""
     return value / MPA_PER_KPA
 
 
-@overload
-def mmhg_to_mpa(value: float) -> float: ...
-@overload
-def mmhg_to_mpa(value: FloatArray) -> FloatArray: ...
-def mmhg_to_mpa(value: float | FloatArray) -> float | FloatArray:
+def mmhg_to_mpa[Value: (float, FloatArray)](value: Value) -> Value:
     """Convert a pressure from mmHg to MPa."""
     return value * MPA_PER_MMHG
 
 
-@overload
-def mpa_to_mmhg(value: float) -> float: ...
-@overload
-def mpa_to_mmhg(value: FloatArray) -> FloatArray: ...
-def mpa_to_mmhg(value: float | FloatArray) -> float | FloatArray:
+def mpa_to_mmhg[Value: (float, FloatArray)](value: Value) -> Value:
     """Convert a pressure from MPa to mmHg."""
     return value / MPA_PER_MMHG
 

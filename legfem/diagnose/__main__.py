@@ -1,6 +1,8 @@
 """``python -m legfem.diagnose``: see `legfem.commands.diagnose`."""
 
-from legfem.commands.diagnose import app
+from legfem.__main__ import command
+
+app = command("diagnose")
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.diagnose")

@@ -123,14 +123,14 @@ class AxisymmetricSettings:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """What presses on what, in the meridional half plane; lengths in mm."""
+    """Indenter, body and mesh of a test in the meridional half plane; lengths in mm."""
 
     indenter: RigidIndenter
     centre: float
     """Height of the indenter's centre at first touch."""
     contact: ContactSettings
     length: float
-    """Which the contact's stiffness is measured by."""
+    """Length by which the contact's stiffness is scaled, mm."""
     held: tuple[Support, ...]
     radius: float
     """Radius of the body, mm."""
@@ -142,9 +142,9 @@ class Arrangement:
     side: Literal["skin", "free"] = "free"
     """Whether the body's side may be touched."""
     symmetry: Symmetry = "axial"
-    """In plane strain the axis is a mirror."""
+    """Axial symmetry, or plane strain, in which the axis is a mirror."""
     whole: float = 1.0
-    """Force of the whole indenter over the model's."""
+    """Ratio of the whole indenter's force to the model's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,9 +202,7 @@ class AxisymmetricBody[Sizes]:
     def spaces_on(self, meshed: MeridianMesh, held: Sequence[Support], symmetry: Symmetry = "axial") -> LegSpaces:
         """Return the spaces of the body on its mesh."""
         return build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
+            *meshed.tagged,
             self.settings.formulation,
             regions={name: DEEP + k for k, name in enumerate(self.laws)},
             supports=held,
@@ -216,13 +214,13 @@ class AxisymmetricBody[Sizes]:
 class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
     """A test with axial symmetry; solves for any parameters without meshing again.
 
-    A test of one's own says in ``arrangement`` what presses on what.
+    A subclass gives the ``arrangement``: indenter, body and mesh.
     """
 
     @property
     @abstractmethod
     def arrangement(self) -> Arrangement:
-        """What presses on what."""
+        """Indenter, body and mesh of the test."""
 
     @property
     def interfaces(self) -> tuple[float, ...]:
@@ -231,7 +229,7 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
 
     @cached_property
     def model(self) -> LegModel:
-        """The sum of terms."""
+        """Mechanical model: the sum of its terms."""
         given, formulation = self.arrangement, self.settings.formulation
         model = leg_model(self.laws, given.indenter, given.contact, formulation)
         return model.with_terms(self.mechanisms)
@@ -327,11 +325,11 @@ def _doubled(solved: Solved) -> Solved:
 
 
 @dataclass(frozen=True)
-class Compressed:
-    """Thickness that layers lose at the axis, and the force, by steps."""
+class LayerCompression:
+    """Compression of layers at the axis, and the force, at the solved steps."""
 
     force: FloatArray
-    """(n,), N."""
+    """Force, (n,), N."""
     lost: Mapping[str, FloatArray]
     """Thickness that each layer has lost, from the base up, by its name; (n,), mm."""
     report: SolveReport
@@ -342,10 +340,10 @@ class Compressed:
         return np.asarray(sum(self.lost.values()))
 
 
-def compress[Sizes](
+def compress_layers[Sizes](
     test: AxisymmetricTest[Sizes], depth: float, values: Mapping[str, float] | None = None
-) -> Compressed:
-    """Press to a depth, and tell how much each layer's thickness falls at the axis.
+) -> LayerCompression:
+    """Press to a depth, and return how much each layer's thickness falls at the axis.
 
     Parameters
     ----------
@@ -382,4 +380,4 @@ def compress[Sizes](
     seen = next((one for one in attempts if list(one) == steps), {})
     sunk = np.array([np.zeros(len(dofs)), *seen.values()])
     lost = np.diff(sunk, axis=1, prepend=0.0).T
-    return Compressed(solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report)
+    return LayerCompression(solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report)

@@ -113,15 +113,8 @@ class LegCompression:
         supports = list(leg_mesh.supports)
         if self.settings.ends == "held":
             supports.append(Support(END, (2,)))
-        self.spaces = build_spaces(
-            leg_mesh.mesh,
-            leg_mesh.cell_tags,
-            leg_mesh.facet_tags,
-            self.settings.formulation,
-            self.settings.degree,
-            leg_mesh.regions,
-            tuple(supports),
-        )
+        form = self.settings.formulation, self.settings.degree
+        self.spaces = build_spaces(*leg_mesh.tagged, *form, leg_mesh.regions, supports)
         self.system = System(self.spaces, self._model(tissues), quadrature_degree=2 * self.settings.degree)
         self.solver = NewtonSolver(self.system, self.settings.newton, self.settings.linear)
         self._trackers = Trackers(self.system)

@@ -78,7 +78,7 @@ class IndentationModel(Meshed):
 
     @cached_property
     def relaxing(self) -> IndentationModel:
-        """The same that goes on from a path's end to another equilibrium."""
+        """The same model with steps that relax to another equilibrium where a path of equilibria ends."""
         return replace(self, steps=replace(self.steps, relaxes=True))
 
     def run(
@@ -176,26 +176,25 @@ class Attempt:
     softness: float = 1.0
     """Factor on the contact's stiffness."""
     more_points: bool = False
-    """Whether it integrates better than the test's settings say."""
+    """Whether it has more quadrature points than the settings say."""
     without_pressures: bool = False
-    """Whether it has no pressures of their own where the settings have them."""
+    """Whether displacements are its only unknowns, although the settings have pressures too."""
 
 
 class IndentationTest(Picklable, ABC):
     """A test in which a rigid indenter is pressed into a body, an `Experiment`.
 
-    An instance is a frozen dataclass of what is given, and says how its finite-element model is
-    made.
+    A subclass is a frozen dataclass of the test's inputs that builds its finite-element model from them.
     """
 
     @property
     @abstractmethod
     def model(self) -> LegModel:
-        """The sum of terms."""
+        """Mechanical model: the sum of its terms."""
 
     @abstractmethod
     def _made(self) -> IndentationModel:
-        """Return the model on its mesh."""
+        """Return the finite-element model on a new mesh."""
 
     @cached_in_process
     def pressing(self) -> IndentationModel:
@@ -218,7 +217,7 @@ class IndentationTest(Picklable, ABC):
         return self.model.parameters
 
     def attempts(self) -> Iterator[Attempt]:
-        """Yield ways to solve, until a solution is complete."""
+        """Yield ways to solve the test, to be tried until a solution is complete."""
         yield Attempt(self.pressing)
         yield Attempt(self.pressing, SOFTER)
 

@@ -114,7 +114,7 @@ class IdealisedLegIndentation(IndentationTest):
 
     @cached_property
     def model(self) -> LegModel:
-        """The sum of terms."""
+        """Mechanical model: the sum of its terms."""
         laws = {region: self.tissues[region] for region in self.leg.regions}
         shape, settings = self.cylinder.shape(self.dimension), self.settings
         base = leg_model(laws, shape, settings.contact, settings.formulation)
@@ -130,15 +130,8 @@ class IdealisedLegIndentation(IndentationTest):
 
     def _made(self) -> IndentationModel:
         meshed, settings, cylinder = self.leg_mesh, self.settings, self.cylinder
-        spaces = build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
-            settings.formulation,
-            settings.mesh.degree,
-            meshed.regions,
-            meshed.supports,
-        )
+        degree = settings.mesh.degree
+        spaces = build_spaces(*meshed.tagged, settings.formulation, degree, meshed.regions, meshed.supports)
         start, direction = np.zeros(self.dimension), np.zeros(self.dimension)
         start[1], direction[1] = self.leg.radius + cylinder.radius, -1.0
         system = System(spaces, self.model, start, direction, settings.quadrature_degree)

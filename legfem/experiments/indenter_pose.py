@@ -117,7 +117,7 @@ class IndenterInPose[Kind: Indenting](ABC):
 
     @abstractmethod
     def ahead(self, beside: FloatArray) -> FloatArray:
-        """Return how far ahead of its middle the surface lies (mm), NaN where there is none.
+        """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class IndenterInPose[Kind: Indenting](ABC):
 
     @abstractmethod
     def profile(self) -> FloatArray:
-        """Return heights along the axis and the radii there (n, 2), mm: its outline."""
+        """Return its outline: positions along the axis and the radii there, (n, 2), mm."""
 
 
 class CylinderInPose(IndenterInPose[Cylinder]):
@@ -153,7 +153,7 @@ class CylinderInPose(IndenterInPose[Cylinder]):
         return self.given.radius, self.given.length / 2
 
     def ahead(self, beside: FloatArray) -> FloatArray:
-        """Return how far ahead of its middle the surface lies (mm), NaN where there is none."""
+        """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
         size = self.given
         past = _over(np.abs(beside[..., 0]), size.length / 2 - size.edge_radius)
         # Towards the ends the rounding makes it thinner.
@@ -161,7 +161,7 @@ class CylinderInPose(IndenterInPose[Cylinder]):
         return _root(radius**2 - beside[..., 1] ** 2)
 
     def profile(self) -> FloatArray:
-        """Return heights along the axis and the radii there (n, 2), mm: its outline."""
+        """Return its outline: positions along the axis and the radii there, (n, 2), mm."""
         half = self.given.length / 2
         heights = np.concatenate([[-half], np.linspace(-half, half, _OUTLINE), [half]])
         radii = np.full(len(heights), self.given.radius)
@@ -183,7 +183,7 @@ class PunchInPose(CylinderInPose):
         return self.given.length / 2, 0.0
 
     def ahead(self, beside: FloatArray) -> FloatArray:
-        """Return how far ahead of its middle the surface lies (mm), NaN where there is none."""
+        """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
         size = self.given
         past = _over(np.linalg.norm(beside, axis=-1), size.radius - size.edge_radius)
         return size.length / 2 - size.edge_radius + _root(size.edge_radius**2 - past**2)
@@ -208,11 +208,11 @@ class BallInPose(IndenterInPose[Ball]):
         return self.given.radius, 0.0
 
     def ahead(self, beside: FloatArray) -> FloatArray:
-        """Return how far ahead of its middle the surface lies (mm), NaN where there is none."""
+        """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
         return _root(self.given.radius**2 - np.sum(beside**2, axis=-1))
 
     def profile(self) -> FloatArray:
-        """Return heights along the axis and the radii there (n, 2), mm: its outline."""
+        """Return its outline: positions along the axis and the radii there, (n, 2), mm."""
         turn = np.linspace(-np.pi / 2, np.pi / 2, _OUTLINE)
         return self.given.radius * np.column_stack([np.sin(turn), np.cos(turn)])
 

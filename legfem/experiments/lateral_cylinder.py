@@ -46,7 +46,7 @@ class CylinderOnBlock:
 
 
 class LateralCylinder(AxisymmetricTest[CylinderOnBlock]):
-    """The test, of whose block one half is meshed: the plane through the axis is a mirror."""
+    """The cylinder's test; half of the block is meshed, and the plane through the axis is a mirror."""
 
     @property
     def arrangement(self) -> Arrangement:

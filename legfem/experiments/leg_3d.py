@@ -31,7 +31,7 @@ from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import NewtonSettings, StepSettings
 
 _LEVELS, _TURNS, _LOOKS = 41, 720, 3
-"""Along the leg and round it, at which the skin is looked for, each time nearer to the touch."""
+"""Numbers of points along and round the leg at which first touch is sought, and of refinements of that grid."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def membrane_of(fascia: Hyperelastic, thickness: float) -> Fascia:
 
 
 FIBRE_PARAMETERS = tuple(Fibres("deep").parameters)
-"""By which the force is differentiated for the error of what is known of fibres."""
+"""Parameters by which the force is differentiated, for the error from uncertain fibres."""
 
 
 def fibres_of(c10: float, ratio: float) -> Fibres:
@@ -132,7 +132,7 @@ class LegIndentation3D(IndentationTest):
 
     @cached_property
     def model(self) -> LegModel:
-        """The sum of terms."""
+        """Mechanical model: the sum of its terms."""
         laws = {region: self.tissues[region] for region in ("superficial", "deep")}
         base = leg_model(laws, self.placed_indenter.shape, self.settings.contact, "continuous")
         return base.with_terms((self.fascia, *self.mechanisms))
@@ -171,15 +171,8 @@ class LegIndentation3D(IndentationTest):
 
     def _made(self) -> IndentationModel:
         meshed, settings = self.leg_mesh, self.settings
-        spaces = build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
-            "continuous",
-            2,
-            meshed.regions,
-            (*meshed.supports, Support(END, (2,))),
-        )
+        held = (*meshed.supports, Support(END, (2,)))
+        spaces = build_spaces(*meshed.tagged, "continuous", 2, meshed.regions, held)
         system = System(
             spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree, self._skin.beside
         )

@@ -53,8 +53,8 @@ from legfem.solve.settings import NewtonSettings, StepSettings
 
 
 @dataclass(frozen=True)
-class Placement:
-    """The line of travel, moved from the one stated; at zero it is the one stated.
+class LateralPlacement:
+    """Deviation of the line of travel from the stated one: a lateral offset and a tilt.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ class PlaneStrainIndentation(IndentationTest):
 
     @cached_property
     def model(self) -> LegModel:
-        """The sum of terms."""
+        """Mechanical model: the sum of its terms."""
         tissues = {name: getattr(self.tissues, name) for name in REGIONS}
         cylinder = RigidCylinder(self.indenter.radius)
         model = leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
@@ -239,9 +239,9 @@ class PlaneStrainIndentation(IndentationTest):
         settings = replace(self.settings, defences=False, **changed)
         return replace(self, settings=settings, meshed=self.section_mesh)
 
-    def attempts(self, placement: Placement | None = None) -> Iterator[Attempt]:
+    def attempts(self, placement: LateralPlacement | None = None) -> Iterator[Attempt]:
         """Yield the model, then with more quadrature points, without pressures, with a softer contact, and finer."""
-        placement = placement or Placement()
+        placement = placement or LateralPlacement()
         placed = self._placed(placement)
         if not self.settings.defences:
             yield Attempt(placed)
@@ -264,7 +264,7 @@ class PlaneStrainIndentation(IndentationTest):
         depth: float | None = None,
         on_step: OnStep | None = None,
         keep_in: Path | None = None,
-        placement: Placement | None = None,
+        placement: LateralPlacement | None = None,
     ) -> Solved:
         """Move the cylinder along a protocol.
 
@@ -273,7 +273,7 @@ class PlaneStrainIndentation(IndentationTest):
         values, protocol, sensitivities, depth, on_step, keep_in
             As those of `IndentationTest.solve`.
         placement
-            Where the cylinder really stood; as stated without it.
+            Deviation of the cylinder's line of travel from the stated one; none by default.
 
         Returns
         -------
@@ -284,7 +284,7 @@ class PlaneStrainIndentation(IndentationTest):
         return self._farthest(attempts, IndentationRequest(values, given, sensitivities, on_step, keep_in))
 
     def _trusted(self, made: Iterator[Solved]) -> Iterator[Solved]:
-        """Yield attempts; one without pressures only if its force is like the first's."""
+        """Yield attempts; one without pressures counts only if its force agrees with the first attempt's."""
         first = next(made)
         if first.report.complete:
             yield first
@@ -302,7 +302,7 @@ class PlaneStrainIndentation(IndentationTest):
                 yield solved if report.complete else _with_location(solved, where)
 
     def _most_stretched(self) -> str:
-        """Return where the body that didn't go on is drawn out most, and what to do about it."""
+        """Return a message: where the body is stretched most as the solution stops, and what to do about it."""
         found = most_stretched(self.system)
         tissue = next(name for name, tag in REGIONS.items() if tag == found.region)
         x, y = found.place
@@ -315,9 +315,7 @@ class PlaneStrainIndentation(IndentationTest):
     def _made(self) -> IndentationModel:
         meshed, free = self.section_mesh, self._bones_give_way
         spaces = build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
+            *meshed.tagged,
             self.settings.formulation,
             regions={**REGIONS, **BONE_REGIONS} if free else REGIONS,
             supports=() if free else None,
@@ -334,7 +332,7 @@ class PlaneStrainIndentation(IndentationTest):
             self.settings.steps,
         )
 
-    def _placed(self, placement: Placement) -> IndentationModel:
+    def _placed(self, placement: LateralPlacement) -> IndentationModel:
         meshed, indenter = self.section_mesh, self.indenter
         aim = placement.aim(indenter.aim, meshed.direction)
         touch = first_touch(meshed.outline, indenter.radius, aim, meshed.direction)
@@ -343,13 +341,13 @@ class PlaneStrainIndentation(IndentationTest):
 
 
 def _with_location(solved: Solved, where: str) -> Solved:
-    """Return an outcome whose reason says where, too."""
+    """Return the outcome with the location added to its reason."""
     report = solved.report
     return replace(solved, report=replace(report, reason=f"{report.reason}: {where}"))
 
 
 def _relative_difference(first: ForceCurve, other: ForceCurve) -> float:
-    """Return how far a curve is from the first, relative, in the last half of what both reach."""
+    """Return the greatest relative difference of two curves in the second half of the depth that both reach."""
     depth = min(first.depth, other.depth)
     if depth <= 0:
         return math.inf

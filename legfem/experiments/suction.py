@@ -37,11 +37,11 @@ from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport, Step
 
 _STEPS, _POINTS = 20, 80
-"""To the dome's height; and of every straight part of a motion."""
+"""Numbers of steps to the dome's height, and of points on every straight part of a motion."""
 _FIRST = 1e-2
-"""Share of the stiffness that the first suction is of: it tells how soft the body is."""
+"""First suction over the least C10, from whose rise the body's stiffness follows."""
 _CUT, _LEAST, _GREATEST = 0.4, 1e-3, 1.5
-"""Of the suction's steps: on failure, over the usual one before giving up, of one over the last."""
+"""Factors on the suction's step: after a failure; least, over the usual one; greatest, over the last one."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
 
     @cached_property
     def model(self) -> LegModel:
-        """The sum of terms."""
+        """Mechanical model: the sum of its terms."""
         tissues = tuple(Tissue(name, law) for name, law in self.laws.items())
         model = LegModel((*tissues, SkinPressure()), self.settings.formulation)
         return model.with_terms(self.mechanisms)
@@ -111,7 +111,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
 
     @property
     def held(self) -> tuple[Support, ...]:
-        """What holds the axis, the base, and the skin under the rim."""
+        """Supports of the axis, of the base, and of the skin under the rim."""
         under = Support(RIM, (0, 1) if self.test.rim == "bonded" else (1,))
         return (*supports(self.test.base), under)
 
@@ -165,7 +165,7 @@ class _Drawn(Meshed):
     def to(
         self, height: float, values: dict[str, float], names: Sequence[str], opening: float
     ) -> tuple[ForceCurve, SolveReport]:
-        """Return the suction's pull against the dome's height, as far as it could be drawn."""
+        """Return the curve of the suction's pull against the dome's height, and the report of the solution."""
         started = time.perf_counter()
         system = self.system
         system.set_parameters(values)

@@ -50,7 +50,7 @@ _MOVE, _SMALL, _FARTHEST = 1e-7, 1e-15, 0.3
 
 
 @dataclass(frozen=True)
-class Bar:
+class UniaxialSpecimen:
     """A straight specimen whose ends don't keep it from growing or shrinking sideways.
 
     Parameters
@@ -86,7 +86,7 @@ class UniaxialTest(ProtocolTest):
         Fibres of the tissue along an axis: the second is the bar's, the others are across.
     """
 
-    test: Bar
+    test: UniaxialSpecimen
     law: Hyperelastic
     fibres: Fibres | None = None
 

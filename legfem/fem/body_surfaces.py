@@ -39,12 +39,12 @@ class BodySurface:
 
 
 def skin_surface(spaces: LegSpaces) -> BodySurface:
-    """Return the skin."""
+    """Return the skin's surface, gathered from all ranks."""
     return _of_facets(spaces, spaces.facet_tags.find(SKIN))
 
 
 def hull_surface(spaces: LegSpaces) -> BodySurface:
-    """Return the border between the deep tissue and the superficial one."""
+    """Return the interface between deep and superficial tissue, gathered from all ranks."""
     return _of_facets(spaces, spaces.facet_tags.find(HULL))
 
 

@@ -23,7 +23,7 @@ RESIDUAL_NOT_FINITE: int = (
 
 
 def surface_mesh(mesh: Any, facets: NDArray[np.int32]) -> Any:
-    """Return the mesh of some facets."""
+    """Return the submesh of some facets (local indices)."""
     return dolfinx_mesh.create_submesh(mesh, mesh.topology.dim - 1, facets)[0]
 
 

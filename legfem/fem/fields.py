@@ -170,7 +170,7 @@ class FieldReader:
 
     @cached_property
     def _on_the_skin(self) -> tuple[str, Any]:
-        """What presses the skin, by its name, and its pressure per deformed area (MPa) or None."""
+        """Name of the load on the skin, and its pressure per deformed area (MPa) or None without one."""
         domain = self.system.skin.domain
         assert isinstance(domain, Skin)
         terms = self.system.model.at("skin")

@@ -56,7 +56,7 @@ class LegSpaces:
     regions: Mapping[str, int]
     """Cell tags of the tissues that the mesh has."""
     symmetry: Symmetry = "plane"
-    """What a mesh of two dimensions is a section of."""
+    """Plane strain or axial symmetry, of a mesh of two dimensions."""
 
     @property
     def dimension(self) -> int:
@@ -223,7 +223,7 @@ def _trace_nodes(displacement: Any, skin_space: Any) -> NDArray[np.int64]:
 
 
 def _outward(mesh: Any, facets: NDArray[np.int32], skin: Any) -> NDArray[np.float64]:
-    """Return the sign of every cell of the skin."""
+    """Return the sign of every cell of the skin: 1 where its orientation's normal points out of the body."""
     local = skin.topology.index_map(skin.topology.dim)
     cells = np.arange(local.size_local + local.num_ghosts, dtype=np.int32)
     if len(cells) == 0:

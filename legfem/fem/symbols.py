@@ -65,5 +65,5 @@ class Clock:
         self.time, self.step = fem.Constant(mesh, 0.0), fem.Constant(mesh, 1.0)
 
     def set(self, time: float, step: float) -> None:
-        """Set both."""
+        """Set the time at the end of the step and the step's duration, s."""
         self.time.value, self.step.value = time, step

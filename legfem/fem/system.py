@@ -237,7 +237,7 @@ class System:
         return float(np.sqrt(self.comm.allreduce(float(owned @ owned))))
 
     def balance(self) -> Balance:
-        """Return the resultants and works of the present state."""
+        """Return resultants and virtual works at the present state, for checks of equilibrium."""
         contact = self._contact_force()
         internal = fem.Function(self.spaces.space)
         fem.assemble_vector(internal.x.array, self.body.residual)

@@ -1,6 +1,8 @@
 """``python -m legfem.geometry``: see `legfem.commands.geometry`."""
 
-from legfem.commands.geometry import app
+from legfem.__main__ import command
+
+app = command("geometry")
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.geometry")

@@ -197,7 +197,7 @@ class RigidTransform:
         return moved
 
     def inverse(self) -> RigidTransform:
-        """Return the motion back."""
+        """Return the inverse motion."""
         return RigidTransform(self.rotation.T, -self.rotation.T @ self.translation)
 
     def after(self, first: RigidTransform) -> RigidTransform:

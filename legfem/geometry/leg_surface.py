@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RectBivariateSpline
 from scipy.sparse import csr_matrix
@@ -48,8 +49,10 @@ class TriangleSurface:
         count = min(CANDIDATES, len(corners))
         _, nearest = cKDTree(corners.mean(axis=1)).query(points, k=count)
         nearest = np.asarray(nearest).reshape(len(points), count)
-        weights = _nearest_weights(points[:, None], corners[nearest])
-        on = np.einsum("kci,kcix->kcx", weights, corners[nearest])
+        pairs = corners[nearest].reshape(-1, 3, 3)
+        closest = trimesh.triangles.closest_point(pairs, np.repeat(points, count, axis=0))
+        weights = trimesh.triangles.points_to_barycentric(pairs, closest).reshape(len(points), count, 3)
+        on = closest.reshape(len(points), count, 3)
         best = np.argmin(np.linalg.norm(on - points[:, None], axis=2), axis=1)
         rows = np.arange(len(points))
         columns = self.triangles[nearest[rows, best]]
@@ -65,41 +68,6 @@ def tube(levels: int, around: int) -> NDArray[np.int64]:
     lower = np.stack([a, b, b + around], axis=1)
     upper = np.stack([a, b + around, a + around], axis=1)
     return np.concatenate([lower, upper])
-
-
-def _nearest_weights(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the barycentric weights (..., 3) of the point of a triangle nearest to a point."""
-    a, b, c = (corners[..., i, :] for i in range(3))
-    inside = _projected(points, a, b, c)
-    candidates = [
-        np.where((inside >= 0).all(axis=-1, keepdims=True), inside, np.nan),
-        *(_on_side(points, corners, i) for i in range(3)),
-    ]
-    every = np.stack(candidates, axis=-2)
-    on = np.einsum("...wi,...ix->...wx", every, corners)
-    distance = np.linalg.norm(on - points[..., None, :], axis=-1)
-    best = np.nanargmin(distance, axis=-1)
-    return np.take_along_axis(every, best[..., None, None], axis=-2)[..., 0, :]
-
-
-def _projected(p: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    u, v, w = b - a, c - a, p - a
-    uu, vv, uv = (np.sum(s * t, axis=-1) for s, t in ((u, u), (v, v), (u, v)))
-    wu, wv = np.sum(w * u, axis=-1), np.sum(w * v, axis=-1)
-    size = uu * vv - uv**2
-    second = (vv * wu - uv * wv) / size
-    third = (uu * wv - uv * wu) / size
-    return np.stack([1 - second - third, second, third], axis=-1)
-
-
-def _on_side(p: FloatArray, corners: FloatArray, first: int) -> FloatArray:
-    second = (first + 1) % 3
-    a, b = corners[..., first, :], corners[..., second, :]
-    share = np.sum((p - a) * (b - a), axis=-1) / np.sum((b - a) ** 2, axis=-1)
-    share = np.clip(share, 0.0, 1.0)
-    weights = np.zeros((*share.shape, 3))
-    weights[..., first], weights[..., second] = 1 - share, share
-    return weights
 
 
 _SPACING = 2.0

@@ -52,7 +52,7 @@ class LegSection:
         return contour
 
     def polygon(self, part: str) -> Polygon:
-        """Return the contour of ``part`` as a shapely polygon."""
+        """Return the region within the contour of ``part``, in mm."""
         return Polygon(self.contour(part))
 
 

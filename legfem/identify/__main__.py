@@ -1,6 +1,8 @@
 """``python -m legfem.identify``: see `legfem.commands.identify`."""
 
-from legfem.commands.identify import app
+from legfem.__main__ import command
+
+app = command("identify")
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.identify")

@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import model_validator
 from shapely import Polygon
 
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, Text, trouble
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
 from legfem.geometry.frames import CuttingPlane
@@ -22,6 +20,7 @@ from legfem.geometry.leg_shape_from_outlines import not_closed, read_shape, shap
 from legfem.geometry.section_from_outlines import SURFACES, Clearances, polygons_of
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
+from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry, existing
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
 from legfem.imaging.volume_file import read_volume
 
@@ -70,63 +69,10 @@ def _contour(shape: LegShape, part: str, plane: CuttingPlane, source: str) -> Fl
     return plane.flat((1 - share) * points[at, along] + share * points[at + 1, along])
 
 
-type Labels = int | list[int]
-
-
-class LabelsEntry(FileTable):
-    """``[labels]``: which labels a scan has for a tissue."""
-
-    superficial: Labels = 1
-    deep: Labels = 2
-    bone: Labels = 3
-
-
-class ShapeEntry(FileTable):
-    """A leg's shape: one of a label volume, contours, or closed surfaces."""
-
-    scan: Text | None = None
-    series: Text | None = None
-    """Folder of the DICOM series that a scan was labelled on, where its file doesn't say where it
-    lies."""
-    contours: Text | None = None
-    surfaces: dict[str, Text | list[Text]] | None = None
-
-    @model_validator(mode="after")
-    def _one_source(self) -> ShapeEntry:
-        given = [name for name in ("scan", "contours", "surfaces") if getattr(self, name)]
-        if len(given) != 1:
-            raise trouble(
-                "scan",
-                f"{len(given)} sources of the leg's shape are given",
-                "give one of scan (label volume), contours (CSV) and surfaces (STL files by part)",
-            )
-        if self.series is not None and self.scan is None:
-            raise trouble("series", "is given without a scan", "give the scan, or leave it out")
-        return self
-
-
-def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
-    """Return the path of a file that a folder's file names.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    found = directory / name
-    try:
-        there = found.exists()
-    except OSError as error:
-        raise InputError(toml, field, f"can't be a file ({error.strerror})", "name it") from None
-    if not there:
-        raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
-    return found
-
-
 _BEYOND = 40.0
-"""Above and below a cut of which a scan is outlined (mm): smoothing along it reaches there."""
+"""Length of a scan above and below a cut that is outlined (mm): smoothing along the leg reaches so far."""
 _APART = 5.0
-"""Of the cross-sections that are kept beside a section (mm)."""
+"""Distance between the cross-sections that are kept beside a section, mm."""
 _FINE = OutlineSettings(n_points=360)
 
 
@@ -135,13 +81,13 @@ class LegSource:
     """What a leg's shape is taken from, read; one of its kinds is there."""
 
     name: str
-    """What errors name as the file."""
+    """Name of the file in errors."""
     volume: LabelVolume | None = None
     contours: Path | None = None
     surfaces: Mapping[str, list[Any]] | None = None
     """Surfaces by part, as `legfem.imaging.surfaces.read_surfaces` returns them."""
     levels: tuple[float, float] = (-np.inf, np.inf)
-    """Between which it is looked at, and checked (mm)."""
+    """Levels between which it is read and checked, mm."""
 
     @classmethod
     def opened(cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: LabelsEntry) -> LegSource:

@@ -37,12 +37,12 @@ class Registration:
     transform: RigidTransform
     """Motion of the moving points onto the fixed ones."""
     residual: float
-    """Root mean square of what is left between the two, mm: the distances of corresponding points,
+    """Root mean square of the remaining distances, mm: those of corresponding points,
     or of the patches' centres from the other surface."""
     pairs: int
-    """Points or patches that were used."""
+    """Number of points or patches that were used."""
     left_out: int
-    """Those that found no partner."""
+    """Number of points or patches without a partner."""
     standard_error: FloatArray
     """Standard error of the moved bones' centre along x, y and z (mm), if errors of points, or of patches that do
     not overlap, are independent. Shafts of bones leave the motion along them least certain."""

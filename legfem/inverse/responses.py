@@ -24,7 +24,7 @@ from legfem.jobs.store import Store
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Placement
+    from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path
 
@@ -35,7 +35,7 @@ class Displaced:
 
     name: str
     moved: MeshMotion | None = None
-    placement: Placement | None = None
+    placement: LateralPlacement | None = None
 
 
 class BodyModels(Protocol):
@@ -61,7 +61,7 @@ class BodyModels(Protocol):
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: Placement | None = None,
+        placement: LateralPlacement | None = None,
     ) -> Path | Stopped:
         """Solve a protocol for a stiffness; see `legfem.legs.variants.LegVariants.follow`."""
         ...
@@ -87,7 +87,7 @@ ELASTIC_DERIVATIVES = ("deep.C10", "deep.C20")
 _SMALLEST_FORCE_N = 1e-6
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Placement
+    from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path
 
@@ -128,7 +128,7 @@ class PathRequest:
     solution: Solution
     derivatives: tuple[str, ...] = ()
     moved: MeshMotion | None = None
-    placement: Placement | None = None
+    placement: LateralPlacement | None = None
 
     def entry(self, terms: str) -> dict[str, Any]:
         """Return what its outcome is kept under; ``terms`` are those of its model."""
@@ -251,7 +251,9 @@ class SolvedResponses:
         own = self.variants.parameters(PLAIN.variant)
         return {name: own[name] * columns[name] / force for name in names}
 
-    def displaced(self, moved: MeshMotion | None, placement: Placement | None, stiffness: Stiffness) -> FloatArray:
+    def displaced(
+        self, moved: MeshMotion | None, placement: LateralPlacement | None, stiffness: Stiffness
+    ) -> FloatArray:
         """Return the relative change of the elastic force at the grid by another geometry."""
         if self.rougher is not None:
             return self.rougher.displaced(moved, placement, stiffness)

@@ -89,17 +89,17 @@ class Together[Context, Task, Outcome]:
 
 
 def lead(comm: MPI.Intracomm, work: Callable[[], None]) -> None:
-    """Do work on the first rank, as `leading` has it."""
+    """Call a function on the first rank while the others serve it, see `leading`."""
     with leading(comm) as first:
         if first:
             work()
 
 
 @contextmanager
-def leading(comm: MPI.Intracomm, told: tuple[type[Exception], ...] = (InputError,)) -> Iterator[bool]:
+def leading(comm: MPI.Intracomm, expected: tuple[type[Exception], ...] = (InputError,)) -> Iterator[bool]:
     """Yield True on the first rank, whose `Workers` and `Together` the others serve.
 
-    On the others False, after that. Ctrl-C and errors end all ranks; those that are ``told`` are
+    On the others False, after that. Ctrl-C and errors end all ranks; those that are ``expected`` are
     raised on the first.
     """
     if comm.size == 1:
@@ -114,7 +114,7 @@ def leading(comm: MPI.Intracomm, told: tuple[type[Exception], ...] = (InputError
         return
     try:
         yield True
-    except told:
+    except expected:
         comm.bcast(None)
         raise
     except BaseException as error:

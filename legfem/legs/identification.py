@@ -13,21 +13,20 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.fibre_ratio import check_in_plane
 from legfem.inverse.fit import Fit, fit
 from legfem.inverse.laws import LawName
-from legfem.inverse.outcome import Forward
+from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction
 from legfem.legs.details import LegDetails
 from legfem.legs.experiments import tissues_of
 from legfem.legs.fit_in_3d import fit_in_3d
-from legfem.legs.forward import values_of
+from legfem.legs.forward import PlaneStrainForward, values_of
 from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, start_of_ratio
-from legfem.legs.problem import LegProblem, leg_problem, pressed_depth
+from legfem.legs.problem import leg_problem, pressed_depth
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.legs.two_fidelity import TwoFidelities
 
@@ -98,8 +97,8 @@ def identify_leg(
     correction: str = AUTO,
     in_3d: bool = False,
     comm: MPI.Intracomm = MPI.COMM_SELF,
-    settings: PlaneStrainSettings | SolidLegSettings | None = None,
-    forward: Forward | None = None,
+    settings: SolidLegSettings | None = None,
+    forward: JointForward[PlaneStrainForward] | None = None,
 ) -> list[Fit[LegDetails]]:
     """Identify what all sites of a leg share, in plane strain or in 3D.
 
@@ -118,9 +117,9 @@ def identify_leg(
     comm
         Over which a solve in 3D is spread.
     settings
-        Numerical: of a section in plane strain, or of a leg in 3D.
+        Numerical, of a leg in 3D.
     forward
-        Sections in plane strain, see `legfem.legs.problem.section_forward`; made without them where they are needed.
+        Of the sites in plane strain, see `legfem.legs.problem.section_forward`, which makes it otherwise.
 
     Raises
     ------
@@ -131,24 +130,45 @@ def identify_leg(
         If too few full solves reach the measured depths.
     """
     names = {one.name for one in request.parameters or ()} | set(request.fixed)
-    solid = settings if isinstance(settings, SolidLegSettings) else None
-    section = settings if isinstance(settings, PlaneStrainSettings) else None
     if searches_in_3d(leg, names, in_3d):
-        return fit_in_3d(leg, laws, request, solid, comm)
+        return fit_in_3d(leg, laws, request, settings, comm)
     corrections = [choose_correction(correction, site) for site in leg.sites]
-    problem = leg_problem(leg, laws, request, corrections, forward, section)
-    if not in_3d:
-        return fit(problem, laws, request)
-    (site,) = leg.sites
-    kept = None if request.out is None else request.out / SOLVES
-    models = LegModels.of_subject(site, pressed_depth(site, request), kept, solid, request.progress, comm)
-    return confirmed_in_3d(problem, laws, request, models)
+    models = None
+    if in_3d:
+        (site,) = leg.sites
+        kept = None if request.out is None else request.out / SOLVES
+        models = LegModels.of_subject(site, pressed_depth(site, request), kept, settings, request.progress, comm)
+    return fit_leg(leg, laws, request, corrections, forward, models)
 
 
-def confirmed_in_3d(
-    problem: LegProblem, laws: Sequence[LawName], request: SearchRequest, models: LegModels
+def fit_leg(
+    given: Subject | SitedLeg,
+    laws: Sequence[LawName],
+    request: SearchRequest | None = None,
+    corrections: Sequence[TabulatedCorrection | None] | None = None,
+    forward: Forward | None = None,
+    models: LegModels | None = None,
 ) -> list[Fit[LegDetails]]:
-    """Fit one site's section, its correction confirmed by solves of the leg in 3D; see `TwoFidelities`."""
+    """Fit laws to sections in plane strain.
+
+    Parameters
+    ----------
+    given, laws, request, corrections, forward
+        See `legfem.legs.problem.leg_problem`.
+    models
+        Of the only site in 3D: its solves confirm the correction; see `legfem.legs.two_fidelity.TwoFidelities`.
+
+    Raises
+    ------
+    InputError
+        If a site can't be meshed or its recordings can't be used, or there is no parameter of a name.
+    SearchError
+        If too few full solves reach the measured depths.
+    """
+    request = request or SearchRequest()
+    problem = leg_problem(as_leg(given), laws, request, corrections, forward)
+    if models is None:
+        return fit(problem, laws, request)
     (test,) = problem.tests
     assert test.correction is None or isinstance(test.correction, TabulatedCorrection)
     with request.solver(problem.forward, problem.sensitivities) as solver:

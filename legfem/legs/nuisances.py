@@ -127,7 +127,7 @@ _OUTLINES = Cause("outlines", GEOMETRY_DOF)
 
 def displaced_geometries() -> list[Displaced]:
     """Return the geometries whose forces tell of outlines, aim and direction."""
-    from legfem.experiments.plane_strain import Placement
+    from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
 
     found = [
@@ -136,8 +136,8 @@ def displaced_geometries() -> list[Displaced]:
         for arc in _HATS
     ]
     found.append(Displaced("depth of the bones", MeshMotion("bones")))
-    found.append(Displaced("aim", placement=Placement(offset_mm=AIM_SD_MM)))
-    found.append(Displaced("direction", placement=Placement(tilt_deg=DIRECTION_SD_DEG)))
+    found.append(Displaced("aim", placement=LateralPlacement(offset_mm=AIM_SD_MM)))
+    found.append(Displaced("direction", placement=LateralPlacement(tilt_deg=DIRECTION_SD_DEG)))
     return found
 
 

@@ -17,8 +17,8 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.geometry.section import BONES, LegSection
 from legfem.geometry.section_from_outlines import section_from_outlines
-from legfem.imaging.leg_source import existing
 from legfem.imaging.registration import register_points
+from legfem.imaging.shape_schema import existing
 from legfem.legs.schema import SUBJECTS, IndenterEntry, SubjectFile, subject_entry
 from legfem.legs.subject import Subject
 

@@ -25,7 +25,7 @@ from legfem.common.input_files import (
 )
 from legfem.data.folder import RESOURCES, Catalogue, InstrumentEntry, RecordingsEntry
 from legfem.geometry.indenter import IndenterShape
-from legfem.imaging.leg_source import LabelsEntry, ShapeEntry
+from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.legs.elastography import ElastographyEntry, StatedRatio, check_once
 
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]

@@ -16,7 +16,7 @@ from legfem.legs.subject import Subject
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Placement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
+    from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
     from legfem.meshing.section import MeshMotion
@@ -89,7 +89,7 @@ class LegVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: Placement | None = None,
+        placement: LateralPlacement | None = None,
     ) -> Path | Stopped:
         """Solve a protocol; say why where it isn't followed to its end.
 
@@ -106,11 +106,11 @@ class LegVariants:
         placement
             Where the cylinder stands; as stated without it.
         """
-        from legfem.experiments.plane_strain import Placement
+        from legfem.experiments.plane_strain import LateralPlacement
 
         model = self.model(solution.variant)
         values = dict(deep)
-        at = placement or Placement()
+        at = placement or LateralPlacement()
         for name, factor in solution.scaled.items():
             values[name] = factor * values.get(name, model.model.parameters[name])
         values |= solution.parameters

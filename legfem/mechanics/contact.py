@@ -288,7 +288,7 @@ class TurnedCylinder(FiniteCylinder):
         return ufl.dot(y, self._axis)
 
     def _across(self, y: Expr) -> Expr:
-        """Return the part of a position that is square to the axis."""
+        """Return the part of a position that is perpendicular to the axis."""
         return y - self._along(y) * self._axis
 
     def _away(self, y: Expr) -> Expr:
@@ -314,7 +314,7 @@ class Frictionless:
     """No traction along the surface."""
 
     def traction(self, slip: Expr, pressure: Expr) -> Expr:
-        """Return zero."""
+        """Return zero traction: nothing resists slip."""
         return 0 * slip
 
 
@@ -335,7 +335,7 @@ class Rough:
         check_positive(self, "stiffness")
 
     def traction(self, slip: Expr, pressure: Expr) -> Expr:
-        """Return ``stiffness * slip``."""
+        """Return ``stiffness * slip``, MPa."""
         return self.stiffness * slip
 
 
@@ -452,13 +452,13 @@ class ContactSettings:
         return self.stiffness * 2 / radius
 
     def pressure_law(self, penalty: float) -> PressureLaw:
-        """Return the law of the pressure."""
+        """Return the law of the pressure for a penalty stiffness, MPa/mm."""
         if self.normal == "stiff":
             return StiffPressure(penalty, self.onset)
         return ExponentialPressure(penalty * self.onset, self.onset)
 
     def tangential_law(self, penalty: float) -> TangentialLaw:
-        """Return the law along the surface."""
+        """Return the law of the traction along the surface for a penalty stiffness, MPa/mm."""
         if self.tangential == "rough":
             return Rough(penalty)
         if self.tangential == "coulomb":

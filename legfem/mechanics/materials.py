@@ -150,7 +150,7 @@ class _Stiffening(ReducedPolynomial):
 
     @classmethod
     def of(cls, law: Hyperelastic) -> Self:
-        """Return the law that is another one until the further term counts."""
+        """Return the law that equals another one, its further term being at its null."""
         return cls(**{"C20": 0.0, **law.parameters})
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 from legfem.mechanics.kinematics import Expr
 
@@ -46,17 +46,36 @@ class Memoryless:
     """A term that keeps nothing from step to step."""
 
     def history(self, domain: Any) -> dict[str, tuple[int, ...]]:
-        """Return nothing."""
+        """Return an empty mapping: the term has no history."""
         return {}
 
     def updated(self, domain: Any, history: Mapping[str, Any]) -> dict[str, Expr]:
-        """Return nothing."""
+        """Return an empty mapping: the term has no history."""
         return {}
+
+
+class RegionTerm:
+    """A term of one region, whose parameters are fields, named ``<region>.<effect>.<field>``."""
+
+    region: str
+    effect: ClassVar[str]
+    numbers: ClassVar[tuple[str, ...]]
+    """Fields that are parameters."""
+
+    @property
+    def name(self) -> str:
+        """Prefix of its parameters' names, for example ``deep.fibres``."""
+        return f"{self.region}.{self.effect}"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters by full name; units as in the term's own list."""
+        return {f"{self.name}.{number}": getattr(self, number) for number in self.numbers}
 
 
 @runtime_checkable
 class Stressed(Protocol):
-    """A term that can tell what it adds to a region's stress, for output."""
+    """A term that adds to the stress of a region, and gives its part for output."""
 
     @property
     def region(self) -> str:

@@ -1,6 +1,8 @@
 """``python -m legfem.meshing``: see `legfem.commands.meshing`."""
 
-from legfem.commands.meshing import app
+from legfem.__main__ import command
+
+app = command("meshing")
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.meshing")

@@ -54,9 +54,9 @@ class Elements:
     kind: str
     """As meshio calls it: ``triangle``, ``tetra``, ``hexahedron`` ..."""
     nodes: NDArray[np.int64]
-    """(m, nodes of one), counted from 0, in VTK's order."""
+    """Nodes of the elements, (m, nodes of one), counted from 0, in VTK's order."""
     tags: NDArray[np.int64]
-    """(m,): of the region, or the surface."""
+    """Tags of the elements' region or surface, (m,)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dolfinx_mesh
+from mpi4py import MPI
 
 from legfem.common.units import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class TaggedMesh:
+    """A mesh (mm) with tags of all its cells and of some facets, those of `dolfinx.mesh`."""
+
+    mesh: Any
+    cell_tags: Any
+    facet_tags: Any
+
+    @property
+    def tagged(self) -> tuple[Any, Any, Any]:
+        """Mesh, cell tags and facet tags, as `legfem.fem.spaces.build_spaces` takes them."""
+        return self.mesh, self.cell_tags, self.facet_tags
+
+
+def unit_cells(comm: MPI.Intracomm, counts: Sequence[int], simplices: bool = False) -> Any:
+    """Return a box of unit squares or cubes, or of the triangles or tetrahedra in them."""
+    kinds, three = dolfinx_mesh.CellType, len(counts) == 3
+    make = dolfinx_mesh.create_box if three else dolfinx_mesh.create_rectangle
+    whole, parts = (kinds.hexahedron, kinds.tetrahedron) if three else (kinds.quadrilateral, kinds.triangle)
+    corners = [np.zeros(len(counts)), np.array(counts, dtype=float)]
+    return make(comm, corners, counts, parts if simplices else whole, ghost_mode=dolfinx_mesh.GhostMode.none)
 
 
 def spaced(length: float, size: Callable[[FloatArray], FloatArray], stops: tuple[float, ...] = ()) -> FloatArray:

@@ -15,16 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.meshing.gmsh_mesh import MeshQuality
-from legfem.meshing.grid import Support, spaced, tagged
+from legfem.meshing.grid import Support, TaggedMesh, spaced, tagged, unit_cells
 from legfem.meshing.section import BONE, REGIONS, SKIN
 
 MIRROR_X, MIRROR_Z, END = 13, 14, 15
@@ -145,14 +144,12 @@ class LegMeshSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class LegMesh:
-    """A meshed leg, a quarter of one, or half of its section."""
+class LegMesh(TaggedMesh):
+    """A meshed leg, a quarter of one, or half of its section.
 
-    mesh: Any
-    """`dolfinx.mesh.Mesh`, mm."""
-    cell_tags: Any
-    facet_tags: Any
-    """`SKIN`, `BONE`, `MIRROR_X`, `MIRROR_Z`, `END`."""
+    Its facets' tags are `SKIN`, `BONE`, `MIRROR_X`, `MIRROR_Z` and `END`.
+    """
+
     regions: Mapping[str, int]
     supports: tuple[Support, ...]
     copies: int
@@ -172,16 +169,8 @@ def mesh_leg(
     settings = settings or LegMeshSettings()
     around, through, layer = _section_grid(leg, cylinder_radius, settings)
     along = _along(leg, cylinder_length, settings)
-    hexahedra = settings.cells == "hexahedra"
-    kinds = dolfinx_mesh.CellType
     counts = [len(around) - 1, len(through) - 1, len(along) - 1]
-    made = dolfinx_mesh.create_box(
-        comm,
-        [np.zeros(3), np.array(counts, dtype=float)],
-        counts,
-        kinds.hexahedron if hexahedra else kinds.tetrahedron,
-        ghost_mode=dolfinx_mesh.GhostMode.none,
-    )
+    made = unit_cells(comm, counts, settings.cells == "tetrahedra")
     tags = {
         (0, 0): MIRROR_X,
         (0, counts[0]): MIRROR_X,
@@ -218,16 +207,8 @@ def mesh_leg_section(
     """Mesh half of the leg's section with the grid of `mesh_leg`."""
     settings = settings or LegMeshSettings()
     around, through, layer = _section_grid(leg, cylinder_radius, settings)
-    kinds = dolfinx_mesh.CellType
-    hexahedra = settings.cells == "hexahedra"
     counts = [len(around) - 1, len(through) - 1]
-    made = dolfinx_mesh.create_rectangle(
-        comm,
-        [np.zeros(2), np.array(counts, dtype=float)],
-        counts,
-        kinds.quadrilateral if hexahedra else kinds.triangle,
-        ghost_mode=dolfinx_mesh.GhostMode.none,
-    )
+    made = unit_cells(comm, counts, settings.cells == "tetrahedra")
     tags = {(0, 0): MIRROR_X, (0, counts[0]): MIRROR_X, (1, 0): BONE, (1, counts[1]): SKIN}
     cell_tags, facet_tags = tagged(made, layer, tags)
     _bend(made.geometry.x, leg, around, through)

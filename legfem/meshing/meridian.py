@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
-from legfem.meshing.grid import Support, spaced, tagged
+from legfem.meshing.grid import Support, TaggedMesh, spaced, tagged, unit_cells
 from legfem.meshing.section import BONE, DEEP, SKIN
 
 AXIS, BASE, SIDE, RIM, OUTSIDE = 13, BONE, 17, 18, 19
@@ -50,15 +50,12 @@ class MeridianMeshSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class MeridianMesh:
-    """A meshed half plane."""
+class MeridianMesh(TaggedMesh):
+    """A meshed half plane.
 
-    mesh: Any
-    """`dolfinx.mesh.Mesh`, mm."""
-    cell_tags: Any
-    """`DEEP`, and one more at each interface from the base up."""
-    facet_tags: Any
-    """`SKIN` above, `BASE` below, `AXIS`, and the side: `SKIN` or `SIDE`."""
+    Its cells' tags are `DEEP`, and one more at each interface from the base up; its facets' `SKIN`
+    above, `BASE` below, `AXIS`, and `SKIN` or `SIDE` at the side.
+    """
 
 
 def mesh_meridian(
@@ -102,13 +99,7 @@ def mesh_meridian(
     r = spaced(radius, across, tuple(outer for _, outer in rings))
     z = height - spaced(height, graded, tuple(height - z for z in reversed(interfaces)))[::-1]
     counts = [len(r) - 1, len(z) - 1]
-    made = dolfinx_mesh.create_rectangle(
-        comm,
-        [np.zeros(2), np.array(counts, dtype=float)],
-        counts,
-        dolfinx_mesh.CellType.quadrilateral,
-        ghost_mode=dolfinx_mesh.GhostMode.none,
-    )
+    made = unit_cells(comm, counts)
     sides = {(0, 0): AXIS, (0, counts[0]): SKIN if side == "skin" else SIDE, (1, 0): BASE, (1, counts[1]): SKIN}
     middles = 0.5 * (z[1:] + z[:-1])
     rows = [DEEP + int(number) for number in np.searchsorted(list(interfaces), middles)]
@@ -135,5 +126,5 @@ def _in_rings(made: Any, facet_tags: Any, rings: Sequence[tuple[int, float]]) ->
 
 
 def supports(base: Literal["bonded", "sliding"]) -> tuple[Support, ...]:
-    """Return what holds the axis, and the base in all directions or along the axis only."""
+    """Return the supports of the axis (radially) and of the base (``"bonded"`` in all directions, else axially)."""
     return Support(AXIS, (0,)), Support(BASE, (0, 1) if base == "bonded" else (1,))

@@ -29,6 +29,7 @@ from legfem.meshing.gmsh_mesh import (
     mesh_from_gmsh,
     raise_everywhere,
 )
+from legfem.meshing.grid import TaggedMesh
 
 Outline = Literal["skin", "fascia", "bones"]
 
@@ -158,15 +159,13 @@ class SectionMeshSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class SectionMesh:
-    """A meshed section and where the indenter first touches it."""
+class SectionMesh(TaggedMesh):
+    """A meshed section and where the indenter first touches it.
 
-    mesh: Any
-    """`dolfinx.mesh.Mesh`, mm."""
-    cell_tags: Any
-    """`SUPERFICIAL`, `FASCIA` or `DEEP` of every cell, or one of `BONE_REGIONS`."""
-    facet_tags: Any
-    """`SKIN` and `BONE`."""
+    Its cells' tags are `SUPERFICIAL`, `FASCIA`, `DEEP` or one of `BONE_REGIONS`, its facets' `SKIN`
+    and `BONE`.
+    """
+
     touch: FloatArray
     """Centre of the indenter at first touch, (2,), mm."""
     direction: FloatArray

@@ -123,7 +123,7 @@ class Shell:
     """Closed surfaces of the tissues, welded."""
 
     points: FloatArray
-    """(n, 3), mm."""
+    """Corners of the triangles, (n, 3), mm."""
     tubes: Mapping[str, Triangles]
     """Part to its triangles, (m, 3)."""
     fat_ends: Triangles
@@ -526,7 +526,7 @@ class _Grid:
     low: FloatArray
     step: FloatArray
     points: FloatArray
-    """(n_z, n_x, n_y, 3)."""
+    """Positions, (n_z, n_x, n_y, 3), mm."""
     inside: NDArray[np.bool_]
     """Whether a point is in tissue, (n_z, n_x, n_y)."""
 

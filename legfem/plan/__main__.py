@@ -1,6 +1,8 @@
 """``python -m legfem.plan``: see `legfem.commands.plan`."""
 
-from legfem.commands.plan import app
+from legfem.__main__ import command
+
+app = command("plan")
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.plan")

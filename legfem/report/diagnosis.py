@@ -1,102 +1,327 @@
-"""The report of a diagnosis: text and figures in one folder."""
+"""The page of a diagnosis."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+import math
+from collections.abc import Iterator, Sequence
 
+from legfem.common.doubts import doubt_lines
 from legfem.common.units import kpa_to_mpa
-from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.inverse.verdict import Diagnosis
-from legfem.legs.experiments import plane_strain_test
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.mechanism import null_of
+from legfem.inverse.verdict import Diagnosis, explained_share
+from legfem.legs.diagnosis import doubts_of
+from legfem.legs.elastography import elastography_priors
+from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject
-from legfem.meshing.section import SectionMeshSettings
-from legfem.report.diagnosis_document import Recorded
-from legfem.report.filmed import filmed
-from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.listing import NUMBERS, ReportFile
-from legfem.report.parameter_figure import parameter_figure
-from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
-from legfem.report.plain import plain_page
-from legfem.report.ranking_figure import ranking_figure
-from legfem.report.recording_figure import recording_figure
-from legfem.report.signature_figure import leading, signature_figure
-from legfem.report.style import save
-from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.report.web.page import listed, write_page
-from legfem.report.web.section import PressedSection
-from legfem.solve.settings import NewtonSettings, StepSettings
-
-_COARSER = 2.4
-"""Than the mesh that forces come from: that of the section to press."""
-_RESULT = ReportFile([Path("diagnosis.json")], NUMBERS)
+from legfem.report import diagnosis_numbers as tables
+from legfem.report import page as web
+from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
+from legfem.report.diagnosis_document import Recorded, kind_of, r_squared, versions
+from legfem.report.diagnosis_headline import TITLE, capital, headline
+from legfem.report.diagnosis_numbers import known_of
+from legfem.report.diagnosis_sentences import next_experiments, percent, verdict_sentence
+from legfem.report.page import PressedSection
+from legfem.report.section import still_section
+from legfem.report.style import LAW_NAMES
+from legfem.report.words import ORIGINS
 
 
-def write_diagnosis_report(
-    diagnosis: Diagnosis, subject: Recorded, out: Path, plan: Sequence[str] = (), command: str = ""
-) -> Path:
-    """Write report.txt, report.html and the figures of a diagnosis; return report.txt's path.
+def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
+    """Return what to measure next.
 
     Parameters
     ----------
-    diagnosis
-        What was found.
+    found
+        The diagnosis.
+    plan
+        What was reckoned, each with its chance, the best first.
+    """
+    wanted = [capital(line) for line in next_experiments(found)]
+    if plan:
+        planned = [capital(line) for line in plan]
+        left = [line for line in wanted if not any(line in one for one in planned)]
+        blocks: list[web.Block] = [
+            web.Prose(
+                "These tests would help; the chances were calculated for each candidate cause, and the best "
+                "test is first:"
+            ),
+            web.Bullets(planned),
+        ]
+        if left:
+            blocks += [web.Prose("Tests whose chance was not calculated:"), web.Bullets(left)]
+        how = _to_state(found)
+        return [*blocks, how] if how.rows else blocks
+    if not wanted:
+        return [web.Prose("No further test is needed: use the stiffness together with the law that it belongs to.")]
+    why = {"ambiguous": "To distinguish the candidates:", "named": "To confirm the cause that was found:"}
+    before = [web.Prose(why[found.verdict])] if found.verdict in why else []
+    return [*before, web.Bullets(wanted)]
+
+
+def _to_state(found: Diagnosis) -> web.WebTable:
+    """Return how to tell a diagnosis of effects that were measured by themselves."""
+    asked = dict.fromkeys(m for model in found.models for m in model.fit.mechanisms)
+    return web.WebTable(
+        "If you measure one of these effects separately, add a [[measured]] table to subject.toml with its "
+        "value, sd and source, and diagnose again",
+        ["effect =", "value =", "unit", "value without it"],
+        [
+            [f'"{m.name}"', f"{first.name.replace('_', ' ')}, {first.statement}", first.unit, f"{null_of(first):g}"]
+            for m in asked
+            for first in m.parameters[:1]
+            if m.measured_sd is not None
+        ],
+    )
+
+
+def diagnosis_web_page(
+    found: Diagnosis,
+    subject: Recorded,
+    plan: Sequence[str] = (),
+    command: str = "",
+    pressed: PressedSection | None = None,
+) -> web.WebPage:
+    """Return the page of a diagnosis.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
     subject
         Whose recordings they are.
-    out
-        Folder; made if missing.
     plan
         What could be done next, each with its chance, the best first.
     command
-        That was given, for who wants to repeat it.
+        That was given; empty where there was none.
+    pressed
+        The section for the reader to press; as it is unpressed without it.
     """
-    out = Path(out)
-    with made_in_place(out) as folder:
-        entries = [listed("curves"), *_figures(diagnosis, subject, folder)]
-        pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
-        page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
-        write_page(page, folder, plain_page(page, [*entries, _RESULT]))
-    return out / REPORT
-
-
-def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
-    """Return the section with the base model, on a mesh coarse enough not to be waited for."""
-    settings = PlaneStrainSettings(
-        mesh=SectionMeshSettings().refined(1 / _COARSER),
-        newton=NewtonSettings(reuse=0.7, relative_tolerance=1e-5),
-        steps=StepSettings.regular(first=0.5, largest=2.0),
-    )
-    experiment = plane_strain_test(subject, settings)
-    base = found.base
-    values = {f"deep.{name}": kpa_to_mpa(base.value(name)) for name in base.fit.stiffness}
-    depth = float(found.observed.displacement.max())
-    shot = filmed(experiment, values, depth)
-    return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")
-
-
-def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFile]:
-    whose = subject.title, subject.origin
-    entries = []
+    chapters = [
+        web.Chapter(
+            "Recordings and model",
+            [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)],
+        ),
+        web.Chapter("Where the model is wrong", _where(found)),
+        web.Chapter("Which physics, and how sure", _physics(found)),
+        web.Chapter("What was tested", _tested(found)),
+        web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
+        web.Chapter("What to do next", next_blocks(found, plan)),
+        web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
+    ]
     if isinstance(subject, Subject):
-        figure = placement_figure(subject)
-        entries.append(ReportFile(save(figure, folder, "section"), SECTION_SHOWS))
-    several = len(found.observed.protocols) > 1
-    for number, stations in enumerate(found.observed.protocols):
-        name = f"recording-{number + 1}" if several else "recording"
-        entries.append(
-            ReportFile(
-                save(recording_figure(found, number, *whose), folder, name),
-                f"recordings ({stations.label}) against the model, what it misses, and where",
+        chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
+    return web.WebPage(
+        title=TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
+        subject=subject.title,
+        origin=subject.origin,
+        headline=headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
+        warnings=[*doubt_lines(doubts_of(found, subject)), *waves_say(found, subject), *_warnings(found)],
+        warned=" for the person who recorded and described the test",
+        known=known_of(found, subject),
+        chapters=chapters,
+        repeat=web.Repeat(command, versions()),
+        data="" if isinstance(subject, Subject) else ORIGINS[subject.origin].partition(" (")[0],
+    )
+
+
+def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
+    """Yield where the base model and shear waves ask for another stiffness."""
+    if not isinstance(subject, Subject):
+        return
+    known = elastography_priors(subject.elastography).get(DEEP_C10)
+    if known is not None:
+        alone = found.weighted_base
+        yield from disagreement(DEEP_C10, known, kpa_to_mpa(alone.value("C10")), kpa_to_mpa(alone.fit.sd("C10")))
+
+
+def _warnings(found: Diagnosis) -> list[str]:
+    warnings = list(found.observed.remarks)
+    for model in (found.base, *found.models):
+        for name in model.fit.at_bound:
+            warnings.append(
+                f"{plain(name).replace('.', ', ')} is at the end of the range that was searched: "
+                f"{tables.estimate(model, name)} ({_name(model)})."
             )
+    if not found.solutions and not found.emulator_error > 0:
+        warnings.append("Forces were interpolated between simulations, and no new simulation confirmed them.")
+    return warnings
+
+
+def _name(model: Explanation) -> str:
+    return f"with {model_name(model)}" if model.names else BASE_NAME
+
+
+def _where(found: Diagnosis) -> list[web.Block]:
+    if not found.located.any():
+        return [
+            web.Prose(
+                "No interval stands out from the noise."
+                if found.verdict == "consistent"
+                else "The difference is spread over the recordings; no single interval stands out."
+            )
+        ]
+    how = (
+        "Intervals in which the repaired model differs from the base model by more than a trial's noise"
+        if found.models
+        else "Intervals that stand out from the noise (chosen among all intervals)"
+    )
+    more = tables.places_left_out(found)
+    return [
+        web.Prose(
+            f"{how}. The size is the mean of model less recorded force: below zero, the tissue pushed back harder "
+            "than the model. The noise is the standard deviation of one trial's value. The p-value is family-wise, "
+            "over all intervals; '-' means that the interval by itself is not significant."
+        ),
+        web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
+        *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
+    ]
+
+
+def _physics(found: Diagnosis) -> list[web.Block]:
+    blocks: list[web.Block] = [
+        web.Prose(f"Verdict: {found.verdict.upper()}. {verdict_sentence(found)}"),
+        web.Prose(_looks(found)),
+        web.WebTable("What was left out, and how probably", *tables.explanation_cells(found)),
+    ]
+    if found.verdict == "consistent":
+        return [
+            *blocks,
+            web.WebTable(
+                "How strong each mechanism may be without being detected", *tables.limit_cells(found), folded=True
+            ),
+        ]
+    if not found.models:
+        return [*blocks, web.Prose(_closest(found))]
+    return [
+        *blocks,
+        web.WebTable("What the reported explanations explain", *tables.evidence_cells(found)),
+        web.Prose(
+            f"{tables.held_out_note(found.base_held_out)} The ln Bayes factor says how much more probable "
+            "the recordings are with the mechanism than without it; 5 is strong. “In part” means that a difference "
+            "without a known cause remains, because no real effect has exactly the form of a model."
+        ),
+    ]
+
+
+def _looks(found: Diagnosis) -> str:
+    stiffness = " and ".join(found.base.fit.stiffness)
+    ends = ", the cylinder's ends included" if found.with_ends else ""
+    looks = (
+        f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
+        f"R2 = {r_squared(found.base.fit, found):.5f}. Probabilities weigh all explanations "
+        "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
+        "nothing is taken to be as probable as one missing mechanism, and two half as probable. “Nothing detectable” "
+        "is nothing at all, or an effect that is too small for these recordings to detect."
+    )
+    if found.verdict == "consistent":
+        looks += (
+            f" That is no proof that nothing was left out: an effect that looks like a change of {stiffness}, "
+            "or that could not be tested, is not detected. The table below says how strong each mechanism may be "
+            "without being detected."
         )
-    if found.verdict != "consistent" and leading(found):
-        figure = signature_figure(found, *whose)
-        shows = "what the base model misses, and what each leading mechanism would leave"
-        entries.append(ReportFile(save(figure, folder, "signatures"), shows))
-    figure = ranking_figure(found, *whose)
-    shows = "how probable every explanation is"
-    entries.append(ReportFile(save(figure, folder, "ranking", svg=True), shows))
-    figure = parameter_figure(found, *whose)
-    shows = "the parameters with their 95 % intervals, before and after"
-    entries.append(ReportFile(save(figure, folder, "parameters", svg=True), shows))
-    return entries
+    if found.verdict in ("named", "ambiguous"):
+        looks += (
+            " The recordings show which known mechanisms can explain them; a mechanism that legfem "
+            "does not know and that looks the same is not ruled out."
+        )
+    return looks
+
+
+def _closest(found: Diagnosis) -> str:
+    text = (
+        "No mechanism that legfem knows explains the recordings. Every mechanism that these recordings can show was "
+        "added to the model, alone and the best ones in pairs; something unknown is more probable than any of them "
+        "that describes the recordings."
+    )
+    named = [e for e in found.explained.every if e.names]
+    if named and found.explained.describes(named[0]):
+        text += (
+            f" The most probable of them is {model_name(named[0])} "
+            f"({percent(named[0].probability)}): that is not a finding."
+        )
+    elif named:
+        text += (
+            f" {capital(model_name(named[0]))} comes closest of them, and explains "
+            f"{percent(explained_share(found, named[0]))} of the misfit: that is not a finding."
+        )
+    held = found.base_held_out
+    return (
+        f"{text} The base model predicts {held.how}, from a refit to the others, with an error of "
+        f"{held.rmse:.3f} N; the differences between trials account for {held.noise:.3f} N."
+    )
+
+
+def _tested(found: Diagnosis) -> list[web.Block]:
+    if not found.assessment.scores:
+        return [web.Prose("Nothing was tested: these recordings cannot show any of the mechanisms.")]
+    return [
+        web.Prose(
+            "Each effect was tested for by itself. Among many tests some p-values are small by "
+            "chance, and different effects can look alike; the verdict allows for both."
+        ),
+        web.WebTable(
+            "Tests for each mechanism in the difference between model and recordings", *tables.score_cells(found)
+        ),
+    ]
+
+
+def _untested(found: Diagnosis) -> list[str]:
+    """Return which mechanisms could not be tested, and why."""
+    if not found.untested:
+        return ["All mechanisms that legfem knows were tested."]
+    reasons: dict[str, list[str]] = {}
+    for name, why in found.untested.items():
+        reasons.setdefault(why, []).append(plain(name))
+    return [f"{', '.join(names)}: {why}" for why, names in reasons.items()]
+
+
+def _alike(found: Diagnosis) -> list[str]:
+    """Return sentences on what the recordings can't tell apart."""
+    lines = []
+    if len(found.models) > 1:
+        names = [model_name(model) for model in found.models]
+        lines.append(
+            f"{'; '.join(names)}: together they have 90 % of the probability, and none of them "
+            "alone has. These recordings cannot determine which of them it is."
+        )
+    both = " and ".join(found.base.fit.stiffness)
+    lines.append(
+        "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
+        f"a change of {both}. It was not tested, and would change the stiffness without any sign of it."
+    )
+    hidden = [s for s in found.assessment.scores if s.concealed > 0.95]
+    if hidden:
+        names = [f"{plain(s.name)} ({100 * s.concealed:.1f} %)" for s in hidden]
+        lines.append(
+            "Fitting the stiffness hides nearly all of a small effect of: "
+            f"{', '.join(names)}. Such an effect could bias the stiffness without a sign."
+        )
+    return lines
+
+
+def _noise(found: Diagnosis) -> str:
+    noise, posterior = found.errors.noise, found.best.posterior
+    return (
+        f"A force reading has an error of {noise.force_sd:.3g} N about the course of its trial "
+        f"({noise.white_sd:.2g} N from reading to reading; {noise.slow_sd:.2g} N slowly, over "
+        f"{noise.correlation_time:.2g} s), the zero of a trial {posterior.zero_sd:.2g} N, its gain "
+        f"{100 * posterior.gain_sd:.2g} %, the displacement {noise.wander_sd:.2g} mm "
+        f"(from {noise.source}). The {len(found.observed.force)} values compared are equivalent to "
+        f"{found.errors.effective_samples:.0f} independent ones. {_solutions(found)} What is not "
+        "known exactly (the geometry and the assumed tissue parameters) may vary within "
+        "its stated accuracy; the table of numbers says how far each was moved."
+    )
+
+
+def _solutions(found: Diagnosis) -> str:
+    if not (found.solutions or found.emulator_error > 0):
+        return "No full finite-element solution confirmed the interpolated forces."
+    made = f"{found.solutions} finite-element solutions were computed in this run, besides those from earlier runs; "
+    if math.isnan(found.emulator_error):
+        return made + "a solution of the base model stopped, so the interpolation could not be checked."
+    return made + (
+        f"the interpolation differed from the base model's solution by at most {found.emulator_error:.2%} of "
+        f"the largest force."
+    )

@@ -1,4 +1,4 @@
-"""Figure of fit and residual, as the paper's Fig. 7: a panel a law."""
+"""Figure of fit and residual, as the paper's Fig. 7: a panel a law and site."""
 
 from __future__ import annotations
 
@@ -10,40 +10,46 @@ from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.identify.result import IdentificationResult
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.fit import Fit, TestFit
 from legfem.inverse.laws import LawName
+from legfem.legs.details import LegDetails
+from legfem.legs.notices import curve_of
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 
 
 @styled
-def fit_figure(results: Sequence[IdentificationResult]) -> Figure:
-    """Return measured and simulated force over displacement, and their difference beneath.
+def fit_figure(fits: Sequence[Fit[LegDetails]]) -> Figure:
+    """Measured and simulated force over displacement, and their difference beneath: a panel a law and site.
 
     Parameters
     ----------
-    results
-        One a law, of one subject; panels stand in their order.
+    fits
+        One a law, of one leg; panels stand in their order.
     """
-    figure = new_figure(5.2 * len(results) + 0.6, 6.4)
-    first = results[0]
-    title(figure, "Measured and simulated force", first.subject_title, first.subject_origin)
-    grid = figure.subplots(2, len(results), sharex=True, sharey=False, squeeze=False, height_ratios=(2.2, 1))
-    top = 1.05 * max(_highest(result) for result in results)
-    for column, result in enumerate(results):
+    first = fits[0]
+    panels = [(fit, number) for fit in fits for number in range(len(fit.tests))]
+    several = len(first.tests) > 1
+    figure = new_figure((4.6 if several else 5.2) * len(panels) + 0.6, 6.4)
+    together = " of all sites together" if several else ""
+    title(figure, f"Measured and simulated force{together}", first.subject.title, first.subject.origin)
+    grid = figure.subplots(2, len(panels), sharex=not several, squeeze=False, height_ratios=(2.2, 1))
+    top = 1.05 * max(_highest(one) for fit in fits for one in fit.tests)
+    for column, (fit, number) in enumerate(panels):
         above, below = grid[:, column]
-        above.set_ylim(0, top)
-        force, cost = result.predicted.force, result.cost
-        draw_fit(
-            above,
-            result.measured,
-            force,
-            result.law,
-            [*estimate_lines(result.parameters), f"cost E = {cost.value:.3g} N$^2$, rms {cost.rms:.3g} N"],
-        )
-        panel(above, "ABCDEFGH"[column], LAW_NAMES[result.law])
-        draw_residual(below, result.measured, force, result.law)
+        one = fit.tests[number]
+        measured, force = curve_of(one), one.force.predicted
+        lines = [f"rms {one.force.rms:.3g} N"]
+        if not several:
+            lines = [f"cost E = {fit.cost.value:.3g} N$^2$, {lines[0]}"]
+        if number == 0:
+            lines = [*estimate_lines(fit.estimates), *lines]
+        draw_fit(above, measured, force, fit.law, lines)
+        above.set_ylim(0, None if several else top)
+        panel(above, chr(ord("A") + column), f"{one.name}, {LAW_NAMES[fit.law]}" if several else LAW_NAMES[fit.law])
+        draw_residual(below, measured, force, fit.law)
+        below.set_xlim(*above.get_xlim())
     label_axes(grid)
     return figure
 
@@ -64,8 +70,8 @@ def estimate_lines(parameters: Mapping[str, Estimate]) -> list[str]:
     ]
 
 
-def _highest(result: IdentificationResult) -> float:
-    return float(max(result.measured.trial_force.max(), result.predicted.force.max()))
+def _highest(one: TestFit) -> float:
+    return float(max(curve_of(one).trial_force.max(), one.force.predicted.max()))
 
 
 def draw_fit(axes: Axes, measured: LoadingCurve, predicted: FloatArray, law: LawName, lines: Sequence[str]) -> None:

@@ -1,128 +1,173 @@
-"""The report of an identification: text, figures and fields in one folder."""
+"""The folder of an identification: result.json, pages, figures, tables and fields, of a leg or of specimens."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from matplotlib.figure import Figure
 from mpi4py import MPI
 
+from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.identify.result import IdentificationResult
+from legfem.inverse.document import KindDocument, fit_document
+from legfem.inverse.fit import Fit
 from legfem.jobs.background import in_background
-from legfem.legs.subject import Subject
+from legfem.legs.details import LegDetails
+from legfem.legs.document import LegDocument
+from legfem.legs.notices import curve_of
 from legfem.report.cost_figure import cost_figure
-from legfem.report.filmed import filmed
+from legfem.report.estimates import preferred
 from legfem.report.fit_figure import fit_figure
-from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.leg_figure import leg_figure
-from legfem.report.listing import RESULT, ReportFile
+from legfem.report.folder import REPORT, RESULT, ReportFile, made_in_place
+from legfem.report.leg import leg_page
+from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
+from legfem.report.page import PressedSection, WebPage
 from legfem.report.paraview import write_fields
-from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
-from legfem.report.plain import plain_page
+from legfem.report.render.table import estimates_frame
+from legfem.report.section import filmed
+from legfem.report.specimen_figure import specimen_figure
+from legfem.report.specimens import specimen_page
 from legfem.report.style import LAW_NAMES, save
-from legfem.report.web.identification import identification_page
-from legfem.report.web.page import listed, write_page
-from legfem.report.web.section import PressedSection
+from legfem.report.write import write_page
+from legfem.specimens.details import SpecimenDetails
+from legfem.specimens.document import SpecimenDocument
+
+type LegFits = Sequence[Fit[LegDetails]]
+type Drawn = list[ReportFile]
 
 
-def write_identification_report(
-    results: Sequence[IdentificationResult],
-    subject: Subject,
-    experiment: PlaneStrainIndentation | None,
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """What one more solve of the best law gives to look at."""
+
+    note: str = ""
+    files: Drawn = field(default_factory=list)
+    pressed: PressedSection | None = None
+
+
+@dataclass(frozen=True)
+class ReportKind:
+    """What a kind of problem has of its own to show."""
+
+    document: KindDocument
+    page: Callable[[Sequence[Fit[Any]], PressedSection | None, str, str], WebPage]
+    """Page of fits, with the section pressed, the command, and a note on the solve that pressed it."""
+    figure: Callable[[Sequence[Fit[Any]]], Figure]
+    """Figure that shows most."""
+    files: Callable[[Sequence[Fit[Any]], Path], Drawn]
+    """Writes the figures into a folder."""
+
+
+def kind_of(fits: Sequence[Fit[Any]]) -> ReportKind:
+    """How fits are shown, by their kind."""
+    return _KINDS[fits[0].kind]
+
+
+def write_report(
+    fits: Sequence[Fit[Any]],
     out: Path,
     command: str = "",
+    experiment: PlaneStrainIndentation | None = None,
     jobs: int = 1,
 ) -> Path:
-    """Write report.txt, report.html, the figures and the fields of an identification.
-
-    Returns report.txt's path.
+    """Write the folder of fits: result.json, report.html and report.txt, tables, figures; return report.txt's path.
 
     Parameters
     ----------
-    results
-        One a law, of one subject.
-    subject
-        Whose results they are.
-    experiment
-        Solved once more with the law that fits best, for the deformed state; None leaves picture
-        and fields of it out. Under MPI all ranks of its communicator call.
+    fits
+        One a law, of one leg or one folder of specimens.
     out
         Folder; made if missing.
     command
         That was given, for who wants to repeat it.
+    experiment
+        Of the only site, solved once more with the law that fits best for the deformed state; None leaves picture
+        and fields of it out. Under MPI all ranks of its communicator call.
     jobs
         Processes: with several the figures are drawn while the deformed state is read.
     """
-    out = Path(out)
+    kind, out = kind_of(fits), Path(out)
     comm = MPI.COMM_SELF if experiment is None else experiment.comm
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0:
         return out / REPORT
-    note, entries, pressed = "", list[ReportFile](), None
+    if comm.rank == 0:
+        write_document(out / "result.json", fit_document(fits, kind.document))
     apart = jobs > 1 and experiment is not None and comm.size == 1
-    with (
-        made_in_place(out, comm) as folder,
-        in_background(lambda: _figures(results, subject, folder), apart) as figures,
-    ):
-        if experiment is not None:
-            note, entries, pressed = _deformed_state(results, subject, experiment, folder)
+    with made_in_place(out, comm) as folder, in_background(lambda: kind.files(fits, folder), apart) as drawn:
+        solved = _Solved() if experiment is None else _deformed_state(fits, experiment, folder)
         if comm.rank == 0:
-            entries = [listed("curves and leg"), *figures(), *entries]
-            page = identification_page(results, subject, pressed, command, note)
-            write_page(page, folder, plain_page(page, [*entries, RESULT]))
+            page = kind.page(fits, solved.pressed, command, solved.note)
+            write_page(page, folder, "curves", [*drawn(), *solved.files, RESULT], estimates_frame(fits))
     return out / REPORT
 
 
-def _figures(results: Sequence[IdentificationResult], subject: Subject, folder: Path) -> list[ReportFile]:
+def pressed_section_of(fits: LegFits, experiment: PlaneStrainIndentation) -> PressedSection | None:
+    """The section under the best law, solved once more to be pressed; None where that fails."""
+    best = preferred(fits)
+    shot = filmed(experiment, best.model_values, float(curve_of(best.tests[0]).displacement[-1]))
+    return shot.section(f"the {LAW_NAMES[best.law]} law")
+
+
+def _leg_figures(fits: LegFits, folder: Path) -> Drawn:
     entries = [
         ReportFile(
-            save(fit_figure(results), folder, "fit", svg=True),
+            save(fit_figure(fits), folder, "fit", svg=True),
             "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
         )
     ]
-    for result in results:
-        if len(result.parameters) > 2:
+    for fit in fits:
+        if len(fit.estimates) > 2 or len(fit.tests) > 1:
             continue
-        two = len(result.parameters) == 2
-        shows = f"cost of the {LAW_NAMES[result.law]} law over its parameters, and the search"
+        two = len(fit.estimates) == 2
+        shows = f"cost of the {LAW_NAMES[fit.law]} law over its parameters, and the search"
         if two:
             shows += (
                 ". The 95 % region follows the noise, which is correlated along the curve, "
                 "so its axes need not be those of the cost's contours"
             )
-        entries.append(ReportFile(save(cost_figure(result), folder, f"cost-{result.law}", svg=not two), shows))
-    entries.append(ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS))
+        entries.append(ReportFile(save(cost_figure(fit), folder, f"cost-{fit.law}", svg=not two), shows))
+    leg = fits[0].details.leg
+    for site in leg.sites:
+        several = len(leg.sites) > 1
+        name = f"section-{site.site}" if several else "section"
+        shows = f"{site.site}: {SECTION_SHOWS}" if several else SECTION_SHOWS
+        entries.append(ReportFile(save(placement_figure(site), folder, name), shows))
     return entries
 
 
-def pressed_leg(results: Sequence[IdentificationResult], experiment: PlaneStrainIndentation) -> PressedSection | None:
-    """Solve the best law once more; return its section to press, None where that fails."""
-    best = _best(results)
-    shot = filmed(experiment, best.model_values, float(best.measured.displacement[-1]))
-    return shot.section(f"the {LAW_NAMES[best.law]} law")
+def _specimen_figures(fits: Sequence[Fit[SpecimenDetails]], folder: Path) -> Drawn:
+    shows = "every recording beside the model over displacement and time, and their differences"
+    return [ReportFile(save(specimen_figure(fits), folder, "fit", svg=True), shows)]
 
 
-def _best(results: Sequence[IdentificationResult]) -> IdentificationResult:
-    return min(results, key=lambda result: result.cost.value)
+_KINDS: Mapping[str, ReportKind] = {
+    "leg": ReportKind(LegDocument(), leg_page, fit_figure, _leg_figures),
+    "specimens": ReportKind(
+        SpecimenDocument(),
+        lambda fits, pressed, command, note: specimen_page(fits, command),
+        specimen_figure,
+        _specimen_figures,
+    ),
+}
 
 
-def _deformed_state(
-    results: Sequence[IdentificationResult], subject: Subject, experiment: PlaneStrainIndentation, folder: Path
-) -> tuple[str, list[ReportFile], PressedSection | None]:
-    """Solve the best law once more; return a note on that, what was written of it, and the film."""
-    best = _best(results)
-    shot = filmed(experiment, best.model_values, float(best.measured.displacement[-1]))
+def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: Path) -> _Solved:
+    """Solve the best law once more, and write what is to be seen of it."""
+    best = preferred(fits)
+    subject = best.details.subject
+    depth = float(curve_of(best.tests[0]).displacement[-1])
+    shot = filmed(experiment, best.model_values, depth)
     solved = shot.solved
     if not shot.is_final:
-        return (
-            f"The deformed state at {best.measured.displacement[-1]:g} mm could not be solved for "
-            f"again with the same mesh ({solved.report.reason}): its picture and fields are left "
-            "out.",
-            [],
-            None,
+        return _Solved(
+            f"The deformed state at {depth:g} mm could not be solved for again with the same mesh "
+            f"({solved.report.reason}): its picture and fields are left out."
         )
     fields = shot.fields
-    entries, pressed = [], None
+    files, pressed = [], None
     if shot.film is not None:
         pressed = shot.section(f"the {LAW_NAMES[best.law]} law")
         figure = leg_figure(
@@ -135,11 +180,10 @@ def _deformed_state(
             subject.origin,
         )
         shows = "the section with its mesh, and deformed with the hydrostatic pressure"
-        entries.append(ReportFile(save(figure, folder, "leg"), shows))
-    written = write_fields(fields, folder, solved.report.reached)
-    entries.append(
+        files.append(ReportFile(save(figure, folder, "leg"), shows))
+    files.append(
         ReportFile(
-            written,
+            write_fields(fields, folder, solved.report.reached),
             "the same for ParaView: displacement (mm), hydrostatic pressure and von Mises stress "
             "(kPa), greatest stretch, J, tissue; contact pressure on the skin (kPa)",
         )
@@ -147,7 +191,7 @@ def _deformed_state(
     note = (
         f"Picture and fields of the deformed leg are of the {LAW_NAMES[best.law]} law at "
         f"{solved.report.reached:g} mm, from one more full solve that isn't among the "
-        f"{best.forward_solves} counted above ({solved.report.factorisations} factorisations, "
+        f"{best.log.forward_solves} counted above ({solved.report.factorisations} factorisations, "
         f"{solved.report.seconds:.1f} s)."
     )
-    return note, entries, pressed
+    return _Solved(note, files, pressed)

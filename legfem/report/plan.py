@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from legfem.common.doubts import Doubt, doubt_lines
+from legfem.geometry.section import girth
 from legfem.inverse.plan import DesignValue
+from legfem.legs.plan import Expected
+from legfem.legs.subject import Subject
+from legfem.report import page as web
+from legfem.report.diagnosis_curves import plain
 from legfem.report.diagnosis_sentences import percent
+from legfem.report.page import Bars, LabelledBar
+from legfem.report.section import still_section
+from legfem.report.style import LAW_NAMES
+from legfem.report.words import options_of
 
 SCHEMA = 1
 NOTHING = "nothing"
 NOTE = (
-    "Chances that a test tells an effect of usual strength from a leg without it (a Bayes "
-    "factor of twenty), the stiffness refitted, with what isn't known of the leg and of the "
-    "instruments. Simulated; no recording was used. An effect that no test shows may bias the "
-    "stiffness unseen."
+    "The chance that a test detects an effect of usual strength (a Bayes factor of twenty against a leg without "
+    "it), with the stiffness fitted again and all uncertainties of the leg and the instruments. These "
+    "are simulations; no recording was used. An effect that no test shows may bias the stiffness without any sign."
 )
 
 
@@ -25,7 +34,7 @@ def effects_of(ranked: Sequence[DesignValue]) -> list[str]:
 
 def plan_lines(ranked: Sequence[DesignValue]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
-    return [f"{one.design.name}: {percent(one.chance)} chance of telling the candidates apart" for one in ranked]
+    return [f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates" for one in ranked]
 
 
 def plan_document(ranked: Sequence[DesignValue], subject: str) -> dict[str, Any]:
@@ -43,3 +52,171 @@ def plan_document(ranked: Sequence[DesignValue], subject: str) -> dict[str, Any]
             for one in ranked
         ],
     }
+
+
+RANKED, SHOWN = "Tests, the most informative first", "What each test would show"
+"""Chapters."""
+_LIKELY, _UNLIKELY = 0.8, 0.2
+"""Chances from which an effect is called shown, and below which it is called unseen."""
+_NOT_WEIGHED = (
+    "Effects that legfem does not know: no plan can say which test would show them.",
+    "Two effects at once, and effects weaker or stronger than usual.",
+    "What a test costs in time, and what the person can bear.",
+)
+
+
+def plan_web_page(
+    ranked: Sequence[DesignValue],
+    subject: Subject,
+    expected: Expected,
+    doubts: Sequence[Doubt],
+    versions: Mapping[str, str],
+    command: str = "",
+) -> web.WebPage:
+    """Return the page of a plan.
+
+    Parameters
+    ----------
+    ranked
+        Tests, the most telling first.
+    subject
+        Whose leg.
+    expected
+        Stiffness and test that the plan is made for.
+    doubts
+        About what was given.
+    versions
+        Of the programs that made it.
+    command
+        That was given; empty where there was none.
+    """
+    names = effects_of(ranked)
+    return web.WebPage(
+        title=f"Which test of leg {subject.id} should be made first?",
+        subject=subject.title,
+        origin="simulated",
+        headline=_headline(ranked, names),
+        warnings=[*doubt_lines(doubts), *_warnings(ranked, names)],
+        known=_known(subject, expected),
+        chapters=[
+            web.Chapter(RANKED, [_tests(ranked)]),
+            web.Chapter(SHOWN, [web.Prose(NOTE), _chances(ranked, names)]),
+            web.Chapter("The leg", [still_section(subject)]),
+            web.Chapter("What to do next", [web.Bullets(_next(ranked, subject))]),
+            web.Chapter("What was not weighed", [web.Bullets(_NOT_WEIGHED)]),
+        ],
+        repeat=web.Repeat(command, versions),
+        data=f"simulated data (no test has been made yet; section of the leg: {subject.origin})",
+    )
+
+
+def _shown(one: DesignValue, names: Sequence[str], low: float, high: float) -> list[str]:
+    return [plain(name) for name in names if low <= one.chances[name, NOTHING] <= high]
+
+
+def _headline(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.Headline:
+    heading = "What to test"
+    if not ranked:
+        return web.Headline(
+            "wrong",
+            "No test could be weighed: the leg's responses don't reach the depth.",
+            [("What to do", "Plan a less deep test (--depth).")],
+            heading,
+        )
+    best = ranked[0]
+    shown, unseen = _shown(best, names, _LIKELY, 1.0), _never(ranked, names)
+    return web.Headline(
+        "caution" if unseen else "sound",
+        f"Make this test first: {best.design.name}.",
+        [
+            (
+                "What it would show",
+                f"With a chance of 80 % or more, if it is there: {', '.join(shown)}."
+                if shown
+                else "No effect with a chance of 80 %; the table has all.",
+            ),
+            (
+                "What no test here shows",
+                f"{', '.join(unseen).capitalize()}: it could bias the stiffness without any sign."
+                if unseen
+                else "Every effect that legfem knows would show in at least one of them.",
+            ),
+            (
+                "How sure",
+                "The chances were calculated for effects of usual strength, from the shape of this leg and the "
+                "errors of the instruments. Nothing has been measured yet.",
+            ),
+            ("What to do", "Make the test, then diagnose the recordings."),
+        ],
+        heading,
+    )
+
+
+def _never(ranked: Sequence[DesignValue], names: Sequence[str]) -> list[str]:
+    return [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
+
+
+def _warnings(ranked: Sequence[DesignValue], names: Sequence[str]) -> list[str]:
+    unseen = _never(ranked, names)
+    if not unseen:
+        return []
+    return [f"No test shows {', '.join(unseen)} with a chance of 20 % or more."]
+
+
+def _tests(ranked: Sequence[DesignValue]) -> Bars:
+    return Bars(
+        "Chance that the test identifies the cause, whichever it is",
+        ("test", "chance"),
+        [
+            LabelledBar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
+            for k, one in enumerate(ranked, 1)
+        ],
+        greatest=100.0,
+    )
+
+
+def _chances(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.WebTable:
+    return web.WebTable(
+        "Chance that a test detects an effect; tests by their rank",
+        ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
+        [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
+    )
+
+
+def _next(ranked: Sequence[DesignValue], subject: Subject) -> list[str]:
+    folder = options_of(subject)
+    return [
+        *(f"Test {k}: {one.design.name}." for k, one in enumerate(ranked[:3], 1)),
+        f"Put the recordings into the folder's recordings/, then: legfem diagnose {folder}",
+    ]
+
+
+def _known(subject: Subject, expected: Expected) -> list[web.Known]:
+    instrument = subject.instrument
+    stated = "the command, or usual values"
+    return [
+        web.Known(
+            "expected C10",
+            f"{expected.c10:g} kPa",
+            "assumed",
+            stated,
+            remark=f"{LAW_NAMES[subject.tissues['deep'].law]} law",
+        ),
+        web.Known("expected C20", f"{expected.c20:g} kPa", "assumed", stated),
+        web.Known("depth", f"{expected.depth:g} mm", "assumed", stated),
+        web.Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
+        web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"),
+        web.Known(
+            "error of a displacement reading",
+            f"{instrument.displacement_sd:.3g} mm (sd)",
+            "prior",
+            "subject.toml, or usual",
+        ),
+        web.Known("girth of the section", f"{girth(subject.section):.0f} mm", subject.origin, "contours of the skin"),
+        web.Known(
+            "cylinder",
+            f"{2 * subject.indenter.radius:g} mm across, {subject.indenter.length:g} mm long",
+            "assumed",
+            "subject.toml",
+        ),
+    ]

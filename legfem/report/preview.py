@@ -21,9 +21,8 @@ from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about, room_before
 from legfem.legs.schema import RECORDINGS, SUBJECTS, site_names, subject_entry
 from legfem.legs.subject import Subject
+from legfem.report.leg_figure import SECTION_SHOWS, placement_figure, slices_figure
 from legfem.report.look import draw_look, look_text
-from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
-from legfem.report.slices_figure import slices_figure
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.recorded import SpecimenRecording

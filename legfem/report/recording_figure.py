@@ -16,8 +16,16 @@ from legfem.data.segmentation import HOLD, LOADING
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.stations import Stations
 from legfem.inverse.verdict import Diagnosis
-from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, LOCATED_COLOUR, REPAIRED_COLOUR, Shown, shown_models
-from legfem.report.located import Place, places_of
+from legfem.report.diagnosis_curves import (
+    BASE_COLOUR,
+    BASE_NAME,
+    LOCATED_COLOUR,
+    REPAIRED_COLOUR,
+    Place,
+    Shown,
+    places_of,
+    shown_models,
+)
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 
 _MARKERS = {LOADING: "o", HOLD: "s", "unloading": "v"}
@@ -70,9 +78,9 @@ def recording_figure(found: Diagnosis, number: int, subject: str, origin: str) -
         for axes, segment in zip(line, segments, strict=True):
             _draw_residual(axes, found, number, segment, drawn, places)
             phase = str(stations.phase[stations.segment == segment][0])
-            whose = "by the repaired model " if drawn is not fits else ""
-            panel(axes, next(letters), f"missed {whose if axes is line[0] else ''}in {phase}")
-        line[0].set_ylabel("recorded − model (N)")
+            whose = "of the repaired model " if drawn is not fits else ""
+            panel(axes, next(letters), f"difference {whose if axes is line[0] else ''}in {phase}")
+        line[0].set_ylabel("model − recorded (N)")
     for axes, segment in zip(grid[-1], segments, strict=True):
         held = stations.phase[stations.segment == segment][0] == HOLD
         axes.set_xlabel("time held (s), logarithmic" if held else "displacement (mm)")
@@ -143,7 +151,7 @@ def _draw_residual(
         last = first + len(place.stations)
         axes.axvspan(inner[first], inner[last], color=LOCATED_COLOUR, alpha=0.4, linewidth=0)
     for fitted, colour, line in fits:
-        residual = _rows(found, number, fitted.residual)[:, here]
+        residual = -_rows(found, number, fitted.residual)[:, here]
         axes.plot(x, residual.T, ".", color=colour, markersize=2.6, alpha=0.6)
         axes.plot(x, residual.mean(axis=0), line, color=colour, linewidth=1.6)
     if stations.phase[here][0] == HOLD:

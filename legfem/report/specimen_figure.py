@@ -9,15 +9,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from legfem.inverse.fit import Fit
 from legfem.report.style import FAINT, LAW_NAMES, new_figure, panel, styled, title
-from legfem.specimens.result import SpecimenResult
+from legfem.specimens.details import SpecimenDetails, compared
 
 _NAMED = 6
 _COLOURS = "viridis"
 
 
 @styled
-def specimen_figure(results: Sequence[SpecimenResult]) -> Figure:
+def specimen_figure(results: Sequence[Fit[SpecimenDetails]]) -> Figure:
     """Return force over displacement, over time where a recording holds, and the differences.
 
     Parameters
@@ -26,9 +27,9 @@ def specimen_figure(results: Sequence[SpecimenResult]) -> Figure:
         One a law, of one folder; a column each.
     """
     first = results[0]
-    rows = 3 if any(one.course.holds for one in first.recordings) else 2
+    rows = 3 if any(one.course.holds for one in compared(first)) else 2
     figure = new_figure(5.4 * len(results) + 0.6, 3.2 * rows)
-    title(figure, "Measured and simulated force", first.folder.title, first.folder.origin)
+    title(figure, "Measured and simulated force", first.details.folder.title, first.details.folder.origin)
     grid = figure.subplots(rows, len(results), squeeze=False, sharey="row")
     for column, result in enumerate(results):
         axes = grid[:, column]
@@ -44,13 +45,13 @@ def specimen_figure(results: Sequence[SpecimenResult]) -> Figure:
     return figure
 
 
-def _colours(result: SpecimenResult) -> np.ndarray:
-    shades = matplotlib.colormaps[_COLOURS](np.linspace(0.0, 0.85, len(result.recordings)))
+def _colours(result: Fit[SpecimenDetails]) -> np.ndarray:
+    shades = matplotlib.colormaps[_COLOURS](np.linspace(0.0, 0.85, len(compared(result))))
     return np.asarray(shades)
 
 
-def _over_displacement(axes: Axes, result: SpecimenResult, names: bool) -> None:
-    for one, colour in zip(result.recordings, _colours(result), strict=True):
+def _over_displacement(axes: Axes, result: Fit[SpecimenDetails], names: bool) -> None:
+    for one, colour in zip(compared(result), _colours(result), strict=True):
         loading = one.course.time <= one.course.arrival
         d = one.course.displacement[loading]
         dots = "o" if one.fitted else "x"
@@ -59,16 +60,16 @@ def _over_displacement(axes: Axes, result: SpecimenResult, names: bool) -> None:
         line = "-" if one.fitted else "--"
         axes.plot(np.append(0.0, d), np.append(0.0, one.predicted[loading]), line, color=colour)
     axes.set_xlabel("displacement after first contact, loading (mm)")
-    if len(result.recordings) <= _NAMED:
+    if len(compared(result)) <= _NAMED:
         axes.legend(loc="upper left", fontsize=8)
     elif names:
         axes.text(
-            0.02, 0.95, f"{len(result.recordings)} recordings; x, dashed: left out", transform=axes.transAxes, va="top"
+            0.02, 0.95, f"{len(compared(result))} recordings; x, dashed: left out", transform=axes.transAxes, va="top"
         )
 
 
-def _over_time(axes: Axes, result: SpecimenResult) -> None:
-    for one, colour in zip(result.recordings, _colours(result), strict=True):
+def _over_time(axes: Axes, result: Fit[SpecimenDetails]) -> None:
+    for one, colour in zip(compared(result), _colours(result), strict=True):
         dots, line = ("o", "-") if one.fitted else ("x", "--")
         time = one.course.time
         axes.plot(time, one.course.force, dots, color=colour, markersize=3, fillstyle="none")
@@ -77,12 +78,12 @@ def _over_time(axes: Axes, result: SpecimenResult) -> None:
     axes.set_xlabel("time after first contact (s)")
 
 
-def _differences(axes: Axes, result: SpecimenResult) -> None:
+def _differences(axes: Axes, result: Fit[SpecimenDetails]) -> None:
     axes.axhline(0.0, color=FAINT, linewidth=0.6)
-    for one, colour in zip(result.recordings, _colours(result), strict=True):
+    for one, colour in zip(compared(result), _colours(result), strict=True):
         share = 100 * (one.predicted - one.course.force) / one.course.peak
         line = "-" if one.fitted else "--"
         axes.plot(one.course.time / one.course.arrival, share, line, color=colour)
-    if any(one.course.holds for one in result.recordings):
+    if any(one.course.holds for one in compared(result)):
         axes.set_xscale("log")
     axes.set_xlabel("time over the loading's")

@@ -10,18 +10,17 @@ import numpy as np
 from legfem.common.documents import write_document
 from legfem.common.units import FloatArray
 from legfem.fem.fields import fields_of
-from legfem.geometry.leg_shape import LegShape
-from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.listing import ReportFile
+from legfem.report.folder import REPORT, ReportFile, made_in_place
 from legfem.report.paraview import write_fields
-from legfem.report.plain import plain_page
-from legfem.report.stocking_contours_figure import stocking_contours_figure
-from legfem.report.stocking_fat_figure import stocking_fat_figure
-from legfem.report.stocking_pressure_figure import stocking_pressure_figure
-from legfem.report.stocking_section_figure import stocking_section_figure
+from legfem.report.stocking_figures import (
+    stocking_contours_figure,
+    stocking_fat_figure,
+    stocking_pressure_figure,
+    stocking_section_figure,
+)
 from legfem.report.style import save
-from legfem.report.web.page import listed, write_page
 from legfem.report.web.stocking import stocking_web_page
+from legfem.report.write import write_page
 from legfem.stockings.document import stocking_document
 from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.pressures import FatPressures, PressureProbe, SectionPressures, fat_pressures, section_pressures
@@ -36,7 +35,6 @@ class _Sampled:
 
     section: SectionPressures | None
     fat: FatPressures | None
-    simulated: LegShape | None
     moved: dict[str, FloatArray] | None
     """Displacement (mm) of the points of skin and hull."""
 
@@ -64,19 +62,20 @@ def write_stocking_report(result: StockingResult, folder: Path, command: str = "
             numbers = write_document(hidden / NUMBERS, stocking_document(result, sampled.fat))
             entries.append(ReportFile([numbers], "all numbers with their units"))
             page = stocking_web_page(result, sampled.moved, sampled.fat, command)
-            write_page(page, hidden, plain_page(page, [listed("the leg to turn"), *entries]))
+            write_page(page, hidden, "the leg to turn", entries)
     return folder / REPORT
 
 
 def _sample(result: StockingResult) -> _Sampled:
-    simulated = result.simulated_scan
     moved = moved_surfaces(result)
     if result.pressures is None:
-        return _Sampled(None, None, simulated, moved)
+        return _Sampled(None, None, moved)
     probe, shape = PressureProbe(result.model.compression), result.leg.bare
     level = float(np.median(result.leg.slices))
     return _Sampled(
-        section_pressures(shape, level, result.worn, probe), fat_pressures(shape, result.worn, probe), simulated, moved
+        section_pressures(shape, level, result.equilibrium, probe),
+        fat_pressures(shape, result.equilibrium, probe),
+        moved,
     )
 
 
@@ -84,7 +83,7 @@ def moved_surfaces(result: StockingResult) -> dict[str, FloatArray] | None:
     """Return the displacement (mm) of the points of skin and hull; None without an equilibrium."""
     if result.pressures is None:
         return None
-    return {part: result.model.displacement(part, result.worn.state.unknown) for part in SURFACES}
+    return {part: result.model.displacement(part, result.equilibrium.state.unknown) for part in SURFACES}
 
 
 def _figures(result: StockingResult, sampled: _Sampled, folder: Path) -> list[ReportFile]:
@@ -105,18 +104,17 @@ def _figures(result: StockingResult, sampled: _Sampled, folder: Path) -> list[Re
                 "fat thickness round the leg against the pressures over it and in it",
             ),
         ]
-    best = result.best
-    if best is not None and sampled.simulated is not None:
-        figure = stocking_contours_figure(result, best, sampled.simulated)
+    if result.best is not None:
+        figure = stocking_contours_figure(result, result.best)
         shows = "the slices that were compared: outlines, and distances of model and bare leg"
         entries.append(ReportFile(save(figure, folder, "contours"), shows))
     return entries
 
 
 def _fields(result: StockingResult, folder: Path) -> list[ReportFile]:
-    if not result.worn.state.report.complete:
+    if not result.equilibrium.state.report.complete:
         return []
-    result.model.put_in(result.worn.state, result.worn.pressure, result.parameters)
+    result.model.set_state(result.equilibrium.state, result.equilibrium.pressure, result.parameters)
     written = write_fields(fields_of(result.model.compression.system), folder)
     shows = (
         "the leg in its stocking for ParaView: displacement (mm), hydrostatic pressure and von "

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import shlex
+
+from legfem.legs.subject import Subject
 
 ORIGINS = {
     "measured": "measured data",
@@ -52,3 +55,9 @@ def number(value: float, spread: float = math.nan) -> str:
         digits = -math.floor(math.log10(0.65 * spread))
         return f"{value:.{min(max(digits, 0), 6)}f}"
     return f"{value:.3g}"
+
+
+def options_of(subject: Subject) -> str:
+    """Options of a command that name a subject."""
+    site = f" --site {shlex.quote(subject.site)}" if subject.site else ""
+    return f"--subject-dir {subject.directory}{site}"

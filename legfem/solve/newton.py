@@ -9,7 +9,7 @@ accepts impossible steps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from legfem.solve.linear import LinearSettings, SaddlePreconditioner, configure,
 from legfem.solve.settings import NewtonSettings
 
 _SMALLEST = 1e-8
-"""Over the largest: singular values of the updates' products that are rounding."""
+"""Singular values of the updates' products, over the largest, below which they are rounding."""
 
 
 class AndersonMixing:
@@ -76,7 +76,7 @@ class AndersonMixing:
 
 @dataclass(frozen=True, eq=False)
 class Damping:
-    """A force on every displacement towards an earlier state; see `legfem.solve.relaxation`."""
+    """A force on every displacement towards an earlier state; see `legfem.solve.newton`."""
 
     anchor: FloatArray
     """Unknown at the earlier state, ghosts included."""
@@ -104,7 +104,7 @@ class Damper:
         return self._damping is not None
 
     def turn_to(self, damping: Damping | None) -> None:
-        """Damp as is said, from now on."""
+        """Set the damping of the following residuals and tangents; None removes it."""
         self._damping = damping
         if damping is not None and self._stiffness is None:
             self._stiffness = self._usual_stiffness()
@@ -141,7 +141,7 @@ class Damper:
 
 @dataclass(frozen=True)
 class NewtonOutcome:
-    """What one step took."""
+    """Outcome of one step: whether it converged, why it ended, and the work it took."""
 
     converged: bool
     reason: str
@@ -358,3 +358,79 @@ def _describe(reason: int) -> str:
         reasons.DIVERGED_FUNCTION_DOMAIN: "an element is inverted",
     }
     return words.get(reason, f"SNES reason {reason}")
+
+
+RELAXED = "relaxed to another equilibrium"
+
+
+@dataclass(frozen=True)
+class RelaxationSettings:
+    """How the damping falls; in multiples of the tangent's usual diagonal.
+
+    Parameters
+    ----------
+    first, greatest : float
+        Strength at the start, and above which it is given up.
+    undamped : float
+        Strength below which Newton's method is tried without damping.
+    easy : int
+        Factorisations up to which a damped step was easy: the next has ``eased`` times its
+        strength. One that failed is repeated with ``raised`` times its strength.
+    eased, raised : float
+        Factors.
+    most : int
+        Greatest number of damped steps.
+    """
+
+    first: float = 1.0
+    greatest: float = 1e4
+    undamped: float = 1e-4
+    easy: int = 6
+    eased: float = 0.3
+    raised: float = 8.0
+    most: int = 110
+
+
+def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | None = None) -> NewtonOutcome:
+    r"""Creep from the system's present unknown to an equilibrium, which replaces it if found.
+
+    Where a path of equilibria ends the body creeps to another one: thin muscle between a stiff
+    fascia and a bone buckles and folds. At a step's end the indenter then rests, and backward Euler
+    steps of a fictitious time follow
+
+    .. math:: \tau\, w\, \dot u = -R(u)
+
+    with ever smaller damping, until Newton's method converges without any: pseudo-transient
+    continuation (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35 (1998) 508-523). A descent
+    passes maxima and saddles of the energy, so that what it ends at is an equilibrium that a slow
+    experiment would snap to; only that state, undamped, is a result.
+
+    Returns
+    -------
+    NewtonOutcome
+        Outcome of the last solution, with the factorisations and iterations of all.
+    """
+    given = settings or RelaxationSettings()
+    unknown = system.unknown.x.array
+    factorisations = iterations = 0
+    strength = given.first
+    outcome = NewtonOutcome(False, "no damping was enough", 0, 0, float("inf"))
+    for _ in range(given.most):
+        anchor = unknown.copy()
+        damped = strength >= given.undamped
+        outcome = solver.solve(Damping(anchor, strength) if damped else None)
+        factorisations += outcome.factorisations
+        iterations += outcome.iterations
+        if outcome.converged and not damped:
+            outcome = replace(outcome, reason=RELAXED)
+            break
+        if outcome.converged:
+            strength *= given.eased if outcome.factorisations <= given.easy else 1.0
+            continue
+        unknown[:] = anchor
+        strength *= given.raised
+        if strength > given.greatest:
+            break
+    else:
+        outcome = replace(outcome, converged=False, reason="creeps on")
+    return replace(outcome, factorisations=factorisations, iterations=iterations)

@@ -1,4 +1,4 @@
-"""What a simulated test went through: force and its derivatives against time."""
+"""Results of a simulated test: force and its derivatives, against displacement and against time."""
 
 from __future__ import annotations
 

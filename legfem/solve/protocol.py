@@ -28,7 +28,7 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class Segment:
+class ProtocolSegment:
     """The straight way between two waypoints."""
 
     start: float
@@ -160,10 +160,10 @@ class Protocol:
         return max(self.displacement)
 
     @property
-    def segments(self) -> tuple[Segment, ...]:
+    def segments(self) -> tuple[ProtocolSegment, ...]:
         """The ways between the waypoints."""
         spans = zip(pairwise(self.time), pairwise(self.displacement), strict=True)
-        return tuple(Segment(*times, *ends) for times, ends in spans)
+        return tuple(ProtocolSegment(*times, *ends) for times, ends in spans)
 
     def displacement_at(self, time: ArrayLike) -> FloatArray:
         """Return the displacement (mm) at times (s); the ends hold beyond them."""

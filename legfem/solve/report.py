@@ -1,4 +1,4 @@
-"""What a solution took: a typed report of every step."""
+"""The report of a solution: how far it came, why it stopped, and the work of every step."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Step:
 
 @dataclass(frozen=True)
 class SolveReport:
-    """What a solution took and how far it came."""
+    """How far a solution came, why it stopped, and the work it took."""
 
     reached: float
     """Greatest displacement (mm)."""
@@ -39,7 +39,7 @@ class SolveReport:
     seconds: float = 0.0
     unknowns: int = 0
     contact_stiffness_factor: float = 1.0
-    """1 unless the contact had to be softened to go on."""
+    """Factor on the contact's stiffness; below 1 where it had to be softened to go on."""
     more_points: bool = False
     """Whether more points of integration went on where the usual ones had stopped."""
     without_pressures: bool = False
@@ -64,7 +64,7 @@ class SolveReport:
 
     @property
     def compromise(self) -> str:
-        """What was given up to go on, in words; empty if nothing."""
+        """Compromises that were made to go on, in words; empty without any."""
         given_up = []
         if self.contact_stiffness_factor < 1:
             given_up.append(f"a contact {1 / self.contact_stiffness_factor:.2g} times softer")

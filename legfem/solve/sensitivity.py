@@ -56,7 +56,7 @@ class SensitivityTracker:
         return self._body.holds and self._skin.holds
 
     def reset(self) -> None:
-        """Forget the path."""
+        """Return all derivatives to zero, for a path from the undeformed state."""
         self._body.reset()
         self._skin.reset()
 

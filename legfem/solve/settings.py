@@ -60,7 +60,7 @@ class StepSettings:
     ``first`` is short enough.
 
     Where no step converges, ``relaxes`` lets the body creep to another equilibrium
-    (`legfem.solve.relaxation`), at which the force may jump.
+    (`legfem.solve.newton`), at which the force may jump.
 
     What a contact remembers depends on the steps, a little. Where solvers that work differently are
     to take the same ones, ``easy`` and ``hard`` have to be out of reach: see `regular`.

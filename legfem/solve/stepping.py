@@ -13,9 +13,8 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
-from legfem.solve.newton import NewtonOutcome, NewtonSolver
-from legfem.solve.protocol import Protocol, Segment
-from legfem.solve.relaxation import relax
+from legfem.solve.newton import NewtonOutcome, NewtonSolver, relax
+from legfem.solve.protocol import Protocol, ProtocolSegment
 from legfem.solve.report import SolveReport, Step
 from legfem.solve.settings import StepSettings
 
@@ -201,7 +200,7 @@ class _Sizes:
 
 
 class _Walk:
-    """The way along a protocol: the last converged state, and how it moves."""
+    """Progress along a protocol: the last converged state, and its last change as a prediction of the next."""
 
     def __init__(
         self,
@@ -244,7 +243,7 @@ class _Walk:
         for name, values in plain["recorded"].items():
             recorded[name][:] = values
 
-    def _keep(self, segment: Segment, position: float, size: float) -> None:
+    def _keep(self, segment: ProtocolSegment, position: float, size: float) -> None:
         if self._checkpoint is None or not self._checkpoint.due:
             return
         changes = {f"change.{unit}": change for unit, (change, _) in self._changes.items()}
@@ -261,8 +260,8 @@ class _Walk:
         }
         self._checkpoint.save({**self._system.state(), **changes}, plain)
 
-    def through(self, number: int, segment: Segment) -> str | None:
-        """Go to the end of a segment; return why that failed, or None."""
+    def through(self, number: int, segment: ProtocolSegment) -> str | None:
+        """Step to the end of a segment; return the reason where that failed, else None."""
         self.segment = number
         holds = segment.phase == "hold"
         sizes = self._sizes(segment)
@@ -313,14 +312,14 @@ class _Walk:
             self._keep(segment, position, size)
         return None
 
-    def _sizes(self, segment: Segment) -> _Sizes:
+    def _sizes(self, segment: ProtocolSegment) -> _Sizes:
         given = self._settings
         if segment.phase != "hold":
             return _Sizes(self._size, given.largest, given.smallest, given.growth, "mm")
         first = min(given.hold_first * segment.duration, given.hold_first_time)
         return _Sizes(first, segment.duration, 1e-3 * first, given.hold_growth, "s")
 
-    def _attempt(self, segment: Segment, start: float, end: float, unit: str) -> NewtonOutcome:
+    def _attempt(self, segment: ProtocolSegment, start: float, end: float, unit: str) -> NewtonOutcome:
         self._move(segment, start, end)
         self._system.unknown.x.array[:] = self._state
         if unit in self._changes:
@@ -328,7 +327,7 @@ class _Walk:
             self._system.unknown.x.array[:] += change * ((end - start) / over)
         return self._solver.solve()
 
-    def _snap(self, segment: Segment, start: float) -> float | None:
+    def _snap(self, segment: ProtocolSegment, start: float) -> float | None:
         """Go on beyond the end of a path of equilibria; return where, or None."""
         if not self._settings.relaxes or segment.phase == "hold":
             return None
@@ -347,12 +346,12 @@ class _Walk:
         self._changes.pop("mm")
         return end
 
-    def _move(self, segment: Segment, start: float, end: float) -> None:
+    def _move(self, segment: ProtocolSegment, start: float, end: float) -> None:
         now, displacement = _place(segment, end)
         self._system.set_displacement(displacement)
         self._system.set_time(now, now - _place(segment, start)[0] or 1.0)
 
-    def _accept(self, segment: Segment, end: float, change: float, unit: str) -> None:
+    def _accept(self, segment: ProtocolSegment, end: float, change: float, unit: str) -> None:
         if self._on_step is not None:
             self._on_step(*_place(segment, end))
         self._system.advance()
@@ -361,7 +360,7 @@ class _Walk:
         self._state = state
 
 
-def _place(segment: Segment, position: float) -> tuple[float, float]:
+def _place(segment: ProtocolSegment, position: float) -> tuple[float, float]:
     """Return time and displacement at a position along a segment."""
     if segment.phase == "hold":
         return position, segment.last

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,10 @@ def recording_of(one: TestFit) -> SpecimenRecording:
 class SampleFit:
     """A recording's own samples beside a prediction at its stations."""
 
+    name: str
+    specimen: str
+    fitted: bool
+    """Else it was left out, and is predicted."""
     course: Course
     predicted: FloatArray
     """Force at the course's stations, (n,), N."""
@@ -48,7 +52,8 @@ class SampleFit:
     @classmethod
     def of(cls, one: TestFit) -> SampleFit:
         """Samples of a test beside its fit."""
-        return cls(recording_of(one).course, one.force.predicted)
+        recording = recording_of(one)
+        return cls(one.name, recording.specimen, one.fitted, recording.course, one.force.predicted)
 
     @property
     def _differences(self) -> FloatArray:
@@ -79,7 +84,12 @@ class SampleFit:
     @property
     def shape_r_squared(self) -> float:
         """Share of the variance that is predicted with the stiffness that fits best."""
-        return SampleFit(self.course, self.scale * self.predicted).r_squared
+        return replace(self, predicted=self.scale * self.predicted).r_squared
+
+
+def compared(fit: Fit[SpecimenDetails]) -> list[SampleFit]:
+    """Samples of all recordings beside the fit: those that were fitted, then those left out."""
+    return [SampleFit.of(one) for one in fit.tests]
 
 
 def rms_percent(fit: Fit[SpecimenDetails]) -> float:

@@ -20,7 +20,7 @@ from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
-from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
 from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
@@ -69,7 +69,7 @@ def _experiment(sizes: OneTissue, law: Hyperelastic, depth: float) -> Test:
     newton = replace(usual.newton, absolute_tolerance=1e-10)
     plain = replace(usual, steps=steps, newton=newton)
     match sizes:
-        case Bar():
+        case UniaxialSpecimen():
             return UniaxialTest(sizes, law)
         case BallOnLayer():
             radius = sizes.ball_radius

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from legfem.experiments.uniaxial import Bar
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.mechanism import factor, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.legs.mechanisms import Mechanism, TissueMechanism
@@ -141,7 +141,7 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
         if mechanism.name == _FACES[0] and slipping(sizes) is None:
             why = (
                 "a bar's ends are free as stated"
-                if isinstance(bare(sizes), Bar)
+                if isinstance(bare(sizes), UniaxialSpecimen)
                 else "the faces are said to be free of friction"
             )
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):

@@ -12,7 +12,7 @@ from legfem.common.doubts import Doubt, PhysicalRange
 from legfem.common.units import mpa_to_kpa
 from legfem.data.plausibility import loading_doubts
 from legfem.experiments.axisymmetric import CylinderBetweenPlates
-from legfem.experiments.uniaxial import Bar
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.specimens import ranges
 from legfem.specimens.course import Course
 from legfem.specimens.recorded import SpecimenRecording
@@ -49,7 +49,7 @@ def doubts_about_sizes(toml: Path, table: str, entry: TestEntry | SpecimenEntry)
 def doubts_about_shape(toml: Path, sizes: Sizes) -> Iterator[Doubt]:
     """Yield a doubt about a specimen so slender that it would buckle."""
     match whole := bare(sizes):
-        case Bar(pulled="compression"):
+        case UniaxialSpecimen(pulled="compression"):
             slender, key = whole.length / math.sqrt(whole.area), "area_mm2"
         case CylinderBetweenPlates():
             slender, key = whole.height / (2 * whole.radius), "diameter_mm"
@@ -68,7 +68,7 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
     """
     whole = bare(sizes)
     if opening_of(sizes) is None:
-        pressed = not isinstance(whole, Bar) or whole.pulled == "compression"
+        pressed = not isinstance(whole, UniaxialSpecimen) or whole.pulled == "compression"
         share = course.depth / _along(whole)
         yield from ranges.SHARE[pressed].doubts(
             source, "displacement_mm", share, f"check that {course.depth:.3g} mm are right, and the specimen's sizes"

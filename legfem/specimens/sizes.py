@@ -10,7 +10,7 @@ from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer, Cylind
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
-from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
 from legfem.specimens.fibre_directions import WORDS, Direction
 from legfem.specimens.schema import (
     SIZES,
@@ -44,7 +44,7 @@ class LayeredTest:
     layers: tuple[tuple[str, float], ...]
 
 
-OneTissue = OnLayers | CylinderBetweenPlates | Bar
+OneTissue = OnLayers | CylinderBetweenPlates | UniaxialSpecimen
 
 
 @dataclass(frozen=True)
@@ -83,13 +83,13 @@ _WORDS: dict[type, str] = {
     PunchOnLayer: "a flat punch on a layer",
     CylinderBetweenPlates: "between plates",
     CylinderOnBlock: "a cylinder across a block",
-    Bar: "a bar",
+    UniaxialSpecimen: "a bar",
     CupOnLayer: "a suction cup on a layer",
 }
 
 
 _SYMMETRIC: dict[type, tuple[Direction, ...]] = {
-    Bar: ("load", "across"),
+    UniaxialSpecimen: ("load", "across"),
     CylinderOnBlock: ("load", "across", "cylinder"),
 }
 """Directions of fibres that leave a test as symmetric as it is; else along the load alone."""
@@ -255,7 +255,7 @@ def _sizes(test: TestEntry) -> OneTissue:
             radius = test.cylinder_diameter_mm / 2
             return CylinderOnBlock(thickness, width, length, radius, test.cylinder, test.base)
         case BarEntry():
-            return Bar(_given(test, "length_mm"), _given(test, "area_mm2"), test.direction)
+            return UniaxialSpecimen(_given(test, "length_mm"), _given(test, "area_mm2"), test.direction)
         case SuctionEntry():
             return CupOnLayer(
                 _given(test, "thickness_mm"),

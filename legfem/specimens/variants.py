@@ -16,7 +16,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.suction import SuctionTest
-from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
 from legfem.inverse.responses import PLAIN, Displaced, Stopped
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.legs.mechanisms.viscoelasticity import TIMES_S
@@ -32,7 +32,7 @@ from legfem.specimens.slipping import slipping
 from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Placement
+    from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
 
 _C10, _C20 = "deep.C10", "deep.C20"
@@ -41,7 +41,7 @@ _BESIDE = "superficial.C10"
 _STATED = "stated_"
 _RESIZED = 0.03
 """Relative step by which the force's change with a size is found."""
-_AS_FORCE = {CylinderOnBlock: ("length",), Bar: ("area",)}
+_AS_FORCE = {CylinderOnBlock: ("length",), UniaxialSpecimen: ("area",)}
 """Sizes that the force is in proportion to, as to a stiffness."""
 
 
@@ -188,7 +188,7 @@ class SpecimenVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: Placement | None = None,
+        placement: LateralPlacement | None = None,
     ) -> Path | Stopped:
         """Solve a protocol, as `legfem.legs.variants.LegVariants.follow` does for a leg.
 

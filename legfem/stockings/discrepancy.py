@@ -13,7 +13,7 @@ The mechanism with the least p-value is put into the model, and the leg is solve
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,41 +23,70 @@ from statsmodels.stats.multitest import multipletests
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.slices import CONTOURS
-from legfem.stockings.equilibrium import Worn, WornLeg
+from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import ContourMisfit
-from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, from_sector, sectors
-from legfem.stockings.scan_fit import BOUNDS, LinearisedContours
-from legfem.stockings.search import Identified
+from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, angle_from_sector, sectors
+from legfem.stockings.scan_fit import BOUNDS, LinearisedContours, by_name
+from legfem.stockings.search import StiffnessFit
 
 SIGNIFICANT = 0.025
-"""Of each of two families of tests, the mechanisms' and the places': 5 % where nothing is wrong."""
+"""Family-wise level of the mechanisms, and of the places: 5 % together where nothing is wrong."""
 PLAUSIBLE = kpa_to_mpa(np.array([[1.3, 3.3], [8.1, 20.4]]))
 """C10 of muscle and fat (MPa) at which mechanisms are tested, at the least and at most: the second
 paper's means over and times 2.5. Where one is left out, the best fit may lie far off."""
+type Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
+type Projected = Callable[[FloatArray], FloatArray]
 REPAIRS = 5
-"""Solutions with the named mechanism in the model."""
-TERMS = {
-    "volume-loss": "deep.volume_loss.share",
-    "stiffness-gradient": "deep.stiffness_gradient.gradient",
-    "fascia": "fascia.membrane.stiffness",
-}
-"""Parameters of the mechanisms that are terms of the model, zero at their null."""
+"""Equilibria with the named mechanism in the model."""
+
+
+@dataclass(frozen=True)
+class _Term:
+    """A mechanism that is a term of the model, zero at its null."""
+
+    name: str
+    statement: str
+    label: str
+    parameter: str
+    """Full name of its strength."""
+
+
+_TERMS = (
+    _Term(
+        "volume-loss", "the deep tissue has lost volume: blood has drained from it", "share", "deep.volume_loss.share"
+    ),
+    _Term(
+        "stiffness-gradient",
+        "the muscle's stiffness changes along the leg",
+        "gradient a 100 mm",
+        "deep.stiffness_gradient.gradient",
+    ),
+    _Term(
+        "fascia",
+        "a sheet round the muscle, its fascia, holds it together",
+        "stiffness (N/mm)",
+        "fascia.membrane.stiffness",
+    ),
+)
+_NULLS = {term.parameter: 0.0 for term in _TERMS}
 
 
 @dataclass(frozen=True, eq=False)
-class MisfitMechanism:
-    """What may be wrong, with the distances' slopes by its parameters, (n, k)."""
+class MechanismSignature:
+    """A mechanism, and the distances' derivatives (n, k) by its parameters."""
 
     name: str
     statement: str
     labels: tuple[str, ...]
     slopes: FloatArray
+    parameter: str = ""
+    """Full name in the model; empty of a mechanism that is a nuisance with its prior lifted."""
 
 
 @dataclass(frozen=True)
 class MechanismScore:
-    """A mechanism's test; ``strengths`` by label, with their standard errors."""
+    """Score test of one mechanism; ``strengths`` by label, with their standard errors."""
 
     name: str
     statement: str
@@ -69,8 +98,8 @@ class MechanismScore:
 
 
 @dataclass(frozen=True)
-class MisfitPlace:
-    """A part of a contour that differs more than errors allow."""
+class DiscrepantPlace:
+    """A part of a contour whose distance from the scan is beyond the errors."""
 
     contour: Literal["outer", "inner"]
     levels: tuple[float, float]
@@ -84,145 +113,146 @@ class MisfitPlace:
 
 
 @dataclass(frozen=True, eq=False)
-class Mismatch:
-    """What the contours say of the model."""
+class ModelDiscrepancy:
+    """Verdict on the model, with the tests that it rests on."""
 
-    verdict: Literal["consistent", "named", "ambiguous", "unexplained"]
+    verdict: Verdict
     named: tuple[str, ...]
     """One mechanism, or those that the contours can't tell apart."""
     scores: tuple[MechanismScore, ...]
-    """The strongest first."""
-    places: tuple[MisfitPlace, ...]
+    """Every mechanism's test, the most significant first."""
+    places: tuple[DiscrepantPlace, ...]
+    """Significant places, the most significant first."""
     rms_before: float
-    """mm."""
+    """Root-mean-square distance of the fit, mm."""
     rms_after: float | None
-    """With the named mechanism in the model, solved anew (mm)."""
+    """The same with the named mechanism in the model, solved anew (mm)."""
     parameters_after: FloatArray | None
-    """C10 of muscle and fat then, MPa."""
+    """C10 of muscle and fat with that mechanism, MPa."""
 
 
-def mismatch_of(leg: WornLeg, misfit: ContourMisfit, nuisances: NuisanceSlopes, best: Identified) -> Mismatch:
-    """Locate and name what the best fit leaves.
+@dataclass(frozen=True, eq=False)
+class _Tested:
+    """The leg at the stiffness at which mechanisms are tested, linearised."""
+
+    parameters: FloatArray
+    """C10 of muscle and fat, MPa."""
+    equilibrium: Equilibrium
+    distances: FloatArray
+    """(n,), mm."""
+    slopes: FloatArray
+    """Derivatives of these by both log stiffnesses and k nuisances, (n, 2 + k)."""
+    weights: FloatArray
+    """Reciprocal standard deviations of the priors, 0 of the stiffnesses, (2 + k,)."""
+
+
+_MOTION = slice(2, 2 + RIGID)
+_PRESSURE = slice(2 + RIGID, 2 + RIGID + SECTORS)
+
+
+def model_discrepancy(
+    solver: EquilibriumSolver, misfit: ContourMisfit, nuisances: NuisanceSlopes, best: StiffnessFit
+) -> ModelDiscrepancy:
+    """Test where and why the best fit differs from the scan.
 
     Parameters
     ----------
-    leg, misfit, nuisances
-        Of the identification.
+    solver, misfit, nuisances
+        Those of the search.
     best
-        Its best weighted result, of a state that was found.
+        Its best weighted fit, whose equilibrium was found.
     """
-    tested_at = np.clip(best.parameters, *PLAUSIBLE)
-    worn = _solve(leg, tested_at, best.worn)
-    contours = LinearisedContours(leg, misfit, worn)
-    distances = contours.distances
-    prior = np.concatenate([np.zeros(2), 1 / nuisances.sd])
-    base, mechanisms = _slopes(contours, nuisances.at(tested_at), tested_at)
-    basis = np.vstack([misfit.whitened(base), np.diag(prior)])
-    orthonormal = np.linalg.qr(basis)[0]
-    white = _projected(np.concatenate([misfit.whitened(distances), np.zeros(len(prior))]), orthonormal)
-    scores = _scores(mechanisms, misfit, white, orthonormal)
-    places = _places(misfit, white, orthonormal, distances)
-    strongest = scores[0]
-    if min([strongest.p_value, *(p.p_value for p in places)]) > SIGNIFICANT:
-        return Mismatch("consistent", (), scores, places, best.rms, None, None)
-    if strongest.p_value > SIGNIFICANT:
-        return Mismatch("unexplained", (), scores, places, best.rms, None, None)
-    penalty = float(np.log(len(white) - len(prior)))
-    alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and _as_good(s, strongest, penalty))
-    chosen = next(m for m in mechanisms if m.name == strongest.name)
-    after, parameters = _repaired(leg, misfit, tested_at, worn, base, prior, chosen, distances)
-    verdict: Literal["named", "ambiguous"] = "named" if len(alike) == 1 else "ambiguous"
-    return Mismatch(verdict, alike, scores, places, best.rms, after, parameters)
-
-
-def _slopes(
-    contours: LinearisedContours, nuisances: FloatArray, parameters: FloatArray
-) -> tuple[FloatArray, tuple[MisfitMechanism, ...]]:
-    """Return the slopes by log stiffness and nuisances, (n, 2 + k), and the mechanisms."""
-    stiffness = [v * contours.by_parameter(n) for n, v in zip(PARAMETERS, parameters, strict=True)]
-    rigid, local = nuisances[:, :RIGID], nuisances[:, RIGID : RIGID + SECTORS]
-    return np.column_stack([*stiffness, nuisances]), (
-        MisfitMechanism(
+    at = np.clip(best.parameters, *PLAUSIBLE)
+    equilibrium = solver.solve({**by_name(at), **_NULLS}, (*PARAMETERS, *_NULLS), best.equilibrium)
+    contours = LinearisedContours(solver, misfit, equilibrium)
+    stiffness = [value * contours.by_parameter(name) for name, value in by_name(at).items()]
+    slopes = np.column_stack([*stiffness, nuisances.at(at)])
+    weights = np.concatenate([np.zeros(2), 1 / nuisances.sd])
+    tested = _Tested(at, equilibrium, contours.distances, slopes, weights)
+    mechanisms = (
+        MechanismSignature(
             "local-pressure",
             "the pressure on the skin is wrong on one side of the leg",
             tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)),
-            local,
+            slopes[:, _PRESSURE],
         ),
-        MisfitMechanism(
-            "volume-loss",
-            "the deep tissue has lost volume: blood has drained from it",
-            ("share",),
-            contours.by_parameter(TERMS["volume-loss"])[:, None],
+        *(
+            MechanismSignature(
+                term.name, term.statement, (term.label,), contours.by_parameter(term.parameter)[:, None], term.parameter
+            )
+            for term in _TERMS
         ),
-        MisfitMechanism(
-            "stiffness-gradient",
-            "the muscle's stiffness changes along the leg",
-            ("gradient a 100 mm",),
-            contours.by_parameter(TERMS["stiffness-gradient"])[:, None],
-        ),
-        MisfitMechanism(
-            "fascia",
-            "a sheet round the muscle, its fascia, holds it together",
-            ("stiffness (N/mm)",),
-            contours.by_parameter(TERMS["fascia"])[:, None],
-        ),
-        MisfitMechanism(
+        MechanismSignature(
             "misregistration",
             "the two scans lie farther apart than the bones' registration says",
             ("x (mm)", "y (mm)", "z (mm)", "about x (rad)", "about y (rad)", "about z (rad)"),
-            rigid,
+            slopes[:, _MOTION],
         ),
     )
+    orthonormal = np.linalg.qr(np.vstack([misfit.whitened(slopes), np.diag(weights)]))[0]
+
+    def projected(values: FloatArray) -> FloatArray:
+        """Whiten distances or derivatives (n, ...), and project off what the fit can explain."""
+        white = misfit.whitened(values)
+        whole = np.concatenate([white, np.zeros((len(weights), *white.shape[1:]))])
+        return np.asarray(whole - orthonormal @ (orthonormal.T @ whole))
+
+    left = projected(tested.distances)
+    scores = _scores(mechanisms, left, projected)
+    places = _places(misfit, tested.distances, left, projected)
+    strongest = scores[0]
+    if strongest.p_value > SIGNIFICANT:
+        verdict: Verdict = "unexplained" if places else "consistent"
+        return ModelDiscrepancy(verdict, (), scores, places, best.rms, None, None)
+    # Within 6 by BIC's measure, parameters counted, a mechanism explains the distances as well.
+    penalty = float(np.log(len(left) - len(weights)))
+    gains = {score.name: score.statistic - penalty * score.degrees for score in scores}
+    alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and gains[s.name] > gains[strongest.name] - 6.0)
+    chosen = next(m for m in mechanisms if m.name == strongest.name)
+    after, parameters = _refit(solver, misfit, tested, chosen)
+    verdict = "named" if len(alike) == 1 else "ambiguous"
+    return ModelDiscrepancy(verdict, alike, scores, places, best.rms, after, parameters)
 
 
 def _scores(
-    mechanisms: Sequence[MisfitMechanism], misfit: ContourMisfit, white: FloatArray, orthonormal: FloatArray
+    mechanisms: Sequence[MechanismSignature], left: FloatArray, projected: Projected
 ) -> tuple[MechanismScore, ...]:
     found = []
     for mechanism in mechanisms:
-        signature = _signature(mechanism.slopes, misfit, orthonormal)
-        strengths, _, rank, _ = np.linalg.lstsq(signature, -white, rcond=1e-4)
+        signature = projected(mechanism.slopes)
+        strengths, _, rank, _ = np.linalg.lstsq(signature, -left, rcond=1e-4)
         statistic = float(np.sum((signature @ strengths) ** 2))
         errors = np.sqrt(np.diag(np.linalg.pinv(signature.T @ signature, rcond=1e-8)))
-        found.append((mechanism, statistic, int(rank), strengths, errors))
-    raw = [float(chi2.sf(statistic, rank)) for _, statistic, rank, _, _ in found]
+        named = zip(mechanism.labels, zip(map(float, strengths), map(float, errors), strict=True), strict=True)
+        found.append((mechanism, statistic, int(rank), dict(named)))
+    raw = [float(chi2.sf(statistic, rank)) for _, statistic, rank, _ in found]
     corrected = multipletests(raw, method="holm")[1]
     scores = [
-        MechanismScore(
-            mechanism.name,
-            mechanism.statement,
-            statistic,
-            rank,
-            float(p),
-            {label: (float(s), float(e)) for label, s, e in zip(mechanism.labels, strengths, errors, strict=True)},
-        )
-        for (mechanism, statistic, rank, strengths, errors), p in zip(found, corrected, strict=True)
+        MechanismScore(mechanism.name, mechanism.statement, statistic, rank, float(p), strengths)
+        for (mechanism, statistic, rank, strengths), p in zip(found, corrected, strict=True)
     ]
     return tuple(sorted(scores, key=lambda s: (s.p_value, s.degrees - s.statistic)))
 
 
 def _places(
-    misfit: ContourMisfit, white: FloatArray, orthonormal: FloatArray, distances: FloatArray
-) -> tuple[MisfitPlace, ...]:
+    misfit: ContourMisfit, distances: FloatArray, left: FloatArray, projected: Projected
+) -> tuple[DiscrepantPlace, ...]:
     """Test sectors of both contours, in the lower slices, the upper ones, and all."""
     levels = misfit.target.levels
     half = len(levels) // 2
-    spans = (slice(0, half), slice(half + 1, None), slice(None))
     tests: list[tuple[Literal["outer", "inner"], slice, int, FloatArray]] = []
     for number, name in enumerate(CONTOURS):
-        contours = misfit.target.contours(name)
-        for span in spans:
+        for span in (slice(0, half), slice(half + 1, None), slice(None)):
             for sector in range(SECTORS):
-                within = from_sector(contours, sector) < np.pi / SECTORS
+                within = angle_from_sector(misfit.target.contours(name), sector) < np.pi / SECTORS
                 box = np.zeros((2, *within.shape))
                 box[number, span] = within[span]
-                which: Literal["outer", "inner"] = "outer" if name == "outer" else "inner"
-                tests.append((which, span, sector, box.ravel()))
-    boxes = _signature(np.stack([box for *_, box in tests], axis=1), misfit, orthonormal)
-    scores = (white @ boxes) ** 2 / np.sum(boxes**2, axis=0)
+                tests.append(("outer" if name == "outer" else "inner", span, sector, box.ravel()))
+    boxes = projected(np.stack([box for *_, box in tests], axis=1))
+    scores = (left @ boxes) ** 2 / np.sum(boxes**2, axis=0)
     corrected = multipletests(chi2.sf(scores, 1), method="holm")[1]
     found = [
-        MisfitPlace(
+        DiscrepantPlace(
             name,
             (float(levels[span][0]), float(levels[span][-1])),
             360.0 * sector / SECTORS,
@@ -230,76 +260,38 @@ def _places(
             float(p),
         )
         for (name, span, sector, box), p in zip(tests, corrected, strict=True)
-        if p < SIGNIFICANT
+        if p <= SIGNIFICANT
     ]
     return tuple(sorted(found, key=lambda place: place.p_value))
 
 
-def _repaired(
-    leg: WornLeg,
-    misfit: ContourMisfit,
-    tested_at: FloatArray,
-    worn: Worn,
-    base: FloatArray,
-    prior: FloatArray,
-    mechanism: MisfitMechanism,
-    distances: FloatArray,
+def _refit(
+    solver: EquilibriumSolver, misfit: ContourMisfit, tested: _Tested, mechanism: MechanismSignature
 ) -> tuple[float | None, FloatArray]:
-    """Fit stiffnesses, nuisances and mechanism together; the slopes stay those of the best fit."""
-    motion = slice(2, 2 + RIGID)
-    pressure = slice(2 + RIGID, 2 + RIGID + SECTORS)
-    outlines = slice(2 + RIGID + SECTORS, base.shape[1])
-    released = {"misregistration": motion, "local-pressure": pressure}
-    weights = prior.copy()
-    slopes = base
-    if mechanism.name in released:
-        weights[released[mechanism.name]] = 0.0
+    """Fit stiffnesses, nuisances and mechanism with new equilibria, and derivatives of the tested state.
+
+    Returns the root-mean-square distance (mm), None where no equilibrium was found, and C10 (MPa).
+    """
+    base, weights = tested.slopes, tested.weights.copy()
+    slopes, outlines = base, slice(_PRESSURE.stop, base.shape[1])
+    if mechanism.parameter:
+        slopes, weights = np.column_stack([base, mechanism.slopes]), np.append(weights, 0.0)
     else:
-        slopes = np.column_stack([base, mechanism.slopes])
-        weights = np.append(weights, 0.0)
+        weights[{"misregistration": _MOTION, "local-pressure": _PRESSURE}[mechanism.name]] = 0.0
     rows = np.vstack([misfit.whitened(slopes), np.diag(weights)])
-    bumps = sectors(leg.model.shape)
+    bumps = sectors(solver.model.shape)
     total = np.zeros(len(weights))
-    parameters, left = tested_at, distances
+    parameters, left, here = tested.parameters, tested.distances, tested.equilibrium
     for _ in range(REPAIRS):
         right = np.concatenate([misfit.whitened(left), weights * total])
         total -= np.linalg.lstsq(rows, right, rcond=1e-8)[0]
         total[:2] = np.clip(total[:2], -1.5, 1.5)
-        parameters = np.clip(tested_at * np.exp(total[:2]), *BOUNDS)
-        error = np.maximum(sum(c * b for c, b in zip(total[pressure], bumps, strict=True)), -1.0)
-        extra = {TERMS[mechanism.name]: float(total[-1])} if mechanism.name in TERMS else {}
-        worn = _solve(leg, parameters, worn, extra, error)
-        if not worn.state.report.complete:
+        parameters = np.clip(tested.parameters * np.exp(total[:2]), *BOUNDS)
+        error = np.maximum(sum(c * b for c, b in zip(total[_PRESSURE], bumps, strict=True)), -1.0)
+        strength = {mechanism.parameter: float(total[-1])} if mechanism.parameter else {}
+        here = solver.solve({**by_name(parameters), **_NULLS, **strength}, (), here, error)
+        if not here.state.report.complete:
             return None, parameters
-        moved = misfit.distances(worn.shape) + base[:, motion] @ total[motion]
+        moved = misfit.distances(here.shape) + base[:, _MOTION] @ total[_MOTION]
         left = moved + base[:, outlines] @ total[outlines]
     return float(np.sqrt(np.mean(moved**2))), parameters
-
-
-def _solve(
-    leg: WornLeg,
-    parameters: FloatArray,
-    start: Worn,
-    extra: Mapping[str, float] | None = None,
-    error: FloatArray | float = 0.0,
-) -> Worn:
-    values = dict(zip(PARAMETERS, map(float, parameters), strict=True))
-    nulls = dict.fromkeys(TERMS.values(), 0.0)
-    names = () if extra is not None else (*PARAMETERS, *nulls)
-    return leg.find({**values, **nulls, **(extra or {})}, names, start, error)
-
-
-def _signature(slopes: FloatArray, misfit: ContourMisfit, orthonormal: FloatArray) -> FloatArray:
-    white = misfit.whitened(slopes)
-    padding = np.zeros((len(orthonormal) - len(white), slopes.shape[1]))
-    return _projected(np.vstack([white, padding]), orthonormal)
-
-
-def _projected(values: FloatArray, orthonormal: FloatArray) -> FloatArray:
-    return np.asarray(values - orthonormal @ (orthonormal.T @ values))
-
-
-def _as_good(score: MechanismScore, strongest: MechanismScore, penalty: float) -> bool:
-    """Tell whether a score is as good by BIC's measure: within 6, parameters counted."""
-    gain, best = (s.statistic - penalty * s.degrees for s in (score, strongest))
-    return bool(gain > best - 6.0)

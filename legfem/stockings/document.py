@@ -14,11 +14,11 @@ from legfem.common.versions import versions_of
 from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.inverse.parameter import Prior
 from legfem.legs.elastography import elastography_priors
-from legfem.stockings.leg_model import PARAMETERS
-from legfem.stockings.notices import best_complete, stocking_warnings, unloaded_skin
+from legfem.stockings.notices import stocking_notices, unloaded_skin
 from legfem.stockings.pressures import FatPressures, too_low_by
 from legfem.stockings.result import StockingResult
-from legfem.stockings.search import Identified, KnownStiffness, expected_rms, judge, starts_agree
+from legfem.stockings.scan_fit import by_name
+from legfem.stockings.search import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.sensors import ComparedSensor
 
 SCHEMA = "legfem.stocking/1"
@@ -44,21 +44,21 @@ def stocking_document(result: StockingResult, fat: FatPressures | None = None) -
             "doubts": doubt_documents(leg.doubts),
             "stiffness": _stiffness(result),
             "searches": [_search(search) for search in result.searches],
-            "starts_agree": _starts_agree(result),
+            "starts_agree": starts_agree(result.weighted) if result.weighted else None,
             "contours": _contours(result),
-            "mismatch": _mismatch(result),
+            "mismatch": _discrepancy(result),
             "registration": _registration(result),
             "stocking": _stocking(result),
             "pressures": _pressures(result),
             "sensors": [_sensor(one) for one in result.sensors],
             "fat": _fat(result, fat),
             "worn_state": {
-                "found": result.worn.state.report.complete,
-                "reason": result.worn.state.report.reason,
-                "converged": result.worn.converged,
-                "relative_pressure_changes": list(result.worn.changes),
+                "found": result.equilibrium.state.report.complete,
+                "reason": result.equilibrium.state.report.reason,
+                "converged": result.equilibrium.converged,
+                "relative_pressure_changes": list(result.equilibrium.changes),
             },
-            "warnings": list(stocking_warnings(result)),
+            "warnings": list(stocking_notices(result)),
             "model": _model(result),
             "solves": {"identification": solves, "all": result.states},
             "wall_s": result.wall_s,
@@ -73,15 +73,14 @@ def versions() -> dict[str, str]:
 
 
 def _stiffness(result: StockingResult) -> dict[str, Any]:
-    best = best_complete(result)
-    judged = {} if best is None else {k.name: k for k in judge(best, result.leg.accuracy)}
+    identified = {known.name: known for known in result.estimates}
     priors = elastography_priors(result.leg.elastography)
     return {
         _key(name): {
             "used_for_pressures": {"value": mpa_to_kpa(value), "unit": "kPa"},
             "prior": _prior(priors.get(name)),
             "given": result.leg.known,
-            "identified": _known(judged[name]) if name in judged else None,
+            "identified": _known(identified[name]) if name in identified else None,
         }
         for name, value in result.parameters.items()
     }
@@ -93,26 +92,26 @@ def _prior(prior: Prior | None) -> dict[str, Any] | None:
     return {"value": mpa_to_kpa(prior.centre), "sd": mpa_to_kpa(prior.sd), "unit": "kPa", "source": prior.source}
 
 
-def _known(known: KnownStiffness) -> dict[str, Any]:
+def _known(known: StiffnessEstimate) -> dict[str, Any]:
     return {
         "value": mpa_to_kpa(known.value),
         "unit": "kPa",
-        "ci95": [mpa_to_kpa(value) for value in known.interval95],
-        "relative_half_width": known.half_width,
+        "ci95": [mpa_to_kpa(value) for value in known.ci95],
+        "relative_half_width": known.relative_half_width,
         "at_bound": known.at_bound,
-        "identifiability": known.verdict,
+        "identifiability": known.identifiability,
     }
 
 
-def _search(search: Identified) -> dict[str, Any]:
+def _search(search: StiffnessFit) -> dict[str, Any]:
     def both(values: FloatArray) -> dict[str, float]:
-        return {f"{_key(name)}_kPa": mpa_to_kpa(float(value)) for name, value in zip(PARAMETERS, values, strict=True)}
+        return {f"{_key(name)}_kPa": mpa_to_kpa(value) for name, value in by_name(values).items()}
 
     return {
         "method": search.method,
         "start": both(search.start),
         "found": both(search.parameters),
-        "state_found": search.worn.state.report.complete,
+        "state_found": search.equilibrium.state.report.complete,
         "converged": search.converged,
         "solves": search.solves,
         "rms_distance_mm": search.rms,
@@ -127,11 +126,6 @@ def _search(search: Identified) -> dict[str, Any]:
         else {"value": search.tension.value, "standard_error": search.tension.sd, "unit": "1"},
         "log_covariance": None if search.log_covariance is None else search.log_covariance.tolist(),
     }
-
-
-def _starts_agree(result: StockingResult) -> bool | None:
-    weighted = [search for search in result.searches if search.method == "weighted"]
-    return starts_agree(weighted) if weighted else None
 
 
 def _contours(result: StockingResult) -> dict[str, Any] | None:
@@ -154,8 +148,8 @@ def _contours(result: StockingResult) -> dict[str, Any] | None:
     }
 
 
-def _mismatch(result: StockingResult) -> dict[str, Any] | None:
-    found = result.mismatch
+def _discrepancy(result: StockingResult) -> dict[str, Any] | None:
+    found = result.discrepancy
     if found is None:
         return None
     after = found.parameters_after
@@ -188,7 +182,7 @@ def _registration(result: StockingResult) -> dict[str, Any] | None:
 
 
 def _stocking(result: StockingResult) -> dict[str, Any]:
-    stocking, load, shape = result.leg.stocking, result.worn.load, result.leg.bare
+    stocking, load, shape = result.leg.stocking, result.equilibrium.load, result.leg.bare
     return {
         "stiffness_N_per_mm": stocking.stiffness,
         "bending_length_mm": stocking.bending_length,
@@ -210,7 +204,7 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
     scanned = None if result.scan_load is None else mpa_to_kpa(result.scan_load.mean_pressure)
     return {
         "mean_interface_kPa": mpa_to_kpa(found.mean_interface),
-        "least_interface_kPa": mpa_to_kpa(float(result.worn.load.pressure.min())),
+        "least_interface_kPa": mpa_to_kpa(float(result.equilibrium.load.pressure.min())),
         "greatest_interface_kPa": mpa_to_kpa(found.greatest_interface),
         "mean_interface_of_scanned_shape_kPa": scanned,
         "mean_in_muscle_kPa": mpa_to_kpa(found.mean_in_muscle),
@@ -244,7 +238,7 @@ def _sensor(one: ComparedSensor) -> dict[str, Any]:
         "measured_kPa": mpa_to_kpa(one.sensor.pressure),
         "measured_sd_kPa": mpa_to_kpa(one.sensor.sd),
         "model_kPa": mpa_to_kpa(one.pressure),
-        "departure_in_standard_deviations": one.departure,
+        "departure_in_standard_deviations": one.standardised_residual,
     }
 
 

@@ -32,97 +32,30 @@ from legfem.solve.report import SolveReport
 from legfem.stockings.fabric import Stocking, StockingLoad, stocking_load
 from legfem.stockings.leg_model import LegModel3D
 
-_LARGEST = 2_000_000
-"""Numbers of a state on a rank, beyond which it isn't kept: a file would have some 40 MB."""
-
-
-@dataclass(frozen=True)
-class AskedEquilibrium:
-    """What an equilibrium depends on beside the leg, the stocking and their settings."""
-
-    parameters: Mapping[str, float]
-    sensitivities: Sequence[str]
-    error: FloatArray | float
-
-
-@dataclass(frozen=True, eq=False)
-class KeptEquilibrium:
-    """A state, the pressure it was found with, and the changes on the way there."""
-
-    state: Compressed
-    pressure: FloatArray
-    changes: tuple[float, ...]
-    converged: bool
-
-
-class KeptEquilibria:
-    """Equilibria by what was asked for; every rank keeps its part.
-
-    Parameters
-    ----------
-    folder
-        Where they are kept.
-    model
-        The leg.
-    depends_on
-        What they depend on beside the leg.
-    """
-
-    def __init__(self, folder: Path, model: LegModel3D, depends_on: object) -> None:
-        self._comm = model.comm
-        leg = (model.shape, model.tissues, model.mesh, model.settings)
-        part = (self._comm.rank, self._comm.size)
-        self._store = Store(folder, dict[str, FloatArray], (leg, part, depends_on), ("legfem.stockings.equilibrium",))
-
-    def get(self, asked: AskedEquilibrium) -> KeptEquilibrium | None:
-        """Return an equilibrium; None where a rank has no part of it. All ranks call."""
-        kept = self._store.get(asked)
-        if not self._comm.allreduce(kept is not None, MPI.LAND):
-            return None
-        assert kept is not None
-        report = SolveReport(1.0, 1.0, True, "kept from before", unknowns=len(kept["unknown"]))
-        rates = {name: np.array(kept[name]) for name in asked.sensitivities}
-        state = Compressed(report, np.array(kept["unknown"]), rates)
-        changes = tuple(map(float, kept["changes"]))
-        return KeptEquilibrium(state, np.array(kept["pressure"]), changes, bool(kept["converged"][0]))
-
-    def put(self, asked: AskedEquilibrium, found: KeptEquilibrium) -> None:
-        """Keep a rank's part of an equilibrium; a very large one isn't."""
-        state = found.state
-        if len(state.unknown) * (1 + len(state.sensitivities)) > _LARGEST:
-            return
-        self._store.put(
-            asked,
-            {
-                "unknown": state.unknown,
-                "pressure": found.pressure,
-                "changes": np.array(found.changes),
-                "converged": np.array([float(found.converged)]),
-                **state.sensitivities,
-            },
-        )
-
-
-SLOPE_STEP = 1e-2
-"""Greatest displacement (mm) of a difference of pressures or distances."""
-RATE_TOLERANCE, FEEDBACK_TOLERANCE, STEP_TOLERANCE = 1e-3, 3e-2, 0.1
-"""Of the linear solutions of a pressure's changes, and of the stocking's answer to them: in
-derivatives, and on the way to an equilibrium."""
+PROBE_STEP = 1e-2
+"""Largest displacement (mm) in the finite differences of Laplace's law and of distances to a scan."""
+RATE_TOLERANCE, COUPLING_TOLERANCE, NEWTON_TOLERANCE = 1e-3, 3e-2, 0.1
+"""Relative tolerances: of the leg's linear response to a pressure, of the coupling in derivatives,
+and of the coupling in a Newton step."""
 NEARLY = 40.0
-"""Times the tolerance: within it the next state is likely to be the equilibrium."""
+"""Multiple of the tolerance within which the next state will probably be the equilibrium, so that
+its derivatives are computed with it."""
 MAX_DIRECTIONS = 40
+_LARGEST = 2_000_000
+"""Numbers of a state on one rank above which it isn't stored: a file would have some 40 MB."""
 
 
 @dataclass(frozen=True)
-class FixedPointSettings:
-    """Of the pressure that depends on the shape that it makes.
+class EquilibriumSettings:
+    """Stopping criteria of the Newton iteration for the pressure.
 
     Parameters
     ----------
     tolerance : float
-        Difference of the pressure and that of the shape it makes, over its greatest value.
+        Largest difference between the pressure and that of the shape it makes, over the greatest
+        pressure.
     max_states : int
-        Compressed states to solve for.
+        Finite-element solutions at most.
     """
 
     tolerance: float = 5e-4
@@ -130,100 +63,145 @@ class FixedPointSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Worn:
-    """A leg in a stocking, in equilibrium with it."""
+class Equilibrium:
+    """A leg and the stocking's pressure, in balance to within a tolerance.
+
+    Parameters
+    ----------
+    state : Compressed
+        Finite-element state under ``pressure``.
+    pressure : (n_levels, n_points) array
+        Applied at the skin's points, MPa.
+    shape : LegShape
+        Compressed leg.
+    load : StockingLoad
+        The stocking's load on ``shape`` by Laplace's law, at the bare shape's levels and points.
+    changes : tuple of float
+        Relative differences of pressure and Laplace's law after each finite-element solution.
+    converged : bool
+        Whether the last of ``changes`` is within the tolerance.
+    """
 
     state: Compressed
     pressure: FloatArray
-    """On the skin's points (MPa), with which the state was found."""
     shape: LegShape
-    """Compressed."""
     load: StockingLoad
-    """Of that shape, at the reference shape's levels and points."""
     changes: tuple[float, ...]
-    """Of the pressure between states, relative."""
     converged: bool
 
 
-class WornLeg:
-    """Puts a stocking on a leg.
+class EquilibriumSolver:
+    """Solves for the equilibrium of one leg and its stocking at any stiffness.
 
     Parameters
     ----------
     model
-        The leg.
+        Finite-element model of the leg.
     stocking
-        What it wears.
+        Its fabric.
     settings
-        Of the equilibrium.
+        Of the iteration.
     folder
-        Where equilibria are kept for a later run; they aren't without it.
+        Where equilibria are stored, so that a run that was stopped goes on; nowhere by default.
 
     Attributes
     ----------
     states : int
-        Compressed states solved for, now or, where they were kept, before.
+        Finite-element solutions so far, those of equilibria read from the folder included.
     """
 
     def __init__(
         self,
         model: LegModel3D,
         stocking: Stocking,
-        settings: FixedPointSettings | None = None,
+        settings: EquilibriumSettings | None = None,
         folder: Path | None = None,
     ) -> None:
         self.model, self.stocking = model, stocking
-        self._settings = settings or FixedPointSettings()
+        self._settings = settings or EquilibriumSettings()
         self.states = 0
-        depends_on = (stocking, self._settings)
-        self._kept = None if folder is None else KeptEquilibria(folder, model, depends_on)
+        self._store = None
+        if folder is not None:
+            leg = (model.shape, model.tissues, model.mesh, model.settings)
+            depends_on = (leg, (model.comm.rank, model.comm.size), (stocking, self._settings))
+            self._store = Store(folder, dict[str, FloatArray], depends_on, ("legfem.stockings.equilibrium",))
 
-    def find(
+    def solve(
         self,
         parameters: Mapping[str, float] | None = None,
         sensitivities: Sequence[str] = (),
-        start: Worn | None = None,
+        start: Equilibrium | None = None,
         error: FloatArray | float = 0.0,
-    ) -> Worn:
-        """Find the state in which the pressure is that of the shape it makes.
+    ) -> Equilibrium:
+        """Find the equilibrium, or read it from the folder; the model is left in it.
 
         Parameters
         ----------
         parameters
-            Of the model, by full name, other than those of the tissues given (MPa, 1/MPa).
+            Full names and values (MPa, 1/MPa) that differ from the tissues given to the model.
         sensitivities
-            Full names of parameters by which to differentiate the state at its pressure; see
-            `Feedback` for the derivatives in equilibrium.
+            Full names of parameters by which the state is differentiated *at fixed pressure*;
+            `LinearisedCoupling.rate` turns that into the derivative in equilibrium.
         start
-            A state near the one sought.
+            An equilibrium nearby; the bare leg by default.
         error
-            By which the pressure exceeds Laplace's law, relative, at the skin's points.
+            Relative excess of the pressure over Laplace's law, at the skin's points.
+
+        Returns
+        -------
+        Equilibrium
+            Whose ``state.report.complete`` is False where a finite-element solution failed.
         """
-        asked = AskedEquilibrium(dict(parameters or {}), tuple(sensitivities), error)
-        kept = None if self._kept is None else self._kept.get(asked)
-        if kept is not None:
-            self.states += len(kept.changes)
-            return self.back_in(self._restored(kept), parameters)
-        worn = self._found(asked, start)
-        if self._kept is not None and worn.state.report.complete:
-            found = KeptEquilibrium(worn.state, worn.pressure, worn.changes, worn.converged)
-            self._kept.put(asked, found)
-        return worn
+        asked = (dict(parameters or {}), tuple(sensitivities), error)
+        stored = self._stored(asked)
+        if stored is not None:
+            self.states += len(stored.changes)
+            return self.restore(stored, parameters)
+        found = self._iterate(*asked, start)
+        state = found.state
+        small = len(state.unknown) * (1 + len(state.sensitivities)) <= _LARGEST
+        if self._store is not None and state.report.complete and small:
+            numbers = {"changes": np.array(found.changes), "converged": np.array([float(found.converged)])}
+            values = {"unknown": state.unknown, "pressure": found.pressure, **numbers, **state.sensitivities}
+            self._store.put(asked, values)
+        return found
 
-    def back_in(self, worn: Worn, parameters: Mapping[str, float] | None) -> Worn:
-        """Bring the model back into an equilibrium found before, and return it."""
-        self.model.put_in(worn.state, worn.pressure, parameters)
-        return worn
+    def restore(self, found: Equilibrium, parameters: Mapping[str, float] | None) -> Equilibrium:
+        """Bring the model back into an earlier equilibrium, and return that."""
+        self.model.set_state(found.state, found.pressure, parameters)
+        return found
 
-    def _restored(self, kept: KeptEquilibrium) -> Worn:
-        shape = self.model.deformed_shape(kept.state.unknown)
-        return Worn(kept.state, kept.pressure, shape, self.load(shape), kept.changes, kept.converged)
+    def load(self, shape: LegShape) -> StockingLoad:
+        """Return the stocking's load on a shape of the leg, by Laplace's law."""
+        return stocking_load(shape, self.stocking)
 
-    def _found(self, asked: AskedEquilibrium, start: Worn | None) -> Worn:
-        parameters, sensitivities, error = asked.parameters, asked.sensitivities, asked.error
-        load = self.load(self.model.shape) if start is None else start.load
-        pressure, state = load.pressure * (1 + error), None if start is None else start.state
+    def _stored(self, asked: tuple[Mapping[str, float], Sequence[str], FloatArray | float]) -> Equilibrium | None:
+        """Return an equilibrium from the folder if every rank has its part of it; all ranks call."""
+        if self._store is None:
+            return None
+        kept = self._store.get(asked)
+        if not self.model.comm.allreduce(kept is not None, MPI.LAND):
+            return None
+        assert kept is not None
+        report = SolveReport(1.0, 1.0, True, "kept from before", unknowns=len(kept["unknown"]))
+        rates = {name: np.array(kept[name]) for name in asked[1]}
+        state = Compressed(report, np.array(kept["unknown"]), rates)
+        shape = self.model.deformed_shape(state.unknown)
+        changes = tuple(map(float, kept["changes"]))
+        return Equilibrium(
+            state, np.array(kept["pressure"]), shape, self.load(shape), changes, bool(kept["converged"][0])
+        )
+
+    def _iterate(
+        self,
+        parameters: Mapping[str, float],
+        sensitivities: Sequence[str],
+        error: FloatArray | float,
+        start: Equilibrium | None,
+    ) -> Equilibrium:
         shape, near = self.model.shape, False
+        load = self.load(shape) if start is None else start.load
+        pressure, state = load.pressure * (1 + error), None if start is None else start.state
         changes: list[float] = []
         while True:
             last = len(changes) + 1 == self._settings.max_states
@@ -231,110 +209,103 @@ class WornLeg:
             state = self.model.solve(parameters, pressure, names, state)
             self.states += 1
             if not state.report.complete:
-                return Worn(state, pressure, shape, load, tuple(changes), False)
+                return Equilibrium(state, pressure, shape, load, tuple(changes), False)
             shape = self.model.deformed_shape(state.unknown)
             load = self.load(shape)
             aimed = load.pressure * (1 + error)
             changes.append(float(np.abs(aimed - pressure).max() / aimed.max()))
             converged = changes[-1] < self._settings.tolerance
-            here = Worn(state, pressure, shape, load, tuple(changes), converged)
+            here = Equilibrium(state, pressure, shape, load, tuple(changes), converged)
             if last or (converged and names == sensitivities):
                 return here
             near = changes[-1] < NEARLY * self._settings.tolerance
-            moved, added = Feedback(self, here).answered(aimed - pressure, STEP_TOLERANCE)
+            moved, added = LinearisedCoupling(self, here).respond(aimed - pressure, NEWTON_TOLERANCE)
             pressure = np.maximum(pressure + added, 0.0)
             state = replace(state, unknown=state.unknown + moved)
-
-    def load(self, shape: LegShape) -> StockingLoad:
-        """Return the load of the stocking on a shape of the leg."""
-        return stocking_load(shape, self.stocking)
 
 
 @dataclass(frozen=True, eq=False)
 class _Direction:
-    r"""A change of the pressure :math:`\delta p`, with what it does."""
+    """A change of the pressure, the leg's response, and what Laplace's law leaves of the change."""
 
     change: FloatArray
-    """At the skin's points."""
-    answer: FloatArray
-    r"""Of the unknown, :math:`S\,\delta p`."""
+    response: FloatArray
     image: FloatArray
-    r""":math:`\delta p - L' S\,\delta p`, of norm 1."""
+    """Of unit length, orthogonal to other directions' images."""
 
 
-class Feedback:
-    r"""Derivatives of an equilibrium, of those at its pressure.
+class LinearisedCoupling:
+    r"""First-order coupling of pressure and shape about an equilibrium.
 
-    A change moves the unknown by :math:`x_0` at a given pressure; the shape's change alters the
-    pressure, by :math:`\delta p = L'(x_0 + S\,\delta p)`, where :math:`S` is the leg's answer to a
-    pressure and :math:`L'` the derivative of Laplace's law. The directions in which
-    :math:`\delta p - L' S\,\delta p` was taken serve all further changes (GCR with recycling: M. L.
-    Parks et al., SIAM J. Sci. Comput. 28 (2006) 1651-1674).
+    A change of a parameter moves the finite-element unknown by :math:`x_0` at fixed pressure. The
+    new shape alters the pressure, which moves the unknown again: together by
+    :math:`x_0 + S\,\delta p` with :math:`\delta p = L'(x_0 + S\,\delta p)`, where :math:`S` is the
+    unknown's derivative by the pressure and :math:`L'` Laplace's law differentiated by the unknown.
+    The linear system :math:`(1 - L' S)\,\delta p = c` is solved by GCR; its search directions are
+    kept for further right sides (M. L. Parks et al., SIAM J. Sci. Comput. 28 (2006) 1651-1674).
 
     Parameters
     ----------
-    leg
-        The leg.
-    worn
-        The equilibrium that was found last.
+    solver
+        Of the leg.
+    equilibrium
+        The one that the model is in: the last that was solved or restored.
     """
 
-    def __init__(self, leg: WornLeg, worn: Worn) -> None:
-        self._leg, self._worn = leg, worn
+    def __init__(self, solver: EquilibriumSolver, equilibrium: Equilibrium) -> None:
+        self._solver, self._equilibrium = solver, equilibrium
         self._directions: list[_Direction] = []
 
-    def to_rate(self, rate: FloatArray) -> FloatArray:
-        """Return the unknown's derivative in equilibrium, of that at a fixed pressure."""
-        return rate + self.answered(self.pressure_slope(rate), FEEDBACK_TOLERANCE)[0]
+    def rate(self, rate: FloatArray) -> FloatArray:
+        """Return the unknown's derivative in equilibrium from that at fixed pressure."""
+        return rate + self.respond(self.pressure_rate(rate), COUPLING_TOLERANCE)[0]
 
-    def answered(self, change: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray]:
-        r"""Return how the unknown moves by a change of the pressure, and what that change becomes.
+    def respond(self, change: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray]:
+        r"""Return the unknown's move and the pressure's whole change that follow from a given one.
 
-        With the stocking's answer: of :math:`c` they are :math:`S\,\delta p` and
-        :math:`\delta p = c + L' S\,\delta p`. Newton's step to an equilibrium, where the change is
-        the pressure that is missing.
+        These are :math:`S\,\delta p` and :math:`\delta p = c + L' S\,\delta p` for a change
+        :math:`c`. If c is the pressure that Laplace's law misses, they are Newton's step.
 
         Parameters
         ----------
         change
-            At the skin's points (MPa).
+            c at the skin's points (n_levels, n_points), MPa.
         tolerance
-            Of what is left, over the change.
+            Residual of the linear system over the norm of c.
         """
         left, enough = change, tolerance * np.linalg.norm(change)
-        moved, added = np.zeros_like(self._worn.state.unknown), np.zeros_like(change)
+        moved, added = np.zeros_like(self._equilibrium.state.unknown), np.zeros_like(change)
         number = 0
         while number < len(self._directions) or (np.linalg.norm(left) > enough and number < MAX_DIRECTIONS):
             if number == len(self._directions):
-                self._directions.append(self._new(left))
+                self._directions.append(self._next_direction(left))
             known = self._directions[number]
             share = np.vdot(known.image, left)
             left = left - share * known.image
-            moved, added = moved + share * known.answer, added + share * known.change
+            moved, added = moved + share * known.response, added + share * known.change
             number += 1
         return moved, added
 
-    def _new(self, change: FloatArray) -> _Direction:
-        """Return a change of the pressure, less what the known ones have of its image."""
-        model, state = self._leg.model, self._worn.state
-        (answer,) = model.pressure_rates(state, [change], RATE_TOLERANCE)
-        image = change - self.pressure_slope(answer)
+    def _next_direction(self, change: FloatArray) -> _Direction:
+        """Return a direction whose image is orthogonal to the earlier ones'."""
+        model, state = self._solver.model, self._equilibrium.state
+        (response,) = model.pressure_rates(state, [change], RATE_TOLERANCE)
+        image = change - self.pressure_rate(response)
         for known in self._directions:
             share = np.vdot(known.image, image)
-            change, answer = change - share * known.change, answer - share * known.answer
+            change, response = change - share * known.change, response - share * known.response
             image = image - share * known.image
         size = float(np.linalg.norm(image))
-        return _Direction(change / size, answer / size, image / size)
+        return _Direction(change / size, response / size, image / size)
 
-    def pressure_slope(self, rate: FloatArray) -> FloatArray:
-        """Return the change of the stocking's pressure along a derivative of the unknown."""
-        model, worn = self._leg.model, self._worn
-        step = slope_step(model, rate)
-        shape = model.deformed_shape(worn.state.unknown + step * rate)
-        ahead = self._leg.load(shape).pressure
-        return (ahead - worn.load.pressure) / step
+    def pressure_rate(self, rate: FloatArray) -> FloatArray:
+        """Return the derivative of Laplace's pressure along a derivative of the unknown."""
+        model, here = self._solver.model, self._equilibrium
+        step = probe_step(model, rate)
+        ahead = self._solver.load(model.deformed_shape(here.state.unknown + step * rate))
+        return (ahead.pressure - here.load.pressure) / step
 
 
-def slope_step(model: LegModel3D, rate: FloatArray) -> float:
-    """Return by how much to follow a derivative of the unknown, for a difference."""
-    return SLOPE_STEP / max(float(np.abs(model.displacement(SKIN, rate)).max()), 1e-12)
+def probe_step(model: LegModel3D, rate: FloatArray) -> float:
+    """Return the step along a derivative of the unknown that moves the skin by `PROBE_STEP` at most."""
+    return PROBE_STEP / max(float(np.abs(model.displacement(SKIN, rate)).max()), 1e-12)

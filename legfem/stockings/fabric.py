@@ -46,9 +46,9 @@ class Stocking:
     levels : (n,) array
         Increasing heights (mm) in the leg's coordinates; one is enough for a straight tube.
     unstretched : (n,) array
-        Perimeter of the unstretched fabric that is worn at these heights (mm).
+        Unstretched perimeters of the fabric that is worn at these heights (mm).
     bending_length : float
-        Over which the fabric rounds corners of the leg (mm).
+        Length over which the fabric rounds corners of the leg (mm).
 
     Raises
     ------
@@ -90,20 +90,20 @@ class Stocking:
 
 @dataclass(frozen=True, eq=False)
 class StockingLoad:
-    """What a stocking does to a leg of given shape; all at the shape's levels.
+    """Load of a stocking on a leg of given shape, at the shape's levels.
 
     Parameters
     ----------
     perimeter : (n_levels,) array
-        Spanned by the fabric (mm).
+        Perimeter that the fabric spans (mm).
     strain : (n_levels,) array
-        Of the fabric, negative where it is slack.
+        Strain of the fabric, negative where it is slack.
     tension : (n_levels,) array
-        N/mm.
+        Tension of the fabric, N per mm of height.
     curvature : (n_levels, n_points) array
-        At the skin's points (1/mm), zero off the hull.
+        Curvature at the skin's points (1/mm), zero off the convex hull.
     pressure : (n_levels, n_points) array
-        MPa.
+        Pressure at the skin's points, MPa.
     """
 
     perimeter: FloatArray
@@ -113,17 +113,17 @@ class StockingLoad:
     pressure: FloatArray
 
     def times(self, factor: float) -> StockingLoad:
-        """Return the load of a fabric under a tension by so much greater."""
+        """Scale tension and pressure by a factor."""
         return replace(self, tension=factor * self.tension, pressure=factor * self.pressure)
 
     @property
     def mean_pressure(self) -> float:
-        """Over the skin, whose points are evenly spaced around each level (MPa)."""
+        """Mean over the skin, whose points are evenly spaced around each level (MPa)."""
         return float(np.average(self.pressure.mean(axis=1), weights=self.perimeter))
 
 
 def stocking_load(shape: LegShape, stocking: Stocking) -> StockingLoad:
-    """Return the load of a stocking on the skin of a leg, of its shape under compression.
+    """Apply Laplace's law to the shape of a leg as it is compressed.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _spanned(contours: FloatArray, span: float) -> tuple[FloatArray, FloatArray]
     contours : (n_levels, n_points, 2) array
         Counter-clockwise (mm).
     span : float
-        Over which a corner's turn is spread to either side (mm).
+        Length over which a corner's turn is spread to either side (mm).
     """
     corners = np.zeros(contours.shape[:2], dtype=bool)
     for on_hull, contour in zip(corners, contours, strict=True):
@@ -217,7 +217,7 @@ def _neighbours(corners: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[
 
 
 CALF_SHARE = 0.7
-"""Of the pressure at the ankle, at the calf."""
+"""Pressure at the calf over that at the ankle."""
 
 
 class CompressionClass(StrEnum):
@@ -240,16 +240,16 @@ ANKLE_MMHG = {
 
 @dataclass(frozen=True)
 class ClassFit:
-    """How a stocking of a class is chosen for a leg.
+    """What a stocking of a class is to do at the calf.
 
     Parameters
     ----------
     compression_class : CompressionClass
-        Whose middle pressure is meant.
+        Class, whose middle pressure at the ankle counts.
     stiffness : float
-        Of the fabric (N/mm per unit of strain).
+        Stiffness of the fabric (N/mm per unit of strain).
     share : float
-        Of the ankle's pressure that is meant at the calf.
+        Pressure at the calf over that at the ankle.
     """
 
     compression_class: CompressionClass
@@ -258,7 +258,7 @@ class ClassFit:
 
     @property
     def pressure(self) -> float:
-        """Mean pressure at the calf (MPa)."""
+        """Mean pressure aimed at on the calf (MPa)."""
         return self.share * mmhg_to_mpa(float(np.mean(ANKLE_MMHG[self.compression_class])))
 
 

@@ -22,55 +22,55 @@ from legfem.inverse.least_squares import least_residual
 from legfem.inverse.parameter import Priors
 from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.nuisances import NuisanceSlopes
-from legfem.stockings.scan_fit import BesideScan
+from legfem.stockings.scan_fit import ScanComparison
 
 FAR, FARTHEST = 0.35, 1.0
-"""Distance from all equilibria that were solved, in `_coordinates`, beyond which an end is solved
-for, and how far from them that may be."""
+"""Distances in `_coordinates` from the nearest equilibrium: beyond which one more is solved, and at
+most from the others."""
 MOST = 8
-"""Equilibria solved for the ends."""
+"""Equilibria that are solved for the ends at most."""
 _NUGGET = 1e-6
-"""An equilibrium is found to some 1e-4 of its pressure."""
+"""Relative variance of the interpolated values: an equilibrium is found to some 1e-4."""
 _MIDDLE = kpa_to_mpa(3.0)
 
-type Compare = Callable[[FloatArray], BesideScan | None]
-"""Solves at stiffnesses (MPa); None where that can't be."""
+type Compare = Callable[[FloatArray], ScanComparison | None]
+"""Compares with the scan at stiffnesses (2,), MPa; None where no equilibrium is found."""
 
 
 class MisfitEmulator:
-    """The misfit at any stiffness, nuisances at their best, from worn legs that were solved.
+    """The least sum of squares over the nuisances at any stiffness, from equilibria solved before.
 
     Parameters
     ----------
     found
-        Beside the scan.
+        Comparisons with the scan, at two stiffnesses or more.
     misfit, nuisances
-        Of the leg.
+        Whitening, and derivatives by the nuisances.
     sensor_sd
-        Of its sensors' readings, (s,), MPa.
+        Standard deviations of the sensors' readings, (s,), MPa.
     priors
-        Of the stiffnesses (MPa).
+        Priors of the stiffnesses (MPa).
     """
 
     def __init__(
         self,
-        found: Sequence[BesideScan],
+        found: Sequence[ScanComparison],
         misfit: ContourMisfit,
         nuisances: NuisanceSlopes,
         sensor_sd: FloatArray,
         priors: Priors,
     ) -> None:
         self._priors = priors
-        self._white, self._sensor_sd = nuisances.of(misfit.whitened), sensor_sd
+        self._white, self._sensor_sd = nuisances.mapped(misfit.whitened), sensor_sd
         self.at = _coordinates(np.log([one.parameters for one in found]))
-        values = [np.concatenate([misfit.whitened(one.distances), one.felt]) for one in found]
-        slopes = np.stack([np.vstack([misfit.whitened(one.slopes), one.felt_slopes]).T for one in found])
+        values = [np.concatenate([misfit.whitened(one.distances), one.sensors]) for one in found]
+        slopes = np.stack([np.vstack([misfit.whitened(one.slopes), one.sensor_slopes]).T for one in found])
         # Of q = exp(-x / 2) the derivative by x is -q / 2.
         slopes /= -0.5 * self.at[:, :, None]
         self._values = Kriging(self.at, np.array(values), slopes, _NUGGET)
 
     def residual(self, logs: FloatArray) -> FloatArray:
-        """Return what adds up to the sum of squares (..., m), at logarithms of C10 (..., 2)."""
+        """Return residuals (..., m), whose squares sum to the objective, at logarithms of C10 (..., 2)."""
         flat = logs.reshape(-1, logs.shape[-1])
         every = [
             self._uncorrelated(np.exp(one), values)
@@ -79,8 +79,8 @@ class MisfitEmulator:
         return np.array(every).reshape(*logs.shape[:-1], -1)
 
     def _uncorrelated(self, parameters: FloatArray, values: FloatArray) -> FloatArray:
-        felt = self._white.felt(parameters) / self._sensor_sd[:, None]
-        slopes = np.vstack([self._white.at(parameters), felt]) * self._white.sd
+        sensed = self._white.of_sensors(parameters) / self._sensor_sd[:, None]
+        slopes = np.vstack([self._white.at(parameters), sensed]) * self._white.sd
         factor = np.linalg.cholesky(np.eye(len(slopes)) + slopes @ slopes.T)
         unexplained = solve_triangular(factor, values, lower=True)
         return np.concatenate([unexplained, self._priors.residual(parameters)])
@@ -100,13 +100,13 @@ def profile_intervals(
     best : (2,) array
         Best stiffnesses found (MPa).
     log_covariance : (2, 2) array
-        Of their logarithms, for a first guess.
+        Covariance of their logarithms, for a first guess.
     bounds : (float, float)
-        Of the search (MPa).
+        Bounds of the search (MPa).
     emulate
-        Returns the emulator of all that was compared by now.
+        Returns the emulator of all comparisons made so far.
     compare
-        Solves for one more equilibrium.
+        Makes one more comparison.
     """
     box = np.tile(np.log(bounds), (len(best), 1))
     half = np.clip(quantile(0) * np.sqrt(np.diag(log_covariance)), 0.02, 1.0)

@@ -25,7 +25,7 @@ GAP = 7.0
 
 @dataclass(frozen=True, eq=False)
 class Vein:
-    """A vein in the level of interest; ``position`` (x, y, z) in mm, of the bare leg."""
+    """A point of a vein; ``position`` (3,) in the bare leg, mm."""
 
     name: str
     position: FloatArray
@@ -81,12 +81,12 @@ def _edge(bone: shapely.Polygon, direction: FloatArray) -> FloatArray:
 BLOOD_KG_PER_M3 = 1060.0
 GRAVITY_M_PER_S2 = 9.80665
 _MPA_PER_MM = BLOOD_KG_PER_M3 * GRAVITY_M_PER_S2 * 1e-9
-"""Of height."""
+"""Pressure of a column of blood by its height, MPa/mm."""
 
 
 @dataclass(frozen=True)
 class Posture:
-    """Where the heart is, and what a lying person's veins hold.
+    """What the pressure inside the veins depends on.
 
     Parameters
     ----------
@@ -107,30 +107,59 @@ class Posture:
 
 @dataclass(frozen=True, eq=False)
 class StockingLeg:
-    """What is known of one leg; mm, MPa."""
+    """What is given of one leg; mm, MPa.
+
+    Parameters
+    ----------
+    id, title, origin : str
+        As in ``leg.toml``.
+    bare : LegShape
+        Bare leg as it is meshed, its parts kept apart.
+    scanned_bare : LegShape
+        Bare leg as it was scanned.
+    compressed : LegShape, optional
+        Leg scanned in its stocking, in the bare leg's coordinates.
+    registration : Registration, optional
+        How that was laid on the bare leg; None if there was nothing to register.
+    stocking : Stocking
+        Fabric that is worn.
+    accuracy : ContourAccuracy
+        Errors of the scans.
+    tissues : dict of str to NeoHookean
+        Laws of muscle (``deep``) and fat (``superficial``).
+    known : bool
+        Whether both C10 are given; else those of ``tissues`` are a start.
+    ends : {"held", "free"}
+        Condition at the segment's end faces.
+    slices : (5,) array
+        Heights of the slices that are compared.
+    veins : tuple of Vein
+        Where pressures are asked for.
+    sensors : tuple of Sensor
+        Pressures measured between stocking and skin.
+    posture : Posture, optional
+        Pressure inside the veins.
+    elastography : tuple of ShearModulus
+        Priors of the stiffnesses.
+    doubts : tuple of Doubt
+        What is unlikely in all this.
+    """
 
     id: str
     title: str
     origin: Literal["measured", "simulated"]
     bare: LegShape
-    """To be meshed: its parts keep clear of each other."""
     scanned_bare: LegShape
-    """The same as the scan has it."""
     compressed: LegShape | None
-    """In the stocking, in the bare leg's coordinates; None if it wasn't scanned."""
     registration: Registration | None
     stocking: Stocking
     accuracy: ContourAccuracy
     tissues: dict[str, NeoHookean]
     known: bool
-    """Whether the tissues' stiffness is given; else C10 is a start."""
     ends: Literal["held", "free"]
     slices: FloatArray
-    """Levels of the five slices (mm)."""
     veins: tuple[Vein, ...]
     sensors: tuple[Sensor, ...] = ()
-    """Between stocking and skin."""
     posture: Posture | None = None
     elastography: tuple[ShearModulus, ...] = ()
     doubts: tuple[Doubt, ...] = ()
-    """What is unlikely in what was given."""

@@ -21,25 +21,25 @@ from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
 
 SURFACES = (SKIN, HULL)
 PARAMETERS = ("deep.C10", "superficial.C10")
-"""The stiffnesses of muscle and fat."""
+"""Full names of the stiffnesses of muscle and fat."""
 
 
 @dataclass(frozen=True, eq=False)
 class LegModel3D(Picklable):
-    """A leg's segment by its shape, under pressures: an `legfem.experiments.experiment.Experiment`.
+    """Finite elements of a leg's segment, addressed by the points of its scanned shape.
 
     Parameters
     ----------
     shape
-        Of the bare leg.
+        Bare leg.
     tissues
-        Law of the deep and the superficial tissue.
+        Laws of the deep and the superficial tissue.
     mesh
-        Sizes of the elements.
+        Element sizes.
     settings
-        Of the solution.
+        Formulation and solver.
     comm
-        Over which one solution is spread.
+        Ranks that share one solution.
     """
 
     shape: LegShape
@@ -50,7 +50,7 @@ class LegModel3D(Picklable):
 
     @cached_in_process
     def compression(self) -> LegCompression:
-        """The finite-element model, meshed and compiled."""
+        """Meshed and compiled problem, made at first use."""
         mechanisms = (
             VolumeLoss("deep"),
             StiffnessGradient("deep", self.tissues["deep"], level=float(self.shape.levels.mean())),
@@ -71,16 +71,16 @@ class LegModel3D(Picklable):
         sensitivities: Sequence[str] = (),
         start: Compressed | None = None,
     ) -> Compressed:
-        """Find the state under a pressure at the skin's points, (n_levels, n_points), MPa."""
+        """Solve for the state under a pressure at the skin's points, (n_levels, n_points), MPa."""
         nodal = self._to_mesh @ pressure.ravel()
         return self.compression.solve(values, nodal, sensitivities, start)
 
     def pressure_rates(
         self, state: Compressed, changes: Sequence[FloatArray], tolerance: float | None = None
     ) -> list[FloatArray]:
-        """Return the unknown's derivatives at the last state by changes of the skin's pressure.
+        """Differentiate the unknown by changes of the pressure at the skin's points, in the last state.
 
-        ``tolerance`` is that of the linear solutions, by default as in solving.
+        ``tolerance`` is the linear solver's, that of Newton's method by default.
         """
         return self.compression.pressure_rates(state, [self._to_mesh @ change.ravel() for change in changes], tolerance)
 
@@ -92,19 +92,19 @@ class LegModel3D(Picklable):
         part
             ``"skin"`` or ``"hull"``.
         unknown
-            Of a state, or a derivative of it: then the displacement's derivative is returned.
+            A state's, or a derivative of it, of which the displacement's derivative is returned.
         """
         nodal = unknown[self.compression.spaces.displacement_dofs].reshape(-1, 3)
         moved = self._from_mesh[part] @ self._surfaces[part].values(nodal)
         return moved.reshape(*self.shape.contours[part].shape[:2], 3)
 
     def deformed_shape(self, unknown: FloatArray, levels: FloatArray | None = None) -> LegShape:
-        """Return the leg's shape in a state, at levels (mm); those of the bare leg by default."""
+        """Return the compressed shape cut at levels (mm), by default those of the bare leg."""
         moved = {part: self.displacement(part, unknown) for part in SURFACES}
         return displaced(self.shape, moved, levels)
 
-    def put_in(self, state: Compressed, pressure: FloatArray, parameters: Mapping[str, float] | None = None) -> None:
-        """Bring the system into a state under its pressure, for what is evaluated there."""
+    def set_state(self, state: Compressed, pressure: FloatArray, parameters: Mapping[str, float] | None = None) -> None:
+        """Put the finite-element system into a state and its pressure, to evaluate fields or derivatives."""
         system = self.compression.system
         system.set_parameters(system.model.values(parameters))
         system.applied_pressure.x.array[:] = self._to_mesh @ pressure.ravel()

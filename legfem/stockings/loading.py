@@ -17,9 +17,10 @@ from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.label_volume import check_same_spacing
-from legfem.imaging.leg_source import LegSource, ShapeEntry, existing
+from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration, register_shapes
+from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
@@ -30,13 +31,13 @@ from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_
 from legfem.stockings.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
 
 LEVEL_SPACING = 5.0
-"""Of the contours between which the leg's surfaces are smooth (mm)."""
+"""Spacing of the contours that the leg's surfaces interpolate (mm)."""
 _MARGINS = {"bare": 10.0, "compressed": 40.0}
-"""Beyond the segment that is read (mm): smoothing reaches there; the second scan may be shifted."""
+"""Lengths read beyond the segment (mm): smoothing reaches there, and the second scan may be shifted."""
 _OFF_SKIN = 15.0
-"""Of a sensor's place (mm), beyond which it isn't on this leg."""
+"""Distance from the skin (mm) beyond which a sensor isn't on this leg."""
 OUTLINES = OutlineSettings()
-ROOM = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
+CLEARANCES = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
 LEGS = Catalogue(RESOURCES / "dubuis" / "subjects", "leg.toml")
 
 
@@ -52,7 +53,7 @@ def load_leg(directory: Path) -> StockingLeg:
     toml = LEGS.opened(directory)
     given = parse_leg_file(toml)
     bare_scan, levels = _opened(directory, toml, "bare", given.bare, given)
-    bare, scanned_bare = (bare_scan.shape(OUTLINES, levels, room) for room in (ROOM, None))
+    bare, scanned_bare = (bare_scan.shape(OUTLINES, levels, room) for room in (CLEARANCES, None))
     shapes, registration = [bare, scanned_bare], None
     if given.compressed is not None:
         scan, levels = _opened(directory, toml, "compressed", given.compressed, given)

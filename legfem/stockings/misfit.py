@@ -37,23 +37,23 @@ class ContourAccuracy:
     Parameters
     ----------
     sd : float
-        Of the segmented outline's points off the true one, in one scan, before smoothing (mm).
+        Standard deviation of a segmented outline's points in one scan, before smoothing (mm).
     correlation : float
         Length l over which these errors are alike (mm).
     around, along : float
         Wavelengths at which smoothing halved the outlines' undulations (mm); 0 for none.
     model_sd : float
-        Of the simulated contours, by mesh and interpolation (mm).
+        Standard deviation of the simulated contours, by mesh and interpolation (mm).
     pressure_sd : float
-        By which the stocking's pressure may differ from Laplace's law over an eighth of the girth,
-        relative. A leg of soft tissue gives way by some 0.1 mm a per cent.
+        Relative standard deviation of the stocking's pressure from Laplace's law over an eighth of
+        the girth. A leg of soft tissue gives way by some 0.1 mm a per cent.
     tension_sd : float
-        By which the fabric's tension may differ from what was given, relative, all over the leg
-        alike; 0 takes the fabric as it was given.
+        Relative standard deviation of the fabric's tension from what was given, one value for the
+        whole leg; 0 takes the fabric as it was given.
     shift_sd : (float, float, float)
-        Of the registration's translation along x, y and z (mm).
+        Standard deviation of the registration's translation along x, y and z (mm).
     turn_sd : (float, float, float)
-        Of its rotation about x, y and z (rad).
+        Standard deviation of its rotation about x, y and z (rad).
     """
 
     sd: float = 0.2
@@ -73,7 +73,7 @@ class ContourAccuracy:
 
     @property
     def smoothed_sd(self) -> float:
-        """Of the outlines as they are compared, in one scan (mm)."""
+        """Standard deviation of one scan's outlines after smoothing (mm)."""
         left = self._kept(np.zeros(1), self.around) * self._kept(np.zeros(1), self.along)
         return float(self.sd * np.sqrt(left[0]))
 
@@ -89,7 +89,7 @@ class ContourAccuracy:
         return self.sd**2 * self._kept(around, self.around) * self._kept(along, self.along)
 
     def _kept(self, distance: FloatArray, wavelength: float) -> FloatArray:
-        """Return the correlation that smoothing in one direction leaves, times what it keeps."""
+        """Return the correlation after smoothing in one direction, times the share of variance it keeps."""
         if wavelength == 0:
             return np.exp(-0.5 * (distance / self.correlation) ** 2)
         number = np.linspace(0.0, 6.0 / self.correlation, 400)
@@ -100,28 +100,29 @@ class ContourAccuracy:
 
 
 HELD = 0.95
-"""Share of the errors' variance that the modes hold."""
+"""Share of the errors' variance that the modes hold; the rest is counted as white."""
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineErrors:
-    """Of one part of a leg.
+    """Principal modes of the errors of one scanned outline, the largest first.
 
     Parameters
     ----------
     modes : (n_levels, n_points, k) array
-        Distances outwards of the part's points (mm), of a standard deviation each; orthogonal.
+        Outward distances of the outline's points (mm) for one standard deviation of each mode;
+        orthogonal.
     """
 
     modes: FloatArray
 
     @property
     def count(self) -> int:
-        """How many modes there are."""
+        """Number of modes k."""
         return self.modes.shape[-1]
 
     def shares(self, distances: FloatArray) -> FloatArray:
-        """Return how much of every mode distances (n_levels, n_points, m) hold, (k, m)."""
+        """Return the amplitudes (k, m) of the modes in distances (n_levels, n_points, m)."""
         sizes = np.sum(self.modes**2, axis=(0, 1))
         return np.tensordot(self.modes, distances, ((0, 1), (0, 1))) / sizes[:, None]
 
@@ -129,18 +130,18 @@ class OutlineErrors:
 def outline_errors(
     accuracy: ContourAccuracy, contours: FloatArray, levels: FloatArray, counts: FloatArray | float = 1.0
 ) -> OutlineErrors:
-    """Return the errors of a part in one scan, as `ContourAccuracy.covariance` has them.
+    """Return the modes of `ContourAccuracy.covariance` for one part of a leg in one scan.
 
     Parameters
     ----------
     accuracy
-        Of the scan.
+        Errors of the scan.
     contours : (n_levels, n_points, 2) array
-        Of the part, evenly spaced around (mm).
+        The part's outline, points evenly spaced around (mm).
     levels : (n_levels,) array
-        mm.
+        Heights, mm.
     counts : (n_levels,) array or float
-        Share of the errors that counts at every level.
+        Factor of the errors at every level, from 0 to 1.
     """
     count = contours.shape[1]
     step = np.arange(count)
@@ -173,22 +174,22 @@ def _waves(around: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
 
 
 SHIFT, TURN = 0.05, 0.001
-"""Of differences: mm, rad."""
+"""Steps of finite differences by rigid motions: mm, rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContourMisfit:
-    """The scanned contours, and how well a simulated shape meets them.
+    """Distances of simulated shapes from the contours scanned in the stocking.
 
     Parameters
     ----------
     target : SliceSet
-        Scanned, in the stocking.
+        Slices of the leg scanned in its stocking.
     accuracy : ContourAccuracy
-        Of both scans.
+        Errors of both scans.
     offset : (n,) array or float
-        How far the bare leg that is meshed lies outside the bare leg that was scanned, where its
-        parts had to be moved apart (mm); what simulated distances are taken less of.
+        Distances (mm) of the meshed bare leg from the scanned bare leg, where parts had to be moved
+        apart to be meshed; subtracted from simulated distances.
     """
 
     target: SliceSet
@@ -197,21 +198,21 @@ class ContourMisfit:
 
     @classmethod
     def between(cls, target: SliceSet, accuracy: ContourAccuracy, scanned: LegShape, meshed: LegShape) -> ContourMisfit:
-        """Return the misfit of a leg that was scanned bare, and meshed a little otherwise."""
+        """Make the misfit with the offset between the scanned and the meshed bare leg."""
         plain = cls(target, accuracy)
         return cls(target, accuracy, plain.distances(meshed) - plain.distances(scanned))
 
     def distances(self, shape: LegShape) -> FloatArray:
-        """Return how far a simulated shape lies outside the target (mm), skin first, (n,)."""
+        """Return signed distances of a simulated shape outside the target (mm), skin first, (n,)."""
         found = slice_distances(self.target, SliceSet.of(shape, self.target.levels))
         return np.concatenate([found[name].ravel() for name in CONTOURS]) - self.offset
 
     def cost(self, distances: FloatArray) -> float:
-        """Return the paper's cost before it is normalised: the sum of squares (mm2)."""
+        """Return the paper's cost, before its normalisation: the sum of squares (mm2)."""
         return float(distances @ distances)
 
     def rigid_slopes(self, shape: LegShape) -> FloatArray:
-        """Return the distances' slopes by rigid motions of a simulated shape, (n, 6).
+        """Differentiate the distances by rigid motions of a simulated shape, (n, 6).
 
         Three translations (mm), then turns about x, y and z through the slices' middle (rad).
         """
@@ -229,14 +230,14 @@ class ContourMisfit:
 
     @property
     def rigid_sd(self) -> FloatArray:
-        """Standard deviations of the rigid motions, (6,)."""
+        """Standard deviations of the rigid motions (6,), mm and rad."""
         return np.array([*self.accuracy.shift_sd, *self.accuracy.turn_sd])
 
     def whitened(self, values: FloatArray) -> FloatArray:
-        """Return distances (n,) or derivatives (n, k) in units of independent errors, (m,), (m, k).
+        """Return distances (n,) or derivatives (n, k) as m residuals of unit variance, (m,) or (m, k).
 
-        Only undulations that the outlines have errors of are compared: the model's own are not
-        known finer than that.
+        They are projected on the modes of the outlines' errors; finer undulations are left out,
+        since the errors of the model itself are unknown there.
         """
         columns = values.reshape(len(values), -1)
         parts = np.split(columns, len(CONTOURS))
@@ -249,13 +250,13 @@ class ContourMisfit:
 
     @property
     def _sd(self) -> float:
-        """Of the errors that are no nuisances, over that of one scan's outlines."""
+        """Standard deviation of the errors that are no nuisances, over that of a mode of one scan."""
         accuracy = self.accuracy
         model = accuracy.model_sd / accuracy.smoothed_sd
         return float(np.sqrt(1.0 + (1.0 - HELD) + model**2))
 
     @cached_property
     def _errors(self) -> tuple[OutlineErrors, ...]:
-        """Of the target, outer and inner contours."""
+        """Error modes of the target's outer and inner contours."""
         target = self.target
         return tuple(outline_errors(self.accuracy, target.contours(name), target.levels) for name in CONTOURS)

@@ -32,39 +32,39 @@ from legfem.common.units import FloatArray
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.slices import distance_rates
-from legfem.stockings.equilibrium import RATE_TOLERANCE, Worn, WornLeg
+from legfem.stockings.equilibrium import RATE_TOLERANCE, Equilibrium, EquilibriumSolver
 from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.misfit import ContourMisfit, outline_errors
-from legfem.stockings.sensors import Sensing
+from legfem.stockings.sensors import SensorArray
 
 RIGID, SECTORS = 6, 8
-"""Motions of a scan; parts of the leg's girth in which the pressure errs alike."""
-
-
-def nuisance_sd(misfit: ContourMisfit) -> FloatArray:
-    """Return the standard deviations of motions (mm, rad) and pressure, (RIGID + SECTORS,)."""
-    return np.concatenate([misfit.rigid_sd, np.full(SECTORS, misfit.accuracy.pressure_sd)])
+"""Numbers of rigid motions between the scans, and of sectors of the girth with a pressure error."""
+NEAR, FAR = 10.0, 35.0
+"""Distances (mm) from the slices within which errors of the bare outlines count in full, and beyond
+which they count nothing, since they hardly move the slices."""
+BUMP = 0.01
+"""Largest height (mm) of an outline's mode in the finite differences of Laplace's law."""
 
 
 def sectors(shape: LegShape) -> list[FloatArray]:
-    """Return bumps round the leg that sum to one, each (n_levels, n_points)."""
+    """Return raised cosines round the leg, one a sector, that sum to one; each (n_levels, n_points)."""
     width = 2 * np.pi / SECTORS
     bumps = []
     for number in range(SECTORS):
-        away = from_sector(shape.contours[SKIN], number)
+        away = angle_from_sector(shape.contours[SKIN], number)
         bumps.append(np.where(away < width, 0.5 * (1 + np.cos(np.pi * away / width)), 0.0))
     return bumps
 
 
-def from_sector(contours: FloatArray, number: int) -> FloatArray:
-    """Return the angle (rad) of points from a sector's middle, about their contours' middle.
+def angle_from_sector(contours: FloatArray, number: int) -> FloatArray:
+    """Return the angle (rad) between points and a sector's middle, about their contours' centres.
 
     Parameters
     ----------
     contours : (n_levels, n_points, 2) array
         mm.
     number : int
-        Of the sector, counter-clockwise from +x.
+        Sector, counted counter-clockwise from +x.
     """
     offset = contours - contours.mean(axis=1, keepdims=True)
     angle = np.arctan2(offset[..., 1], offset[..., 0])
@@ -72,167 +72,152 @@ def from_sector(contours: FloatArray, number: int) -> FloatArray:
     return np.abs(away - np.pi)
 
 
-NEAR, FAR = 10.0, 35.0
-"""Distance (mm) from the slices up to which errors of the bare outlines count in full, from which
-not at all: what is wrong with the leg farther off hardly moves the slices."""
-BUMP = 0.01
-"""Greatest height (mm) of a mode, for a difference of pressures."""
-
-
 @dataclass(frozen=True, eq=False)
-class _Answer:
-    """To changes of the pressure at fixed outlines, first the skin's modes', then the sectors'."""
+class _Response:
+    """Linear response to pressures at fixed outlines: of each mode of the skin, then each sector."""
 
     parameters: FloatArray
     """C10 of muscle and fat, MPa."""
     skin: FloatArray
-    """In shares of its modes, (k, m)."""
+    """Skin's movement in amplitudes of its modes, (k, k + SECTORS)."""
     distances: FloatArray
-    """(n, m)."""
-    felt: FloatArray
-    """By sensors, of the changes of the pressure; (s, m)."""
+    """Change of the distances to the scan, (n, k + SECTORS)."""
+    sensed: FloatArray
+    """The pressures themselves, averaged over the sensors' faces, (s, k + SECTORS)."""
 
 
 class NuisanceSlopes:
-    """Slopes of the distances between a worn leg and its scan, by the tissues' stiffness.
+    """Derivatives of distances and sensors' pressures by the nuisances, at any stiffness.
 
-    In the order of `legfem.stockings.nuisances`.
+    `sample` has to be called at least at three stiffnesses before `at` or `of_sensors`.
 
     Parameters
     ----------
-    leg, misfit
-        The leg and its scanned contours.
-    sensing
-        Its sensors.
+    solver, misfit
+        The leg, and the contours of its scan.
+    sensors
+        Sensors under its stocking.
 
     Attributes
     ----------
     errors : dict of str to OutlineErrors
-        Of the bare skin and hull near the slices.
+        Modes of the errors of the bare skin and hull near the slices.
     """
 
-    def __init__(self, leg: WornLeg, misfit: ContourMisfit, sensing: Sensing | None = None) -> None:
-        self._leg, self._misfit, self._sensing = leg, misfit, sensing
-        shape = leg.model.shape
+    def __init__(self, solver: EquilibriumSolver, misfit: ContourMisfit, sensors: SensorArray | None = None) -> None:
+        self._solver, self._misfit, self._sensors = solver, misfit, sensors
+        shape = solver.model.shape
         near = _near(shape.levels, misfit.target.levels)
         self.errors = {
             part: outline_errors(misfit.accuracy, shape.contours[part], shape.levels, near) for part in SURFACES
         }
-        self._known: list[_Answer] = []
+        self._samples: list[_Response] = []
         self._rigid: FloatArray = np.empty((0, RIGID))
         self._direct: FloatArray = np.empty((0, 0))
 
     @property
     def sd(self) -> FloatArray:
-        """Standard deviations of the priors, (RIGID + SECTORS + k,), and of the tension's."""
-        outlines = sum(errors.count for errors in self.errors.values())
-        tension = [self._misfit.accuracy.tension_sd] if self.of_tension else []
-        return np.concatenate([nuisance_sd(self._misfit), np.ones(outlines), tension])
+        """Standard deviations of the priors: mm, rad, relative pressures, 1 a mode, relative tension."""
+        accuracy = self._misfit.accuracy
+        modes = sum(errors.count for errors in self.errors.values())
+        tension = [accuracy.tension_sd] if self.of_tension else []
+        return np.concatenate([self._misfit.rigid_sd, np.full(SECTORS, accuracy.pressure_sd), np.ones(modes), tension])
 
     @property
     def of_tension(self) -> bool:
-        """Whether the fabric's tension may err all over, which is the last of the nuisances."""
+        """Whether the fabric's tension is uncertain: then it is the last of the nuisances."""
         return self._misfit.accuracy.tension_sd > 0
 
     @property
-    def learnt(self) -> int:
-        """At how many stiffnesses the leg's answers were taken."""
-        return len(self._known)
+    def samples(self) -> int:
+        """Number of stiffnesses sampled."""
+        return len(self._samples)
 
-    def learn(self, parameters: FloatArray, worn: Worn) -> None:
-        """Take the answers at a stiffness of muscle and fat (MPa), in the state found last."""
-        model, shape = self._leg.model, worn.shape
-        bumps = [worn.pressure * bump for bump in sectors(model.shape)]
-        changes = [*self._pressures(worn), *bumps]
-        rates = model.pressure_rates(worn.state, changes, RATE_TOLERANCE)
+    def sample(self, parameters: FloatArray, equilibrium: Equilibrium) -> None:
+        """Compute the leg's responses at C10 of muscle and fat (MPa), in the last equilibrium found."""
+        model, shape = self._solver.model, equilibrium.shape
+        bumps = [equilibrium.pressure * bump for bump in sectors(model.shape)]
+        changes = [*self._pressures_of_modes(equilibrium), *bumps]
+        rates = model.pressure_rates(equilibrium.state, changes, RATE_TOLERANCE)
         moved = {part: np.stack([model.displacement(part, rate) for rate in rates], axis=-1) for part in SURFACES}
         outwards = np.einsum("lpd,lpdm->lpm", outward_normals(shape.contours[SKIN]), moved[SKIN][:, :, :2])
-        if not self._known:
+        if not self._samples:
             self._rigid = self._misfit.rigid_slopes(shape)
-            self._direct = self._as_they_are(shape)
-        self._known.append(
-            _Answer(
+            self._direct = self._uncoupled(shape)
+        sensed = [np.zeros(0) if self._sensors is None else self._sensors.averages(change) for change in changes]
+        self._samples.append(
+            _Response(
                 np.array(parameters),
                 self.errors[SKIN].shares(outwards),
                 distance_rates(self._misfit.target, shape, moved),
-                np.array([self._felt(change) for change in changes]).T,
+                np.array(sensed).T,
             )
         )
 
     def at(self, parameters: FloatArray) -> FloatArray:
-        """Return the slopes at a stiffness of muscle and fat (MPa), (n, RIGID + SECTORS + k).
-
-        One more, of the fabric's tension, where that may err.
+        """Return the distances' derivatives (n, len(sd)) at C10 of muscle and fat (MPa).
 
         Raises
         ------
         ValueError
-            If none was learnt.
+            If no stiffness was sampled.
         """
-        weights, skin = self._skin(parameters)
-        distances = np.tensordot(weights, [answer.distances for answer in self._known], axes=1)
-        count = self.errors[SKIN].count
-        feedback = np.linalg.solve(np.eye(count) - skin[:, :count].T, distances[:, :count].T).T
+        weights, skin = self._skin_response(parameters)
+        distances = np.tensordot(weights, [sample.distances for sample in self._samples], axes=1)
+        by_modes, by_pressure = _coupled(distances, skin)
         outlines = self._direct.copy()
-        outlines[:, :count] += feedback
-        pressure = distances[:, count:] + feedback @ skin[:, count:]
-        return self._with_tension(np.hstack([self._rigid, pressure, outlines]))
+        outlines[:, : len(skin)] += by_modes
+        return self._with_tension(np.hstack([self._rigid, by_pressure, outlines]))
 
-    def of(self, reading: Callable[[FloatArray], FloatArray]) -> NuisanceSlopes:
-        """Return the slopes of what is read off the distances (n, k), linearly, (m, k)."""
+    def mapped(self, linear: Callable[[FloatArray], FloatArray]) -> NuisanceSlopes:
+        """Return the same for a linear map of the distances, (n, k) to (m, k)."""
         other = copy(self)
-        other._rigid, other._direct = reading(self._rigid), reading(self._direct)
-        other._known = [replace(answer, distances=reading(answer.distances)) for answer in self._known]
+        other._rigid, other._direct = linear(self._rigid), linear(self._direct)
+        other._samples = [replace(sample, distances=linear(sample.distances)) for sample in self._samples]
         return other
 
-    def felt(self, parameters: FloatArray) -> FloatArray:
-        """Return the slopes of what sensors feel, MPa, (s, ...) as of `at`.
+    def of_sensors(self, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives (s, len(sd)) of the pressures at the sensors, MPa.
 
-        What a shape changes of the pressure doesn't depend on the stiffness; what moves the shape
-        does.
+        The change of Laplace's pressure with the shape doesn't depend on the stiffness; how far the
+        shape moves does.
         """
-        _, skin = self._skin(parameters)
-        count = self.errors[SKIN].count
-        felt = np.mean([answer.felt for answer in self._known], axis=0)
-        feedback = np.linalg.solve(np.eye(count) - skin[:, :count].T, felt[:, :count].T).T
-        pressure = felt[:, count:] + feedback @ skin[:, count:]
-        outlines = np.zeros((len(felt), self._direct.shape[1]))
-        outlines[:, :count] = feedback
-        rigid = np.zeros((len(felt), RIGID))
-        return self._with_tension(np.hstack([rigid, pressure, outlines]))
+        _, skin = self._skin_response(parameters)
+        sensed = np.mean([sample.sensed for sample in self._samples], axis=0)
+        by_modes, by_pressure = _coupled(sensed, skin)
+        outlines = np.zeros((len(sensed), self._direct.shape[1]))
+        outlines[:, : len(skin)] = by_modes
+        return self._with_tension(np.hstack([np.zeros((len(sensed), RIGID)), by_pressure, outlines]))
 
-    def _skin(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return weights of what is known for a stiffness, and the skin's answers there."""
-        if not self._known:
-            raise ValueError("the leg's answers were not learnt at any stiffness")
-        basis = _compliances(np.array([answer.parameters for answer in self._known]))
+    def _skin_response(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the samples' weights in the interpolation at a stiffness, and the skin's response."""
+        if not self._samples:
+            raise ValueError("the leg's responses were not sampled at any stiffness")
+        basis = _compliances(np.array([sample.parameters for sample in self._samples]))
         weights = np.linalg.lstsq(basis.T, _compliances(parameters[None])[0], rcond=None)[0]
-        return weights, np.tensordot(weights, [answer.skin for answer in self._known], axes=1)
+        return weights, np.tensordot(weights, [sample.skin for sample in self._samples], axes=1)
 
     def _with_tension(self, slopes: FloatArray) -> FloatArray:
-        """Add the slopes by a pressure that is wrong all round: the sectors' sum to one."""
+        """Append the derivatives by the fabric's tension: the sectors' sum, since these sum to one."""
         if not self.of_tension:
             return slopes
         return np.column_stack([slopes, slopes[:, RIGID : RIGID + SECTORS].sum(axis=1)])
 
-    def _felt(self, pressure: FloatArray) -> FloatArray:
-        return np.zeros(0) if self._sensing is None else self._sensing.felt(pressure)
-
-    def _pressures(self, worn: Worn) -> list[FloatArray]:
-        """Return the changes of Laplace's pressure by the skin's modes (MPa)."""
-        errors, changes = self.errors[SKIN], []
-        contours = worn.shape.contours[SKIN]
+    def _pressures_of_modes(self, equilibrium: Equilibrium) -> list[FloatArray]:
+        """Differentiate Laplace's pressure (MPa) by the modes of the skin's errors."""
+        errors, changes, shape = self.errors[SKIN], [], equilibrium.shape
+        contours = shape.contours[SKIN]
         normals = outward_normals(contours)
         for number in range(errors.count):
             mode = errors.modes[..., number]
             step = BUMP / float(np.abs(mode).max())
-            bumped = {**worn.shape.contours, SKIN: contours + step * mode[..., None] * normals}
-            ahead = self._leg.load(LegShape(worn.shape.levels, bumped))
-            changes.append((ahead.pressure - worn.load.pressure) / step)
+            bumped = {**shape.contours, SKIN: contours + step * mode[..., None] * normals}
+            ahead = self._solver.load(LegShape(shape.levels, bumped))
+            changes.append((ahead.pressure - equilibrium.load.pressure) / step)
         return changes
 
-    def _as_they_are(self, shape: LegShape) -> FloatArray:
-        """Return the distances' slopes by errors of the outlines that nothing answers to."""
+    def _uncoupled(self, shape: LegShape) -> FloatArray:
+        """Differentiate the distances by the outlines' modes as if the pressure didn't respond."""
         slopes = []
         for part in SURFACES:
             modes = self.errors[part].modes
@@ -240,6 +225,21 @@ class NuisanceSlopes:
             rates[part][:, :, :2] = outward_normals(shape.contours[part])[..., None] * modes[:, :, None]
             slopes.append(distance_rates(self._misfit.target, shape, rates))
         return np.hstack(slopes)
+
+
+def _coupled(response: FloatArray, skin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives in equilibrium by the skin's modes and by the sectors' pressures.
+
+    Parameters
+    ----------
+    response : (n, k + SECTORS) array
+        To pressures at a fixed skin.
+    skin : (k, k + SECTORS) array
+        The skin's own response, see `_Response`.
+    """
+    count = len(skin)
+    by_modes = np.linalg.solve(np.eye(count) - skin[:, :count].T, response[:, :count].T).T
+    return by_modes, response[:, count:] + by_modes @ skin[:, count:]
 
 
 def _near(levels: FloatArray, slices: FloatArray) -> FloatArray:
@@ -250,6 +250,6 @@ def _near(levels: FloatArray, slices: FloatArray) -> FloatArray:
 
 
 def _compliances(parameters: FloatArray) -> FloatArray:
-    """Return the compliances of the formula's three terms, relative to 1 kPa, (m, 3)."""
+    """Return the three functions of C10 (m, 2) that S is interpolated by, relative to 1 kPa, (m, 3)."""
     muscle, fat = parameters.T
     return np.stack([1 / muscle, 1 / fat, 1 / np.sqrt(muscle * fat)], axis=1) * 1e-3

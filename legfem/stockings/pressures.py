@@ -25,14 +25,14 @@ from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed, LegCompression
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.stockings.equilibrium import RATE_TOLERANCE, Feedback, Worn, WornLeg
+from legfem.stockings.equilibrium import RATE_TOLERANCE, Equilibrium, EquilibriumSolver, LinearisedCoupling
 from legfem.stockings.fabric import StockingLoad
 from legfem.stockings.leg import Vein
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.nuisances import sectors
 
 END_ZONE = 10.0
-"""Length (mm) at either end of the segment whose extremes are the ends' doing, and don't count."""
+"""Length (mm) at either end of the segment that is left out of extremes and means: end faces disturb it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,27 +40,27 @@ class TissuePressures:
     """Pressures in one compressed state, in MPa, positive in compression."""
 
     mean_interface: float
-    """Of the skin, over its area."""
+    """Pressure on the skin, mean over its area."""
     greatest_interface: float
     greatest_in_fat: float
-    """Hydrostatic; the paper's measure of discomfort."""
+    """Hydrostatic pressure; the paper's measure of discomfort."""
     greatest_in_fat_at: FloatArray
-    """(3,), mm, of the bare leg."""
+    """Place of it in the bare leg (3,), mm."""
     mean_in_muscle: float
     at_veins: tuple[float, ...]
-    """Hydrostatic, in the veins' order."""
+    """Hydrostatic pressures in the veins' order; NaN outside the tissues."""
     at_veins_sd: tuple[float, ...] = ()
-    """Standard deviations, from the stiffness and the stocking's pressure; see
+    """Standard deviations of these, from the stiffness and the stocking's pressure; see
     `legfem.stockings.pressures`."""
 
 
 class PressureProbe:
-    """Hydrostatic pressure of a state at points of the bare leg.
+    """Evaluation of the hydrostatic pressure of states at points of the bare leg.
 
     Parameters
     ----------
     compression
-        The leg; in the formulation ``"continuous"``, whose unknown pressures are the mean Cauchy
+        Problem in the formulation ``"continuous"``, whose unknown pressures are the mean Cauchy
         stresses.
     """
 
@@ -129,21 +129,19 @@ def tissue_pressures(
 
 
 SPACING = 0.5
-"""Of the points (mm)."""
+"""Spacing of a section's points (mm)."""
 
 
 @dataclass(frozen=True, eq=False)
 class SectionPressures:
-    """Pressure on a grid of the bare leg's points at one level.
+    """Hydrostatic pressure on a grid in one level of the bare leg.
 
     Parameters
     ----------
     level : float
-        mm.
-    x : (n,) array
-        mm.
-    y : (m,) array
-        mm.
+        Height, mm.
+    x, y : (n,) and (m,) array
+        Coordinates of the grid, mm.
     pressure : (m, n) array
         MPa; NaN outside the tissues.
     """
@@ -154,20 +152,22 @@ class SectionPressures:
     pressure: FloatArray
 
 
-def section_pressures(shape: LegShape, level: float, worn: Worn, probe: PressureProbe) -> SectionPressures:
-    """Return the pressure at a level of the bare leg; all ranks call."""
+def section_pressures(
+    shape: LegShape, level: float, equilibrium: Equilibrium, probe: PressureProbe
+) -> SectionPressures:
+    """Evaluate the pressure at a level (mm) of the bare leg; all ranks call."""
     outline = shape.at(SKIN, level)
     x, y = (
         np.arange(low - 1.0, high + 1.0, SPACING)
         for low, high in zip(outline.min(axis=0), outline.max(axis=0), strict=True)
     )
     points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), level)], axis=-1)
-    values = probe.at(points.reshape(-1, 3), worn.state).reshape(len(y), len(x))
+    values = probe.at(points.reshape(-1, 3), equilibrium.state).reshape(len(y), len(x))
     return SectionPressures(level, x, y, values)
 
 
 AROUND, DEPTHS = 60, np.linspace(0.06, 0.94, 9)
-"""Columns of fat at a level, and where in them the pressure is taken: shares of the thickness."""
+"""Columns of fat at a level, and the depths in them that are sampled, in shares of the thickness."""
 
 _BY_MESH = ((16_679, 3.661), (61_606, 3.825), (191_506, 4.078), (496_489, 4.223))
 """Tetrahedra, and the greatest pressure in the fat (kPa) of one state of leg 1
@@ -175,10 +175,10 @@ _BY_MESH = ((16_679, 3.661), (61_606, 3.825), (191_506, 4.078), (496_489, 4.223)
 
 
 def too_low_by(tetrahedra: int) -> tuple[float, float]:
-    """Return by which shares the greatest pressure in the fat is too low on a mesh, (least, most).
+    """Return by which share the greatest pressure in the fat is too low on a mesh, (least, most).
 
-    It sits in a few elements. Measured on leg 1: against its finest mesh, and against what the last
-    two extrapolate to with the edges' length.
+    The peak lies in a few elements and grows as they shrink. As measured on leg 1: compared with
+    the finest mesh, and with the extrapolation of the last two to an edge of length zero.
     """
     edges, pressures = np.array([(count ** (-1 / 3), pressure) for count, pressure in _BY_MESH]).T
     slope = (pressures[-2] - pressures[-1]) / (edges[-2] - edges[-1])
@@ -190,20 +190,20 @@ def too_low_by(tetrahedra: int) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class FatPressures:
-    """Columns of fat, from the skin straight to the hull, all round the leg; pressures in MPa.
+    """Pressures in columns of fat, from the skin straight to the hull, all round the leg.
 
     Parameters
     ----------
     levels : (n_levels,) array
-        Of the bare leg (mm), the segment's ends left out.
+        Heights (mm), the segment's ends left out.
     skin : (n_levels, n_columns, 2) array
-        Where the columns begin (mm).
+        Points of the bare skin at which the columns begin (mm).
     thickness : (n_levels, n_columns) array
-        Of the bare leg's fat, horizontally (mm).
+        Thickness of the bare leg's fat, horizontally (mm).
     interface : (n_levels, n_columns) array
-        On the skin.
+        Pressure on the skin, MPa.
     greatest, mean : (n_levels, n_columns) array
-        Hydrostatic, in the column.
+        Hydrostatic pressure in the column, MPa.
     """
 
     levels: FloatArray
@@ -214,17 +214,17 @@ class FatPressures:
     mean: FloatArray
 
     def rank_correlation(self, what: FloatArray, by: FloatArray) -> float:
-        """Return Spearman's rank correlation of two of the arrays over all columns.
+        """Return Spearman's rank correlation of two arrays over all columns.
 
-        NaN where one of them is the same everywhere, as on a round leg.
+        It is NaN where one of them is constant, as on a round leg.
         """
         if np.nanmax(by) == np.nanmin(by) or np.nanmax(what) == np.nanmin(what):
             return np.nan
         return float(spearmanr(by.ravel(), what.ravel(), nan_policy="omit").statistic)
 
 
-def fat_pressures(shape: LegShape, worn: Worn, probe: PressureProbe) -> FatPressures:
-    """Return the fat's thickness and pressures in a worn state; all ranks call."""
+def fat_pressures(shape: LegShape, equilibrium: Equilibrium, probe: PressureProbe) -> FatPressures:
+    """Sample the fat's thickness and pressures in an equilibrium; all ranks call."""
     inside = (shape.levels >= shape.levels[0] + END_ZONE) & (shape.levels <= shape.levels[-1] - END_ZONE)
     step = max(1, shape.contours[SKIN].shape[1] // AROUND)
     skin = shape.contours[SKIN][inside, ::step]
@@ -234,13 +234,13 @@ def fat_pressures(shape: LegShape, worn: Worn, probe: PressureProbe) -> FatPress
     columns = skin[..., None, :] + DEPTHS[:, None] * (foot - skin)[..., None, :]
     z = np.broadcast_to(shape.levels[inside, None, None, None], (*columns.shape[:3], 1))
     points = np.concatenate([columns, z], axis=-1)
-    values = probe.at(points.reshape(-1, 3), worn.state).reshape(points.shape[:3])
+    values = probe.at(points.reshape(-1, 3), equilibrium.state).reshape(points.shape[:3])
     found = np.ma.masked_invalid(values)
     return FatPressures(
         shape.levels[inside],
         skin,
         np.linalg.norm(foot - skin, axis=-1),
-        worn.load.pressure[inside, ::step],
+        equilibrium.load.pressure[inside, ::step],
         found.max(axis=2).filled(np.nan),
         found.mean(axis=2).filled(np.nan),
     )
@@ -259,8 +259,8 @@ to 3 % from that of 30 times as many tetrahedra (`studies/stockings/README.md`).
 
 
 def vein_pressure_sd(
-    leg: WornLeg,
-    worn: Worn,
+    solver: EquilibriumSolver,
+    start: Equilibrium,
     probe: PressureProbe,
     veins: Sequence[Vein],
     parameters: Mapping[str, float],
@@ -272,23 +272,23 @@ def vein_pressure_sd(
 
     Parameters
     ----------
-    leg
-        The leg.
-    worn
+    solver
+        Of the leg.
+    start
         Its equilibrium, which is found again with derivatives.
     probe
-        Of the leg's mesh.
+        Evaluation of pressures on the leg's mesh.
     veins
-        Where.
+        Places.
     parameters
         C10 of muscle and fat by name (MPa).
     log_covariance : (2, 2) or (3, 3) array or None
-        Of their logarithms, and of the error of the fabric's tension; None where they were given,
-        and count as exact.
+        Covariance of the stiffnesses' logarithms, and of the error of the fabric's tension; None if
+        they were given, and count as exact.
     pressure_sd
-        Of the stocking's pressure in a sector of the girth, relative.
+        Relative standard deviation of the stocking's pressure in a sector of the girth.
     error
-        By which share the fabric's tension exceeds what was given.
+        Relative excess of the fabric's tension over what was given.
 
     Returns
     -------
@@ -297,15 +297,15 @@ def vein_pressure_sd(
     """
     if not veins:
         return np.empty(0)
-    near = leg.find(parameters, PARAMETERS, worn, error)
+    near = solver.solve(parameters, PARAMETERS, start, error)
     if not near.state.report.complete or set(near.state.sensitivities) != set(PARAMETERS):
         return np.full(len(veins), np.nan)
     points = np.array([vein.position for vein in veins])
-    feedback, model = Feedback(leg, near), leg.model
+    coupling, model = LinearisedCoupling(solver, near), solver.model
 
     def slope(rate: FloatArray) -> FloatArray:
-        # Pressures are unknowns: what is read from a derivative of them is the pressure's own.
-        return probe.at(points, replace(near.state, unknown=feedback.to_rate(rate)))
+        # The unknown holds pressures, so that evaluating its derivative gives theirs.
+        return probe.at(points, replace(near.state, unknown=coupling.rate(rate)))
 
     bumps = [near.pressure * bump for bump in sectors(model.shape)]
     rates = model.pressure_rates(near.state, bumps, RATE_TOLERANCE)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -20,78 +19,39 @@ from scipy.linalg import solve_triangular
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.parameter import Parameter, Priors
 from legfem.legs.elastography import ShearModulus, elastography_priors
-from legfem.stockings.equilibrium import Feedback, Worn, WornLeg, slope_step
+from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver, LinearisedCoupling, probe_step
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes
-from legfem.stockings.sensors import Sensing
+from legfem.stockings.sensors import SensorArray
 
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
-"""Of a search (MPa)."""
+"""Bounds of both stiffnesses in a search (MPa)."""
+STEP = 0.01
+"""Step in log parameters of the finite differences of the nuisances' derivatives."""
 
 
 def stiffness_priors(moduli: Iterable[ShearModulus] = ()) -> Priors:
-    """Return what shear waves say of `PARAMETERS` (MPa); nothing without them."""
+    """Return the parameters of a search (MPa), with priors where shear waves were measured."""
     known = elastography_priors(moduli)
     return Priors(tuple(Parameter(name, "MPa", BOUNDS, known.get(name), scale="log") for name in PARAMETERS))
 
 
-class LinearisedContours:
-    """Distances (mm) of a worn leg from its scan, and their derivatives, (n,) each.
-
-    Parameters
-    ----------
-    leg
-        The leg.
-    misfit
-        The scanned contours.
-    worn
-        The equilibrium that was found last.
-    """
-
-    def __init__(self, leg: WornLeg, misfit: ContourMisfit, worn: Worn) -> None:
-        self._model, self._misfit, self._worn = leg.model, misfit, worn
-        self._feedback = Feedback(leg, worn)
-        self._rates: dict[str, FloatArray] = {}
-
-    @cached_property
-    def distances(self) -> FloatArray:
-        """How far the leg lies outside its scan."""
-        return self._misfit.distances(self._worn.shape)
-
-    def by_parameter(self, name: str) -> FloatArray:
-        """Return the slope by a parameter of the model by which the state was differentiated."""
-        return self._slope(self._rate(name))
-
-    def pressure_by_parameter(self, name: str) -> FloatArray:
-        """Return that of the stocking's pressure at the skin's points, (n_levels, n_points)."""
-        return self._feedback.pressure_slope(self._rate(name))
-
-    def _rate(self, name: str) -> FloatArray:
-        if name not in self._rates:
-            self._rates[name] = self._feedback.to_rate(self._worn.state.sensitivities[name])
-        return self._rates[name]
-
-    def _slope(self, rate: FloatArray) -> FloatArray:
-        step = slope_step(self._model, rate)
-        ahead = self._model.deformed_shape(self._worn.state.unknown + step * rate)
-        return (self._misfit.distances(ahead) - self.distances) / step
-
-
-STEP = 0.01
-"""Of log parameters, for a difference of the nuisances' slopes."""
+def by_name(parameters: FloatArray) -> dict[str, float]:
+    """Return C10 of muscle and fat (MPa) by full name."""
+    return dict(zip(PARAMETERS, map(float, parameters), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Tension:
-    """By which share the fabric's tension exceeds what was given.
+    """Relative error of the fabric's tension, as fitted.
 
     Parameters
     ----------
     value : float
-        The best one.
+        Best value.
     log_covariance : (3, 3) array
-        Of the logarithms of the stiffnesses, and of it.
+        Covariance of the logarithms of both stiffnesses, and of the tension's error.
     """
 
     value: float
@@ -99,90 +59,132 @@ class Tension:
 
     @property
     def sd(self) -> float:
-        """Its standard deviation."""
+        """Standard deviation of the tension's error."""
         return float(np.sqrt(self.log_covariance[2, 2]))
 
 
+class LinearisedContours:
+    """Distances (mm) of a leg in its stocking from its scan, and their derivatives in equilibrium.
+
+    Parameters
+    ----------
+    solver
+        Of the leg.
+    misfit
+        The scanned contours.
+    equilibrium
+        The one that the model is in.
+
+    Attributes
+    ----------
+    distances : (n,) array
+        mm.
+    """
+
+    def __init__(self, solver: EquilibriumSolver, misfit: ContourMisfit, equilibrium: Equilibrium) -> None:
+        self._model, self._misfit, self._equilibrium = solver.model, misfit, equilibrium
+        self._coupling = LinearisedCoupling(solver, equilibrium)
+        self._rates: dict[str, FloatArray] = {}
+        self.distances = misfit.distances(equilibrium.shape)
+
+    def by_parameter(self, name: str) -> FloatArray:
+        """Return the distances' derivative (n,) by a parameter of the equilibrium's sensitivities."""
+        rate = self._rate(name)
+        step = probe_step(self._model, rate)
+        ahead = self._model.deformed_shape(self._equilibrium.state.unknown + step * rate)
+        return (self._misfit.distances(ahead) - self.distances) / step
+
+    def pressure_by_parameter(self, name: str) -> FloatArray:
+        """Return the derivative of the stocking's pressure, (n_levels, n_points)."""
+        return self._coupling.pressure_rate(self._rate(name))
+
+    def _rate(self, name: str) -> FloatArray:
+        if name not in self._rates:
+            self._rates[name] = self._coupling.rate(self._equilibrium.state.sensitivities[name])
+        return self._rates[name]
+
+
 @dataclass(frozen=True, eq=False)
-class BesideScan:
-    """What contours and sensors say of a worn leg at one stiffness.
+class ScanComparison:
+    """Residuals of contours and sensors in one equilibrium, and their derivatives.
 
     Parameters
     ----------
     parameters : (2,) array
         C10 of muscle and fat (MPa).
-    worn : Worn
-        The equilibrium there.
+    equilibrium : Equilibrium
+        State at these.
     distances : (n,) array
-        mm.
+        Distances of the model outside the scan (mm).
     slopes : (n, 2) array
-        Of the distances, by the logarithms of the stiffnesses.
-    felt : (s,) array
-        What sensors feel over what they showed, over their errors.
-    felt_slopes : (s, 2) array
-        By the logarithms of the stiffnesses.
+        Derivatives of the distances by the logarithms of the stiffnesses (mm).
+    sensors : (s,) array
+        Model's pressures less the sensors' readings, over their standard deviations.
+    sensor_slopes : (s, 2) array
+        Derivatives of these by the logarithms of the stiffnesses.
     """
 
     parameters: FloatArray
-    worn: Worn
+    equilibrium: Equilibrium
     distances: FloatArray
     slopes: FloatArray
-    felt: FloatArray
-    felt_slopes: FloatArray
+    sensors: FloatArray
+    sensor_slopes: FloatArray
 
 
-def beside_scan(
-    leg: WornLeg, misfit: ContourMisfit, parameters: FloatArray, worn: Worn, sensing: Sensing | None = None
-) -> BesideScan:
-    """Compare a worn leg with its scan and its sensors.
+def compare_with_scan(
+    solver: EquilibriumSolver,
+    misfit: ContourMisfit,
+    parameters: FloatArray,
+    equilibrium: Equilibrium,
+    sensors: SensorArray | None = None,
+) -> ScanComparison:
+    """Compare a leg in its stocking with its scan and its sensors.
 
     Parameters
     ----------
-    leg, misfit
-        Of the leg.
+    solver, misfit
+        The leg, and the contours of its scan.
     parameters : (2,) array
         C10 of muscle and fat (MPa).
-    worn
-        The equilibrium there, differentiated by `PARAMETERS`; the last that was found.
-    sensing : Sensing, optional
+    equilibrium
+        At these, with sensitivities by `PARAMETERS`; the model has to be in it.
+    sensors
         Sensors under the stocking.
     """
-    contours = LinearisedContours(leg, misfit, worn)
-    felt: FloatArray = np.zeros(0)
-    felt_slopes: FloatArray = np.zeros((0, len(PARAMETERS)))
-    if sensing is not None:
-        felt = (sensing.felt(worn.load.pressure) - sensing.measured) / sensing.sd
-        slopes_felt = [sensing.felt(contours.pressure_by_parameter(name)) for name in PARAMETERS]
-        felt_slopes = np.stack(slopes_felt, axis=1) * parameters / sensing.sd[:, None]
+    contours = LinearisedContours(solver, misfit, equilibrium)
+    residual: FloatArray = np.zeros(0)
+    sensor_slopes: FloatArray = np.zeros((0, len(PARAMETERS)))
+    if sensors is not None:
+        residual = (sensors.averages(equilibrium.load.pressure) - sensors.measured) / sensors.sd
+        sensed = [sensors.averages(contours.pressure_by_parameter(name)) for name in PARAMETERS]
+        sensor_slopes = np.stack(sensed, axis=1) * parameters / sensors.sd[:, None]
     slopes = np.stack([contours.by_parameter(name) for name in PARAMETERS], axis=1) * parameters
-    return BesideScan(parameters, worn, contours.distances, slopes, felt, felt_slopes)
+    return ScanComparison(parameters, equilibrium, contours.distances, slopes, residual, sensor_slopes)
 
 
 @dataclass(frozen=True, eq=False)
-class Profiled:
-    """One stiffness.
+class ProfiledFit:
+    """Least squares at one stiffness, over the nuisances.
 
     Parameters
     ----------
-    worn : Worn
-        The equilibrium there.
-    distances : (n,) array
-        mm.
+    at : ScanComparison
+        What was fitted.
     nuisance : (k,) array
-        See `legfem.stockings.nuisances`.
+        Best nuisances, see `legfem.stockings.nuisances`.
     moved : (n,) array
-        Distances after motions and pressure are allowed for (mm).
+        Distances (mm) less what rigid motions and errors of the pressure explain.
     residual : (m + s + p + k,) array
-        Whitened distances, what sensors feel over their errors, departures from p priors, and
-        nuisances.
+        Whitened distances, sensors, deviations from p priors of the stiffnesses, and nuisances, all
+        in standard deviations.
     jacobian : (m + s + p + k, 2) array
-        Derivatives by the logarithms of the stiffnesses, nuisances following.
+        Derivatives by the logarithms of the stiffnesses, the nuisances following.
     tension : Tension, optional
-        Of the fabric, where that isn't taken as it was given.
+        Error of the fabric's tension, where that is uncertain.
     """
 
-    worn: Worn
-    distances: FloatArray
+    at: ScanComparison
     nuisance: FloatArray
     moved: FloatArray
     residual: FloatArray
@@ -191,40 +193,39 @@ class Profiled:
 
     @property
     def objective(self) -> float:
-        """The least sum of squares."""
+        """Least sum of squares."""
         return float(self.residual @ self.residual)
 
 
-def profiled(
-    found: BesideScan,
+def fit_nuisances(
+    found: ScanComparison,
     misfit: ContourMisfit,
     nuisances: NuisanceSlopes,
-    sensing: Sensing | None = None,
+    sensors: SensorArray | None = None,
     priors: Priors | None = None,
-) -> Profiled:
-    """Fit the nuisances at a stiffness.
+) -> ProfiledFit:
+    """Fit the nuisances at a stiffness by linear least squares.
 
     Parameters
     ----------
     found
-        There.
+        Comparison with the scan there.
     misfit, nuisances
-        Of the leg.
-    sensing : Sensing, optional
+        Whitening, and derivatives by the nuisances.
+    sensors
         Sensors under the stocking.
-    priors : Priors, optional
-        Of the stiffnesses (MPa).
+    priors
+        Priors of the stiffnesses (MPa); none by default.
     """
     parameters, priors = found.parameters, priors or stiffness_priors()
     slopes, sd = nuisances.at(parameters), nuisances.sd
-    felt_slopes: FloatArray = np.zeros((0, len(sd)))
-    if sensing is not None:
-        felt_slopes = nuisances.felt(parameters) / sensing.sd[:, None]
-    unmoved = np.zeros((len(priors), len(sd)))
-    basis = np.vstack([misfit.whitened(slopes), felt_slopes, unmoved, np.diag(1 / sd)])
+    sensor_slopes: FloatArray = np.zeros((0, len(sd)))
+    if sensors is not None:
+        sensor_slopes = nuisances.of_sensors(parameters) / sensors.sd[:, None]
+    basis = np.vstack([misfit.whitened(slopes), sensor_slopes, np.zeros((len(priors), len(sd))), np.diag(1 / sd)])
     orthonormal, triangle = np.linalg.qr(basis)
     white = misfit.whitened(found.distances)
-    beside = np.concatenate([found.felt, priors.residual(parameters)])
+    beside = np.concatenate([found.sensors, priors.residual(parameters)])
     right = np.concatenate([white, beside, np.zeros(len(sd))])
     nuisance = -solve_triangular(triangle, orthonormal.T @ right)
     by_stiffness = found.slopes.copy()
@@ -234,17 +235,15 @@ def profiled(
     rows = np.zeros((len(right), 2))
     rows[: len(white)] = misfit.whitened(by_stiffness)
     by_prior = priors.jacobian(parameters) * parameters
-    rows[len(white) : len(white) + len(beside)] = np.vstack([found.felt_slopes, by_prior])
+    rows[len(white) : len(white) + len(beside)] = np.vstack([found.sensor_slopes, by_prior])
     tension = None
     if nuisances.of_tension:
         every = np.hstack([rows, basis])
         picked = [0, 1, every.shape[1] - 1]
-        covariance = np.linalg.pinv(every.T @ every)[np.ix_(picked, picked)]
-        tension = Tension(float(nuisance[-1]), covariance)
+        tension = Tension(float(nuisance[-1]), np.linalg.pinv(every.T @ every)[np.ix_(picked, picked)])
     shown = [*range(RIGID + SECTORS), *([len(sd) - 1] if nuisances.of_tension else [])]
-    return Profiled(
-        found.worn,
-        found.distances,
+    return ProfiledFit(
+        found,
         nuisance,
         found.distances + slopes[:, shown] @ nuisance[shown],
         right + basis @ nuisance,

@@ -18,7 +18,7 @@ from legfem.common.input_files import (
     parse_toml,
     trouble,
 )
-from legfem.imaging.leg_source import LabelsEntry, ShapeEntry
+from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.legs.elastography import ElastographyEntry, check_once
 from legfem.stockings.sensors import KINDS
 
@@ -50,9 +50,9 @@ class AccuracyEntry(FileTable):
     contour_sd_mm: Positive = 0.2
     correlation_mm: Positive = 8.0
     pressure_relative_sd: Positive = 0.01
-    """Of the stocking's pressure over an eighth of the girth."""
+    """Standard deviation of the stocking's pressure over an eighth of the girth."""
     tension_relative_sd: NotNegative = 0.0
-    """Of the fabric's tension, all over alike; 0 takes the fabric as it is given."""
+    """Standard deviation of the fabric's tension, one value for the leg; 0 takes it as given."""
 
 
 class TissueStiffness(FileTable):
@@ -90,7 +90,7 @@ class PostureEntry(FileTable):
     heart_mm: Annotated[float, Field(gt=0, le=2500, allow_inf_nan=False)]
     """Height of the heart above z = 0 of the bare scan, standing."""
     lying_mmHg: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)] | None = None
-    """In the leg's veins, lying."""
+    """Pressure in the leg's veins, lying."""
 
 
 class SensorEntry(FileTable):
@@ -98,12 +98,12 @@ class SensorEntry(FileTable):
 
     name: Text
     position_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)]
-    """On the bare leg's skin."""
+    """Place on the bare leg's skin."""
     pressure_mmHg: Annotated[float, Field(gt=0, le=300, allow_inf_nan=False)]
     instrument: Literal["PicoPress", "Kikuhime"] | None = None
     sd_mmHg: Positive | None = None
     diameter_mm: Annotated[float, Field(ge=1, le=120, allow_inf_nan=False)] | None = None
-    """Of its face; the instrument's, or 30 mm, without it."""
+    """Diameter of the face; the instrument's, or 30 mm, without it."""
 
     @model_validator(mode="after")
     def _one_error(self) -> SensorEntry:

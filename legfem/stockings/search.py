@@ -18,45 +18,59 @@ import numpy as np
 from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.inverse.intervals import Bound, Identifiability, bound_of, quantile, verdict_on
+from legfem.inverse.intervals import Bound, Estimated, Identifiability, bound_of, quantile
+from legfem.inverse.least_squares import Damping, damped_gauss_newton
 from legfem.inverse.parameter import Priors
-from legfem.stockings.equilibrium import Worn, WornLeg
+from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.intervals import MisfitEmulator, profile_intervals
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
 from legfem.stockings.nuisances import RIGID, NuisanceSlopes
-from legfem.stockings.scan_fit import BOUNDS, BesideScan, Profiled, Tension, beside_scan, profiled, stiffness_priors
-from legfem.stockings.sensors import Sensing
+from legfem.stockings.scan_fit import (
+    BOUNDS,
+    ProfiledFit,
+    ScanComparison,
+    Tension,
+    by_name,
+    compare_with_scan,
+    fit_nuisances,
+    stiffness_priors,
+)
+from legfem.stockings.sensors import SensorArray
 
 START = kpa_to_mpa(np.array([3.0, 3.0]))
-"""The paper's start (MPa)."""
-LEARNT_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
-"""C10 of muscle and fat (MPa) at which the nuisances' slopes are taken."""
-NO_GAIN = 0.1
-"""Of the least gain: a step that promises less isn't taken."""
+"""C10 of muscle and fat at the start of the paper's search (MPa)."""
+SAMPLED_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
+"""C10 of muscle and fat (MPa) at which the leg's response to the nuisances is computed."""
+SAME_WITHIN, SAME_WITHIN_INTERVAL = 0.02, 0.2
+"""Relative difference within which two searches agree: 2 %, or this share of the half-width of the
+95 % interval."""
+MISSED_BEYOND = 1.5
+"""Root-mean-square distance, over that which errors of the outlines make, beyond which the model
+misses the scan, so that its intervals don't hold."""
 type OnSolve = Callable[[str], None]
 type Method = Literal["nelder-mead", "weighted"]
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """Of both searches.
+    """Starts and stopping criteria of both searches.
 
     Parameters
     ----------
     starts_kPa : tuple of (float, float)
         C10 of muscle and fat from which the weighted search begins, each in turn.
     tolerance : float
-        Relative change of the parameters at which a search ends.
+        Relative change of the parameters at which a weighted search ends.
     least_gain : float
-        Of a step in the sum of weighted squares, below which a search ends too: 95 % of the
-        chances lie within 3.84 of the least.
+        Decrease of the sum of weighted squares below which it ends, too; a 95 % interval reaches to
+        an increase of 3.84.
     max_steps : int
-        Of one start.
+        Equilibria of one start at most.
     simplex_tolerance : float
-        Nelder-Mead's: relative size of the last simplex.
+        Relative size of Nelder-Mead's last simplex.
     max_evaluations : int
-        Nelder-Mead's.
+        Equilibria of Nelder-Mead at most.
     """
 
     starts_kPa: tuple[tuple[float, float], ...] = ((3.0, 3.0), (1.5, 12.0), (6.0, 1.5))
@@ -68,11 +82,38 @@ class SearchSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
-    """What a search found; parameters in the order of `PARAMETERS`, in MPa.
+class StiffnessFit:
+    """Result of one search; parameters in the order of `PARAMETERS`, MPa.
 
-    ``converged`` is False where it stopped for another reason; ``log_covariance`` (of the
-    parameters' logarithms) belongs to the weighted search.
+    Parameters
+    ----------
+    method : str
+        ``"weighted"`` or ``"nelder-mead"``.
+    parameters, start : (2,) array
+        Best values, and those it started from.
+    converged : bool
+        Whether a tolerance ended it.
+    solves : int
+        Finite-element solutions; an equilibrium takes a few.
+    cost : float
+        The paper's cost: mm2 of the weighted search, relative to the start of Nelder-Mead.
+    rms : float
+        Root-mean-square distance from the scan (mm), less rigid motions and errors of the pressure.
+    distances : (n,) array
+        Distances outside the scan (mm).
+    equilibrium : Equilibrium
+        State at the best values.
+    chi_square : float
+        Least sum of squares over the number of residuals that are no nuisances: 1 where errors are
+        as large as assumed.
+    nuisance : (k,) array, optional
+        Best nuisances, see `legfem.stockings.nuisances`.
+    tension : Tension, optional
+        Error of the fabric's tension; None where it is taken as given.
+    log_covariance : (2, 2) array, optional
+        Covariance of the parameters' logarithms; of the weighted search.
+    profile95 : (2, 2) array, optional
+        95 % intervals by profile likelihood (MPa); of the best weighted search.
     """
 
     method: Method
@@ -80,34 +121,26 @@ class Identified:
     start: FloatArray
     converged: bool
     solves: int
-    """Compressed states solved for; an equilibrium takes a few."""
     cost: float
-    """The paper's, 1 at its start."""
     rms: float
-    """Root-mean-square distance, after motion and pressure are allowed for (mm)."""
     distances: FloatArray
-    worn: Worn
+    equilibrium: Equilibrium
     chi_square: float = np.nan
-    """Least sum of squares of weighted distances and nuisances, over the number of the former: 1
-    where errors are as large as was assumed."""
     nuisance: FloatArray | None = None
-    """See `legfem.stockings.nuisances`."""
     tension: Tension | None = None
-    """Of the fabric; None where it is taken as it was given."""
     log_covariance: FloatArray | None = None
     profile95: FloatArray | None = None
-    """95 % intervals (2, 2) by profile likelihood, MPa: of the best search."""
 
     @property
     def rigid(self) -> FloatArray | None:
-        """What is left of a motion between the scans: three shifts (mm), three turns (rad)."""
+        """Motion between the scans beyond their registration: three shifts (mm), three turns (rad)."""
         return None if self.nuisance is None else self.nuisance[:RIGID]
 
     @property
     def interval95(self) -> FloatArray | None:
-        """95 % intervals of the parameters, (2, 2), MPa; 0 and infinity where they are open.
+        """95 % intervals (2, 2) of the parameters, MPa; 0 or infinity at an open end.
 
-        By profile likelihood, or else by the curvature at the best values.
+        By profile likelihood if there is one, else by the curvature at the best values.
         """
         if self.profile95 is not None:
             return self.profile95
@@ -117,49 +150,116 @@ class Identified:
         return self.parameters[:, None] * np.exp(np.stack([-half, half], axis=1))
 
 
-class StiffnessSearch:
-    """Puts a stocking on a leg of many stiffnesses and compares it with its scan.
+@dataclass(frozen=True)
+class StiffnessEstimate(Estimated):
+    """How well one stiffness is known (MPa); open ends of its interval are 0 and infinity.
 
     Parameters
     ----------
-    leg
-        The leg and its stocking.
+    sound : bool
+        Whether the search ended by itself and the model meets the scan.
+    """
+
+    sound: bool = True
+
+    @property
+    def name(self) -> str:
+        """Full name, one of `PARAMETERS`."""
+        return self.parameter.name
+
+    @property
+    def at_bound(self) -> Bound:
+        """Bound of the search at which the value stands."""
+        return bound_of(self.value, self.parameter.bounds, within=1e-6)
+
+    @property
+    def identifiability(self) -> Identifiability:
+        """Verdict on the interval: weakly identifiable at best if the fit isn't sound."""
+        return self.verdict(self.sound)
+
+
+def expected_rms(accuracy: ContourAccuracy) -> float:
+    """Return the root-mean-square distance (mm) that errors of the contours alone make."""
+    return math.sqrt(2 * accuracy.smoothed_sd**2 + accuracy.model_sd**2)
+
+
+def model_misses(found: StiffnessFit, accuracy: ContourAccuracy) -> bool:
+    """Tell whether the best fit is farther from the scan than errors of the contours explain."""
+    return not found.rms <= MISSED_BEYOND * expected_rms(accuracy)
+
+
+def stiffness_estimates(found: StiffnessFit, accuracy: ContourAccuracy) -> tuple[StiffnessEstimate, ...]:
+    """Return the estimates of a search, in the order of `PARAMETERS`."""
+    intervals = np.full((len(PARAMETERS), 2), np.nan) if found.interval95 is None else found.interval95
+    covariance = found.log_covariance
+    errors = found.parameters * (np.nan if covariance is None else np.sqrt(np.diag(covariance)))
+    sound = found.converged and not model_misses(found, accuracy)
+    return tuple(
+        StiffnessEstimate(parameter, float(value), float(error), (float(low), float(high)), sound)
+        for parameter, value, error, (low, high) in zip(
+            stiffness_priors().parameters, found.parameters, errors, intervals, strict=True
+        )
+    )
+
+
+def starts_agree(searches: Sequence[StiffnessFit]) -> bool:
+    """Tell whether searches, the best first, led to the same stiffness."""
+    values = np.log([search.parameters for search in searches])
+    allowed = np.full(len(PARAMETERS), SAME_WITHIN)
+    if (covariance := searches[0].log_covariance) is not None:
+        half = quantile(0) * np.sqrt(np.diag(covariance))
+        allowed = np.maximum(allowed, SAME_WITHIN_INTERVAL * half)
+    return bool((np.ptp(values, axis=0) <= allowed).all())
+
+
+class StiffnessSearch:
+    """Both searches on one leg, which share the equilibria they solved for.
+
+    Parameters
+    ----------
+    solver
+        Of the leg and its stocking.
     misfit
         The scanned contours.
     settings
-        Of the searches.
+        Starts and stopping criteria.
     on_solve
-        Called with a line after every equilibrium.
-    sensing
+        Called with a line of text after every equilibrium.
+    sensors
         Sensors under the stocking, whose pressures are data of the weighted search.
     priors
-        Of the stiffnesses (MPa), for the weighted search.
+        Priors of the stiffnesses (MPa) in the weighted search.
+
+    Attributes
+    ----------
+    nuisances : NuisanceSlopes
+        Derivatives of the misfit by the nuisances.
     """
 
     def __init__(
         self,
-        leg: WornLeg,
+        solver: EquilibriumSolver,
         misfit: ContourMisfit,
         settings: SearchSettings | None = None,
         on_solve: OnSolve | None = None,
-        sensing: Sensing | None = None,
+        sensors: SensorArray | None = None,
         priors: Priors | None = None,
     ) -> None:
         self._priors = priors or stiffness_priors()
-        self._leg, self._misfit, self._sensing = leg, misfit, sensing
+        self._solver, self._misfit, self._sensors = solver, misfit, sensors
         self._settings = settings or SearchSettings()
         self._on_solve = on_solve
-        self._last: Worn | None = None
-        self._learnt: dict[tuple[float, ...], Worn] = {}
-        self.nuisances = NuisanceSlopes(leg, misfit, sensing)
-        self._beside: list[BesideScan] = []
+        self._last: Equilibrium | None = None
+        self._sampled: dict[tuple[float, ...], Equilibrium] = {}
+        self.nuisances = NuisanceSlopes(solver, misfit, sensors)
+        self._compared: list[ScanComparison] = []
 
-    def nelder_mead(self) -> Identified:
+    def nelder_mead(self) -> StiffnessFit:
         """Search as the paper does, from 3 kPa in both tissues."""
-        before = self._leg.states
+        before = self._solver.states
         best = self._solve(START)
         if not best.state.report.complete:
-            return self._unsolved("nelder-mead", START, before, best)
+            return self._failed("nelder-mead", START, before, best)
         scale = least = self._misfit.cost(self._misfit.distances(best.shape))
         found = START
 
@@ -168,12 +268,12 @@ class StiffnessSearch:
             parameters = np.exp(log_parameters)
             if not (parameters > BOUNDS[0]).all() or not (parameters < BOUNDS[1]).all():
                 return np.inf
-            worn = self._solve(parameters)
-            if not worn.state.report.complete:
+            here = self._solve(parameters)
+            if not here.state.report.complete:
                 return np.inf
-            value = self._misfit.cost(self._misfit.distances(worn.shape))
+            value = self._misfit.cost(self._misfit.distances(here.shape))
             if value < least:
-                best, least, found = worn, value, parameters
+                best, least, found = here, value, parameters
             return value / scale
 
         settings = self._settings
@@ -189,191 +289,99 @@ class StiffnessSearch:
             },
         )
         distances = self._misfit.distances(best.shape)
-        return Identified(
-            "nelder-mead",
-            found,
-            START,
-            bool(done.success),
-            self._leg.states - before,
-            least / scale,
-            _rms(distances),
-            distances,
-            best,
+        solves = self._solver.states - before
+        return StiffnessFit(
+            "nelder-mead", found, START, bool(done.success), solves, least / scale, _rms(distances), distances, best
         )
 
-    def weighted(self) -> tuple[Identified, ...]:
+    def weighted(self) -> tuple[StiffnessFit, ...]:
         """Search from every start; the best first."""
-        if not self.nuisances.learnt:
-            self._learn()
-        found = [self._from(kpa_to_mpa(np.array(start))) for start in self._settings.starts_kPa]
-        best, *others = sorted(found, key=lambda result: result.chi_square)
+        if not self.nuisances.samples:
+            for parameters in SAMPLED_AT:
+                found = self._solve(parameters, differentiate=True)
+                if found.state.report.complete:
+                    self.nuisances.sample(parameters, found)
+                    self._sampled[tuple(parameters)] = found
+        fits = [self._from(kpa_to_mpa(np.array(start))) for start in self._settings.starts_kPa]
+        best, *others = sorted(fits, key=lambda fit: fit.chi_square)
         return (self._with_profile(best), *others)
 
-    def _with_profile(self, best: Identified) -> Identified:
-        """Return the best search with intervals by profile likelihood, where it settled."""
+    def _with_profile(self, best: StiffnessFit) -> StiffnessFit:
+        """Add intervals by profile likelihood to a search that converged."""
         if not best.converged or best.log_covariance is None:
             return best
-        sensor_sd = np.zeros(0) if self._sensing is None else self._sensing.sd
+        sensor_sd = np.zeros(0) if self._sensors is None else self._sensors.sd
 
         def emulate() -> MisfitEmulator:
-            return MisfitEmulator(self._beside, self._misfit, self.nuisances, sensor_sd, self._priors)
+            return MisfitEmulator(self._compared, self._misfit, self.nuisances, sensor_sd, self._priors)
 
-        def compare(parameters: FloatArray) -> BesideScan | None:
-            worn = self._solve(parameters, differentiate=True)
-            return self._compared(parameters, worn) if worn.state.report.complete else None
+        def compare(parameters: FloatArray) -> ScanComparison | None:
+            found = self._solve(parameters, differentiate=True)
+            return self._compare(parameters, found) if found.state.report.complete else None
 
         intervals = profile_intervals(best.parameters, best.log_covariance, BOUNDS, emulate, compare)
         return replace(best, profile95=intervals)
 
-    def _learn(self) -> None:
-        for parameters in LEARNT_AT:
-            worn = self._solve(parameters, differentiate=True)
-            if worn.state.report.complete:
-                self.nuisances.learn(parameters, worn)
-                self._learnt[tuple(parameters)] = worn
+    def _from(self, start: FloatArray) -> StiffnessFit:
+        """Minimise the sum of squares that the best nuisances leave, in logarithms of the stiffnesses."""
+        before, settings = self._solver.states, self._settings
+        sampled = self._sampled.get(tuple(start))
+        if sampled is None:
+            first = self._solve(start, differentiate=True)
+        else:
+            first = self._solver.restore(sampled, by_name(start))
+        if not first.state.report.complete or not self.nuisances.samples:
+            return self._failed("weighted", start, before, first)
 
-    def _from(self, start: FloatArray) -> Identified:
-        """Minimise what the best nuisances leave, by Gauss and Newton's method with damping."""
-        before, settings, misfit = self._leg.states, self._settings, self._misfit
-        damping, converged = 1e-3, False
-        learnt = self._learnt.get(tuple(start))
-        worn = self._solve(start, differentiate=True) if learnt is None else self._leg.back_in(learnt, _by_name(start))
-        if not worn.state.report.complete or not self.nuisances.learnt:
-            return self._unsolved("weighted", start, before, worn)
-        parameters, here = start, self._profiled(start, worn)
-        for _ in range(settings.max_steps):
-            normal = here.jacobian.T @ here.jacobian
-            damped = normal + damping * np.diag(np.diag(normal))
-            step = -np.linalg.solve(damped, here.jacobian.T @ here.residual)
-            expected = here.objective - np.sum((here.residual + here.jacobian @ step) ** 2)
-            if expected < NO_GAIN * settings.least_gain:
-                converged = True
-                break
-            proposed = np.clip(parameters * np.exp(np.clip(step, -1.0, 1.0)), *BOUNDS)
-            worn = self._solve(proposed, differentiate=True)
-            if not worn.state.report.complete:
-                damping = max(10 * damping, 1.0)
-                continue
-            new = self._profiled(proposed, worn)
-            gain = here.objective - new.objective
-            if gain < -1e-9 * here.objective:
-                damping = max(10 * damping, 0.1)
-                continue
-            change = np.abs(np.log(proposed / parameters)).max()
-            parameters, here, damping = proposed, new, damping / 10
-            if change < settings.tolerance or gain < settings.least_gain:
-                converged = True
-                break
-        return Identified(
+        def evaluate(logs: FloatArray) -> ProfiledFit | None:
+            parameters = np.clip(np.exp(logs), *BOUNDS)
+            found = self._solve(parameters, differentiate=True)
+            return self._profile(parameters, found) if found.state.report.complete else None
+
+        bounds = np.tile(np.log(BOUNDS), (len(start), 1))
+        damping = Damping(settings.tolerance, settings.least_gain, settings.max_steps, longest=1.0)
+        _, best, converged = damped_gauss_newton(evaluate, np.log(start), self._profile(start, first), bounds, damping)
+        return StiffnessFit(
             "weighted",
-            parameters,
+            best.at.parameters,
             start,
             converged,
-            self._leg.states - before,
-            misfit.cost(here.distances),
-            _rms(here.moved),
-            here.distances,
-            here.worn,
-            here.objective / (len(here.residual) - len(here.nuisance)),
-            here.nuisance,
-            here.tension,
-            np.linalg.pinv(here.jacobian.T @ here.jacobian),
+            self._solver.states - before,
+            self._misfit.cost(best.at.distances),
+            _rms(best.moved),
+            best.at.distances,
+            best.at.equilibrium,
+            best.objective / (len(best.residual) - len(best.nuisance)),
+            best.nuisance,
+            best.tension,
+            np.linalg.pinv(best.jacobian.T @ best.jacobian),
         )
 
-    def _profiled(self, parameters: FloatArray, worn: Worn) -> Profiled:
-        found = self._compared(parameters, worn)
-        return profiled(found, self._misfit, self.nuisances, self._sensing, self._priors)
+    def _profile(self, parameters: FloatArray, equilibrium: Equilibrium) -> ProfiledFit:
+        found = self._compare(parameters, equilibrium)
+        return fit_nuisances(found, self._misfit, self.nuisances, self._sensors, self._priors)
 
-    def _compared(self, parameters: FloatArray, worn: Worn) -> BesideScan:
-        found = beside_scan(self._leg, self._misfit, parameters, worn, self._sensing)
-        self._beside.append(found)
+    def _compare(self, parameters: FloatArray, equilibrium: Equilibrium) -> ScanComparison:
+        found = compare_with_scan(self._solver, self._misfit, parameters, equilibrium, self._sensors)
+        self._compared.append(found)
         return found
 
-    def _unsolved(self, method: Method, start: FloatArray, before: int, worn: Worn) -> Identified:
-        return Identified(
-            method, start, start, False, self._leg.states - before, np.inf, np.inf, np.array([]), worn, np.inf
-        )
+    def _failed(self, method: Method, start: FloatArray, before: int, found: Equilibrium) -> StiffnessFit:
+        solves, none = self._solver.states - before, np.array([])
+        return StiffnessFit(method, start, start, False, solves, np.inf, np.inf, none, found, np.inf)
 
-    def _solve(self, parameters: FloatArray, differentiate: bool = False) -> Worn:
-        worn = self._leg.find(_by_name(parameters), PARAMETERS if differentiate else (), self._last)
+    def _solve(self, parameters: FloatArray, differentiate: bool = False) -> Equilibrium:
+        found = self._solver.solve(by_name(parameters), PARAMETERS if differentiate else (), self._last)
+        complete = found.state.report.complete
         if self._on_solve is not None:
-            deep, fat = mpa_to_kpa(parameters)
-            ended = (
-                f"in equilibrium after {len(worn.changes)} states"
-                if worn.state.report.complete
-                else f"no state found; {worn.state.report}"
-            )
-            self._on_solve(f"muscle {deep:.3g} kPa, fat {fat:.3g} kPa: {ended}")
-        if worn.state.report.complete:
-            self._last = worn
-        return worn
-
-
-def _by_name(parameters: FloatArray) -> dict[str, float]:
-    return dict(zip(PARAMETERS, map(float, parameters), strict=True))
+            muscle, fat = mpa_to_kpa(parameters)
+            states = f"in equilibrium after {len(found.changes)} states"
+            ended = states if complete else f"no state found; {found.state.report}"
+            self._on_solve(f"muscle {muscle:.3g} kPa, fat {fat:.3g} kPa: {ended}")
+        if complete:
+            self._last = found
+        return found
 
 
 def _rms(distances: FloatArray) -> float:
     return float(np.sqrt(np.mean(distances**2)))
-
-
-SAME_WITHIN, SAME_WITHIN_INTERVAL = 0.02, 0.2
-"""Relative difference up to which two searches found the same stiffness: either of a share of it,
-and of the half width of its 95 % interval."""
-MISSED_BEYOND = 1.5
-"""Root-mean-square distance, over that of the outlines' errors, beyond which the model misses the
-scan: then its intervals don't hold."""
-
-
-@dataclass(frozen=True)
-class KnownStiffness:
-    """How well one stiffness is known; MPa."""
-
-    name: str
-    """Of `PARAMETERS`."""
-    value: float
-    interval95: tuple[float, float]
-    """0 and infinity where it is open."""
-    half_width: float
-    """Of the interval, over the value."""
-    at_bound: Bound
-    verdict: Identifiability
-
-
-def expected_rms(accuracy: ContourAccuracy) -> float:
-    """Return the root-mean-square distance (mm) that errors of the contours alone make."""
-    return math.sqrt(2 * accuracy.smoothed_sd**2 + accuracy.model_sd**2)
-
-
-def model_misses(found: Identified, accuracy: ContourAccuracy) -> bool:
-    """Tell whether the best fit is farther from the scan than errors of the contours explain."""
-    return not found.rms <= MISSED_BEYOND * expected_rms(accuracy)
-
-
-def judge(found: Identified, accuracy: ContourAccuracy) -> tuple[KnownStiffness, ...]:
-    """Return how well each stiffness is known, in the order of `PARAMETERS`.
-
-    Its interval decides. One at a bound of the search isn't known; one of a model that misses the
-    scan, or of a search that didn't end, is weakly so at best.
-    """
-    intervals = found.interval95
-    missed = not found.converged or model_misses(found, accuracy)
-    known = []
-    for number, name in enumerate(PARAMETERS):
-        value = float(found.parameters[number])
-        low, high = (math.nan, math.nan) if intervals is None else map(float, intervals[number])
-        half = 0.5 * (high - low) / value
-        bound = bound_of(value, BOUNDS, within=1e-6)
-        verdict = verdict_on(half, bound, model_fits=not missed)
-        known.append(KnownStiffness(name, value, (low, high), half, bound, verdict))
-    return tuple(known)
-
-
-def starts_agree(searches: Sequence[Identified]) -> bool:
-    """Tell whether searches, the best first, led to the same stiffness."""
-    values = np.log([search.parameters for search in searches])
-    allowed = np.full(len(PARAMETERS), SAME_WITHIN)
-    if (covariance := searches[0].log_covariance) is not None:
-        half = quantile(0) * np.sqrt(np.diag(covariance))
-        allowed = np.maximum(allowed, SAME_WITHIN_INTERVAL * half)
-    return bool((np.ptp(values, axis=0) <= allowed).all())

@@ -23,14 +23,14 @@ from legfem.geometry.leg_shape import SKIN, LegShape
 
 @dataclass(frozen=True)
 class SensorKind:
-    """An instrument.
+    """An instrument for the pressure under a stocking.
 
     Parameters
     ----------
     relative_sd : float
-        Of a reading.
+        Relative standard deviation of a reading.
     diameter : float
-        Of the face (mm), of a round one as large.
+        Diameter of the face (mm), or of a round one of the same area.
     """
 
     relative_sd: float
@@ -43,23 +43,23 @@ KINDS = {"PicoPress": SensorKind(0.028, 50.0), "Kikuhime": SensorKind(0.042, 34.
 
 
 USUAL_DIAMETER = 30.0
-"""Of a face that isn't stated, mm."""
+"""Diameter of a face that isn't stated, mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """One sensor.
+    """One sensor and its reading.
 
     Parameters
     ----------
     name : str
-        Of its place.
+        Place of the sensor, in the user's words.
     position : (3,) array
-        On the bare leg's skin, mm.
+        Place on the bare leg's skin, mm.
     pressure, sd : float
-        That it showed, and its standard deviation (MPa).
+        Reading and its standard deviation (MPa).
     diameter : float
-        Of its face (mm).
+        Diameter of the face (mm).
     """
 
     name: str
@@ -70,71 +70,71 @@ class Sensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Sensing:
-    """What sensors on a leg feel of the pressure at the skin's points.
+class SensorArray:
+    """The sensors of one leg, which average the pressure over their faces.
 
     Parameters
     ----------
     sensors : sequence of Sensor
-        s of them.
+        s sensors.
     weights : (s, n_levels, n_points) array
-        Over the skin's points, each sensor's of sum 1.
+        Weights of the skin's points under each face, of sum 1.
     """
 
     sensors: Sequence[Sensor]
     weights: FloatArray
 
     @classmethod
-    def on(cls, shape: LegShape, sensors: Sequence[Sensor]) -> Sensing:
-        """Lay sensors on the skin of a bare leg."""
+    def on(cls, shape: LegShape, sensors: Sequence[Sensor]) -> SensorArray:
+        """Place sensors on the skin of a bare leg."""
         weights = np.array([_weights(shape, sensor) for sensor in sensors])
         return cls(sensors, weights.reshape(len(sensors), *shape.contours[SKIN].shape[:2]))
 
     def __len__(self) -> int:
-        """Return s."""
+        """Return the number of sensors."""
         return len(self.sensors)
 
-    def felt(self, pressure: FloatArray) -> FloatArray:
-        """Return what sensors feel (s,) of pressures at the skin's points (n_levels, n_points)."""
+    def averages(self, pressure: FloatArray) -> FloatArray:
+        """Average pressures at the skin's points (n_levels, n_points) over the faces, (s,)."""
         return np.tensordot(self.weights, pressure, axes=2)
 
     def compared(self, pressure: FloatArray) -> tuple[ComparedSensor, ...]:
-        """Return the sensors beside pressures at the skin's points."""
-        felt = map(float, self.felt(pressure))
-        return tuple(ComparedSensor(*pair) for pair in zip(self.sensors, felt, strict=True))
+        """Pair each sensor with the model's pressure, given at the skin's points."""
+        modelled = map(float, self.averages(pressure))
+        return tuple(ComparedSensor(*pair) for pair in zip(self.sensors, modelled, strict=True))
 
     @property
     def measured(self) -> FloatArray:
-        """Pressures that they showed, (s,), MPa."""
+        """Readings (s,), MPa."""
         return np.array([sensor.pressure for sensor in self.sensors])
 
     @property
     def sd(self) -> FloatArray:
-        """Standard deviations of these, (s,), MPa."""
+        """Standard deviations of the readings (s,), MPa."""
         return np.array([sensor.sd for sensor in self.sensors])
 
 
 @dataclass(frozen=True)
 class ComparedSensor:
-    """A sensor beside the model."""
+    """A sensor and the model's pressure at its place."""
 
     sensor: Sensor
     pressure: float
-    """That the model has there, MPa."""
+    """The model's, averaged over the face, MPa."""
 
     @property
-    def departure(self) -> float:
-        """Of the model from the reading, over the reading's standard deviation."""
+    def standardised_residual(self) -> float:
+        """Model less reading, over the reading's standard deviation."""
         return (self.pressure - self.sensor.pressure) / self.sensor.sd
 
 
 def off_skin(shape: LegShape, position: FloatArray) -> float:
-    """Return how far a point is from the nearest of the skin's points, mm."""
+    """Return the distance of a point from the nearest of the skin's points, mm."""
     return float(_distances(shape, position).min())
 
 
 def _weights(shape: LegShape, sensor: Sensor) -> FloatArray:
-    """Return a sensor's weights over the skin's points: by area under its face."""
+    """Weight the skin's points under a sensor's face by their area."""
     skin = shape.contours[SKIN]
     around = 0.5 * np.linalg.norm(np.roll(skin, -1, axis=1) - np.roll(skin, 1, axis=1), axis=2)
     # From the nearest point of the skin: a place that is read off a scan lies beside it.

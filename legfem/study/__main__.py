@@ -1,6 +1,8 @@
-"""``python -m legfem.study``."""
+"""``python -m legfem.study``: see `legfem.commands.study`."""
 
-from legfem.commands.study import app
+from legfem.__main__ import command
+
+app = command("study")
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.study")

@@ -21,7 +21,7 @@ from legfem.legs.experiments import tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.report.plain import table
+from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, panel, save, styled
 from legfem.solve.path import ForceCurve
 from legfem.solve.report import SolveReport

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.identify.document import result_document
-from legfem.identify.result import IdentificationResult
-from legfem.identify.run import identify_subject
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.document import fit_document
+from legfem.inverse.fit import Fit
 from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import correction_of, size_of
+from legfem.legs.details import LegDetails
+from legfem.legs.document import LegDocument
+from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.report.cost_figure import cost_figure
@@ -71,18 +72,18 @@ def run(
     cost_maps
         Whether to draw the cost over the parameters too.
     """
-    found: dict[str, list[IdentificationResult]] = {}
-    with_correction: dict[str, list[IdentificationResult]] = {}
+    found: dict[str, list[Fit[LegDetails]]] = {}
+    with_correction: dict[str, list[Fit[LegDetails]]] = {}
     settings = IdentificationSettings(seed=seed, weighting=weighting)
     with progress_on(quiet=quiet) as progress:
         request = SearchRequest(settings=settings, jobs=jobs, progress=progress)
 
-        def identify(name: str, correction: TabulatedCorrection | None) -> list[IdentificationResult]:
-            return identify_subject(
+        def identify(name: str, correction: TabulatedCorrection | None) -> list[Fit[LegDetails]]:
+            return fit_leg(
                 load_subject(SUBJECTS.find(name)),
                 ["neo-hookean", "reduced-polynomial"],
                 replace(request, out=out / f"subject-{name}"),
-                correction,
+                [correction],
             )
 
         for name in PAPER:
@@ -94,9 +95,7 @@ def run(
     if corrected:
         made += [correction_cells(found, with_correction), own_corrections_cells()]
     tables = "\n".join(markdown_table(*cells) for cells in made)
-    documents: list[Any] = [
-        result_document(result) for pair in (*found.values(), *with_correction.values()) for result in pair
-    ]
+    documents = [fit_document(pair, LegDocument()) for pair in (*found.values(), *with_correction.values())]
     write_document(out / "result.json", documents)
     write_atomically(out / "tables.md", tables)
     print(tables)
@@ -107,7 +106,7 @@ def run(
                 print(f"cost: {save(cost_figure(result), out / f'subject-{name}', f'cost-{result.law}')[0]}")
 
 
-def neo_hookean_cells(found: dict[str, list[IdentificationResult]]) -> Cells:
+def neo_hookean_cells(found: dict[str, list[Fit[LegDetails]]]) -> Cells:
     """Table 4: the paper's and ours."""
     return row_cells(
         {
@@ -120,12 +119,12 @@ def neo_hookean_cells(found: dict[str, list[IdentificationResult]]) -> Cells:
     )
 
 
-def polynomial_cells(found: dict[str, list[IdentificationResult]]) -> Cells:
+def polynomial_cells(found: dict[str, list[Fit[LegDetails]]]) -> Cells:
     """Table 5: the paper's, which is the truth of the reconstruction, and ours."""
     rows = []
     for name, (_, polynomial) in found.items():
         paper = PAPER[name]
-        c10, c20 = polynomial.parameters[DEEP_C10], polynomial.parameters[DEEP_C20]
+        c10, c20 = polynomial.estimates[DEEP_C10], polynomial.estimates[DEEP_C20]
         rows.append(
             {
                 "subject": name,
@@ -140,21 +139,19 @@ def polynomial_cells(found: dict[str, list[IdentificationResult]]) -> Cells:
     return row_cells(rows)
 
 
-def effort_cells(found: dict[str, list[IdentificationResult]]) -> Cells:
+def effort_cells(found: dict[str, list[Fit[LegDetails]]]) -> Cells:
     """Work done for each subject."""
     return row_cells(
         {
             "subject": name,
-            "forward solves (neo-Hookean, reduced polynomial)": ", ".join(str(r.forward_solves) for r in pair),
-            "seconds (both)": f"{sum(result.wall_s for result in pair):.0f}",
+            "forward solves (neo-Hookean, reduced polynomial)": ", ".join(str(r.log.forward_solves) for r in pair),
+            "seconds (both)": f"{sum(result.log.wall_s for result in pair):.0f}",
         }
         for name, pair in found.items()
     )
 
 
-def correction_cells(
-    without: dict[str, list[IdentificationResult]], corrected: dict[str, list[IdentificationResult]]
-) -> Cells:
+def correction_cells(without: dict[str, list[Fit[LegDetails]]], corrected: dict[str, list[Fit[LegDetails]]]) -> Cells:
     """Stiffnesses without and with the 3D correction."""
     header = [
         "subject",
@@ -167,7 +164,7 @@ def correction_cells(
     rows = []
     for name, pair in without.items():
         cells = [
-            " and ".join(_estimate(result, stiffness) for stiffness in result.parameters)
+            " and ".join(_estimate(result, stiffness) for stiffness in result.estimates)
             for law in (0, 1)
             for result in (pair[law], corrected[name][law])
         ]
@@ -189,11 +186,11 @@ def own_corrections_cells() -> Cells:
     return row_cells(rows)
 
 
-def _cost(result: IdentificationResult) -> dict[str, str]:
+def _cost(result: Fit[LegDetails]) -> dict[str, str]:
     cost = result.cost
     return {"cost (N2)": f"{cost.value:.4g}", "cost ((N/mm)2)": f"{cost.per_length:.3g}", "rms (N)": f"{cost.rms:.3f}"}
 
 
-def _estimate(result: IdentificationResult, name: str) -> str:
-    found = result.parameters[name].shown
+def _estimate(result: Fit[LegDetails], name: str) -> str:
+    found = result.estimates[name].shown
     return f"{found.value:.3f} [{found.ci95[0]:.3f}, {found.ci95[1]:.3f}]"

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Jobs, Library, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.progress import progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -33,7 +33,7 @@ def concealed(
     Example: python -m studies.concealed --make 150 --run --score --seed 1
     """
     resume = "run the same command again to go on; what is done is kept"
-    with study_edge("concealed", out, jobs, resume) as (folder, processes):
+    with study_context("concealed", out, jobs, resume) as (folder, processes):
         from legfem.common.errors import InputError
         from legfem.legs.variants import library_folder
         from studies.concealed import command

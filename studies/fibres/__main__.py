@@ -11,7 +11,7 @@ import typer
 from matplotlib.figure import Figure
 
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, progress_on
@@ -112,7 +112,7 @@ def fibres(
     Example: python -m studies.fibres --coarse
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with study_edge("fibres", out, jobs, resume) as (folder, processes), progress_on() as progress:
+    with study_context("fibres", out, jobs, resume) as (folder, processes), progress_on() as progress:
         if table:
             write_table(folder, processes, progress)
             return

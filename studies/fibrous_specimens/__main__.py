@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.intervals import VERDICTS
@@ -34,7 +34,7 @@ def fibrous_specimens(
     Example: python -m studies.fibrous_specimens --n 30
     """
     resume = "run the same command again to go on; tissues that are done are kept"
-    with study_edge("fibrous-specimens", out, jobs, resume) as (folder, processes):
+    with study_context("fibrous-specimens", out, jobs, resume) as (folder, processes):
         modules = ("studies.fibrous_specimens.planting",)
         store = Store(folder / "tissues", Outcome, modules=modules)
         with progress_on() as progress, Workers(identified, folder, processes) as workers:

@@ -14,7 +14,7 @@ from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.intervals import Identifiability
 from legfem.specimens.fibre_directions import Direction
 from legfem.specimens.folder import load_specimen
-from legfem.specimens.identification import identify_specimen
+from legfem.specimens.problem import fit_specimens
 from legfem.specimens.tissues import ONE
 from studies.fibrous_specimens.other_muscle import OtherMuscle, pulled_bar
 from studies.lab.conditions import GAINS
@@ -104,13 +104,13 @@ def identified(folder: Path, plant: Plant) -> Outcome:
     for number, setup in enumerate(SETUPS):
         where = folder / f"tissue{plant.number}" / f"setup{number}"
         write_folder(where, plant, setup, np.random.default_rng([plant.seed, number]))
-        (result,) = identify_specimen(load_specimen(where), ["reduced-polynomial"])
-        estimates = [result.parameters[name] for name in (f"{ONE}.C10", ratio_of(ONE))]
+        (result,) = fit_specimens(load_specimen(where), ["reduced-polynomial"])
+        estimates = [result.estimates[name] for name in (f"{ONE}.C10", ratio_of(ONE))]
         for known, one, factor in zip((c10, ratio), estimates, (mpa_to_kpa(1.0), 1.0), strict=True):
             interval = Interval(*(factor * number for number in (one.value, *one.ci95)))
             known[setup.title] = Found(interval, one.identifiability)
         warned[setup.title] = any("ratio can't be told" in text for text in result.warnings)
-        converged[setup.title] = result.converged
+        converged[setup.title] = result.log.converged
     return Outcome(plant, c10, ratio, warned, converged)
 
 

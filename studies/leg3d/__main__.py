@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.legs.details import SpatialEvidence
 from legfem.legs.elastography import HIGHEST_RATIO
 from studies.leg3d.identified import identified
 from studies.leg3d.other_code import PlantedByFelupe
@@ -65,7 +66,7 @@ def leg3d(
 
     Example: python -m studies.leg3d --c10 1.2
     """
-    with study_edge("leg3d", out) as (folder, _), progress_on() as progress:
+    with study_context("leg3d", out) as (folder, _), progress_on() as progress:
         if first > max(plants, 1):
             raise InputError(
                 "leg3d",
@@ -91,7 +92,7 @@ def leg3d(
         results = identified(planted, seed, folder, progress)
         rows = []
         for name, result in results.items():
-            one = result.parameters[DEEP_C10]
+            one = result.estimates[DEEP_C10]
             low, high = map(mpa_to_kpa, one.ci95)
             value = mpa_to_kpa(one.value)
             rows.append(
@@ -104,8 +105,8 @@ def leg3d(
                 ]
             )
         table = markdown_table(["model", "C10 (kPa)", "95 %", "off by", "covers"], rows)
-        evidence = results["3d"].spatial
-        assert evidence is not None
+        evidence = results["3d"].details.spatial
+        assert isinstance(evidence, SpatialEvidence)
         steps = [
             f"C10 {one.c10:.3f} kPa: force {100 * one.error:.2f} % off what was predicted, C10 "
             f"then moved by {100 * one.moved:.2f} %; {one.factorisations} factorisations, "

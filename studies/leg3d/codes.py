@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.solve.path import ForceCurve
@@ -31,7 +31,7 @@ def codes(
 
     Example: python -m studies.leg3d.codes --finer 0.6 --finer 1 --hexahedra 1
     """
-    with command_edge():
+    with command_context():
         factors, others = finer or [1.0], hexahedra or []
         if min(*factors, *others, 1.0) <= 0:
             raise InputError("codes", "sizes", "one is not positive", "give 1 or so")

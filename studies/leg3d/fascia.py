@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.experiments.indentation import IndentationTest
@@ -85,7 +85,7 @@ def fascia(
 
     Example: python -m studies.leg3d.fascia --number 1 --number 8
     """
-    with command_edge():
+    with command_context():
         chosen = number or range(1, len(ROWS) + 1)
         if min(chosen) < 1 or max(chosen) > len(ROWS):
             raise InputError("fascia", "--number", "no such row", f"give 1 to {len(ROWS)}")

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
@@ -21,12 +21,12 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Goodness
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
-from legfem.legs.fit_in_3d import leg_models
+from legfem.legs.details import SpatialSites
+from legfem.legs.fit_in_3d import fit_in_3d, leg_models
 from legfem.legs.loading import load_sites
 from legfem.legs.model_3d import start_of_ratio
 from legfem.legs.site_test import measured_curve
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.sites.identification import identify_in_3d
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted
 
@@ -95,15 +95,16 @@ def found_of(planted: Planted, tests: str, elements: str, seed: int, out: Path, 
         curves = [measured_curve(site) for site in leg.sites]
         models = leg_models(leg, curves, request, ELEMENTS[elements])
         request = replace(request, out=out / "solves" / place.name)
-        (result,) = identify_in_3d(leg, ["neo-hookean"], request, models=models)
-        assert result.spatial is not None
+        (result,) = fit_in_3d(leg, ["neo-hookean"], request, models=models)
+        spatial = result.details.spatial
+        assert isinstance(spatial, SpatialSites)
         found = FibreResult(
-            _told(result.parameters[DEEP_C10]),
-            _told(result.parameters[DEEP_RATIO]),
-            bool(result.spatial.untold),
-            result.misfit,
-            result.converged,
-            result.spatial.full_solves,
+            _told(result.estimates[DEEP_C10]),
+            _told(result.estimates[DEEP_RATIO]),
+            bool(spatial.untold),
+            result.goodness,
+            result.log.converged,
+            spatial.full_solves,
             time.process_time() - started,
         )
         del models, result
@@ -156,7 +157,7 @@ def fibres(
 
     Example: python -m studies.leg3d.fibres --ratio 2 --tests "along and across"
     """
-    with command_edge("run the same command again to go on"), progress_on() as progress:
+    with command_context("run the same command again to go on"), progress_on() as progress:
         for option, names, known in (("--tests", tests or (), TESTS), ("--elements", [elements], ELEMENTS)):
             for name in names:
                 if name not in known:

@@ -6,21 +6,23 @@ import shutil
 from pathlib import Path
 
 from legfem.common.progress import Progress
-from legfem.identify.result import IdentificationResult
-from legfem.identify.run import forward_model, identify_subject
+from legfem.inverse.fit import Fit
 from legfem.inverse.laws import LawName
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import correction_of
+from legfem.legs.details import LegDetails
+from legfem.legs.identification import as_leg, fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import SOLVES, LegModels
+from legfem.legs.problem import section_forward
 from studies.leg3d.planted import Planted
 from studies.leg3d.real import PlantedInLeg
 
 
 def identified(
     planted: Planted | PlantedInLeg, seed: int, folder: Path, progress: Progress
-) -> dict[str, IdentificationResult]:
+) -> dict[str, Fit[LegDetails]]:
     """Return what both models find of a planted leg, and the section without a correction.
 
     Everything solved is kept: the same call goes on where it was stopped.
@@ -31,11 +33,11 @@ def identified(
     law: LawName = "reduced-polynomial" if planted.c20 else "neo-hookean"
     solves = folder / "solves" / place.name
     request = SearchRequest(out=solves, progress=progress)
-    section = forward_model(subject, request)
-    leg = LegModels.of_subject(subject, section.depth, solves / SOLVES, progress=progress)
+    section = section_forward(as_leg(subject), request)
+    leg = LegModels.of_subject(subject, section.models[0].depth, solves / SOLVES, progress=progress)
 
-    def found(table: TabulatedCorrection | None, leg: LegModels | None) -> IdentificationResult:
-        (result,) = identify_subject(subject, [law], request, table, section, leg)
+    def found(table: TabulatedCorrection | None, leg: LegModels | None) -> Fit[LegDetails]:
+        (result,) = fit_leg(subject, [law], request, [table], section, leg)
         return result
 
     table = correction_of(subject)

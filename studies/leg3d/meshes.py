@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
@@ -110,7 +110,7 @@ def meshes(
 
     Example: python -m studies.leg3d.meshes --subject DIR --contact 8 --contact 6 --depth 10
     """
-    with command_edge():
+    with command_context():
         factors, sizes = finer or [1.0], contact or [SolidLegSettings().contact_size]
         if min(*factors, *sizes) <= 0:
             raise InputError("meshes", "sizes", "one is not positive", "give 1, 6 mm or so")

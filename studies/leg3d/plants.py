@@ -11,9 +11,10 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
-from legfem.identify.result import IdentificationResult
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.fit import Fit
 from legfem.jobs.store import Store
+from legfem.legs.details import LegDetails
 from studies.leg3d.identified import identified
 from studies.leg3d.planted import Planted
 
@@ -64,7 +65,7 @@ def plant_result(planted: Planted, seed: int, folder: Path, progress: Progress) 
     def made() -> PlantResult:
         started = time.process_time()
         results = identified(planted, seed, folder, progress)
-        evidence = results["3d"].spatial
+        evidence = results["3d"].details.spatial
         assert evidence is not None
         c20 = results if planted.c20 else {}
         found = PlantResult(
@@ -113,8 +114,8 @@ def counted(plants: list[Planted], results: list[PlantResult]) -> str:
     return f"C10 in its interval in {c10} of {len(plants)}, C20 in {c20} of {len(both)}."
 
 
-def _found(result: IdentificationResult, name: str) -> Found:
-    one = result.parameters[name]
+def _found(result: Fit[LegDetails], name: str) -> Found:
+    one = result.estimates[name]
     low, high = map(mpa_to_kpa, one.ci95)
     return Found(mpa_to_kpa(one.value), low, high)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Jobs, Library, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.progress import progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -33,7 +33,7 @@ def next_test(
     Example: python -m studies.next_test --cases results/concealed --most 40 --seed 1
     """
     resume = "run the same command again to go on; what is done is kept"
-    with study_edge("next_test", out, jobs, resume) as (folder, processes):
+    with study_context("next_test", out, jobs, resume) as (folder, processes):
         from legfem.legs.variants import library_folder
         from studies.next_test import command
 

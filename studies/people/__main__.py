@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -33,7 +33,7 @@ def people(
     Example: python -m studies.people --data ../shared/data/multis_in_vivo
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with study_edge("people", out, jobs, resume) as (folder, processes):
+    with study_context("people", out, jobs, resume) as (folder, processes):
         from studies.people.command import run
         from studies.people.probe import ProbeModel
 

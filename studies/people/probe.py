@@ -21,7 +21,7 @@ from scipy.stats import qmc
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.experiments.axisymmetric import AxisymmetricSettings, Faces, Layer, compress
+from legfem.experiments.axisymmetric import AxisymmetricSettings, Faces, Layer, compress_layers
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
@@ -84,7 +84,7 @@ def solve_point(model: ProbeModel, point: Sequence[float], refined: float = 1.0)
         MeridianMeshSettings(0.25 * _EDGE, 0.35, 6.0).refined(refined),
         steps=StepSettings(first=0.4 * STRAINS[0] * depth / STRAINS[-1], largest=depth / 12),
     )
-    found = compress(FlatPunchIndentation(given, layers, settings), depth)
+    found = compress_layers(FlatPunchIndentation(given, layers, settings), depth)
     strain = found.total / given.thickness
     if strain[-1] < STRAINS[-1] or not (found.force[1:] > 0).all():
         return SolvedPoint((), (), found.report.reason)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -23,7 +23,7 @@ def planted(
 
     Example: python -m studies.planted --n 40
     """
-    with study_edge("planted", out, jobs) as (folder, processes):
+    with study_context("planted", out, jobs) as (folder, processes):
         from studies.planted import command as planted_command
 
         planted_command.run(number, seed, folder, processes)

@@ -15,11 +15,13 @@ from scipy.stats import binomtest, qmc
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.identify.result import IdentificationResult
-from legfem.identify.run import identify_subject
+from legfem.inverse.fit import Fit
+from legfem.inverse.outcome import JointForward
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.legs.details import LegDetails
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.site_test import measured_curve
@@ -99,7 +101,8 @@ def identify_truth(context: None, truth: PlantedTruth) -> Planted:
     """
     subject = _recorded(truth)
     request = SearchRequest(settings=IdentificationSettings(seed=truth.seed))
-    result = identify_subject(subject, ["reduced-polynomial"], request, model=_model(truth.subject, _depth(subject)))[0]
+    model = JointForward((_model(truth.subject, _depth(subject)),))
+    (result,) = fit_leg(subject, ["reduced-polynomial"], request, forward=model)
     return _outcome(truth, result)
 
 
@@ -139,8 +142,8 @@ def _model(name: str, depth: float) -> PlaneStrainForward:
     return PlaneStrainForward.of_subject(_subject(name), depth)
 
 
-def _outcome(truth: PlantedTruth, result: IdentificationResult) -> Planted:
-    c10, c20 = result.parameters["deep.C10"], result.parameters["deep.C20"]
+def _outcome(truth: PlantedTruth, result: Fit[LegDetails]) -> Planted:
+    c10, c20 = result.estimates["deep.C10"], result.estimates["deep.C20"]
     return Planted(
         truth,
         c10.shown.value,
@@ -149,7 +152,7 @@ def _outcome(truth: PlantedTruth, result: IdentificationResult) -> Planted:
         c20.shown.ci95,
         c10.identifiability,
         c20.identifiability,
-        result.forward_solves,
+        result.log.forward_solves,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import end_without_a_solution, study_edge
+from legfem.common.command_line import end_without_a_solution, study_context
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from studies.lab.rate import Rate
@@ -36,7 +36,7 @@ def reach(
     Example: python -m studies.reach --n 20
     """
     resume = "run the same command again to go on; legs that are done are kept"
-    with study_edge("reach", out, jobs, resume) as (folder, processes):
+    with study_context("reach", out, jobs, resume) as (folder, processes):
         tasks = [ReachTask(k, seed, compare > 0 and k % compare == 0) for k in range(n)]
         with progress_on() as progress:
             found = press_all(tasks, folder, processes, progress)

@@ -14,8 +14,8 @@ from legfem.common.progress import Progress
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.solve.newton import RELAXED
 from legfem.solve.path import ForceCurve
-from legfem.solve.relaxation import REASON
 from studies.reach.drawn_leg import DrawnLeg, drawn_leg
 
 MODULES = ("studies.reach.pressing",)
@@ -76,7 +76,7 @@ def press_drawn(context: None, task: ReachTask) -> Reached:
         report.reached,
         report.reason,
         1 + len(report.earlier_attempts),
-        sum(step.accepted and step.reason == REASON for step in report.steps),
+        sum(step.accepted and step.reason == RELAXED for step in report.steps),
         sum(step.accepted for step in report.steps),
         report.factorisations,
         time.process_time() - begun,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import end_without_a_solution, study_edge
+from legfem.common.command_line import end_without_a_solution, study_context
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -31,7 +31,7 @@ def recordings(
 
     Example: python -m studies.recordings --data ../shared/data
     """
-    with study_edge("recordings", out, jobs) as (folder, processes):
+    with study_context("recordings", out, jobs) as (folder, processes):
         from studies.recordings import command
         from studies.recordings.indentation import Assumed
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Jobs, Library, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.progress import progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -32,7 +32,7 @@ def redrawn(
     Example: python -m studies.redrawn --foreign ../shared/foreign --n 6
     """
     resume = "run the same command again to go on; what is done is kept"
-    with study_edge("redrawn", out, jobs, resume) as (folder, processes):
+    with study_context("redrawn", out, jobs, resume) as (folder, processes):
         from legfem.legs.variants import library_folder
         from studies.redrawn import command
 

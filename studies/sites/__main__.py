@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import DEEP_C10
@@ -38,7 +38,7 @@ def sites(
     Example: python -m studies.sites --n 6
     """
     resume = "run the same command again to go on; solves that are done are kept"
-    with study_edge("sites", out, jobs, resume) as (folder, processes):
+    with study_context("sites", out, jobs, resume) as (folder, processes):
         store = Store(folder / "legs", FoundLeg, modules=("studies.sites.identifying",))
         with progress_on() as progress, Workers(identified, folder, processes) as workers:
             found = finish(workers, truths(n, seed, depth), store, progress, "recording and identifying", _line)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from legfem.identify.run import identify_subject
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.laws import LawName
@@ -18,7 +17,8 @@ from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
 from legfem.legs.forward import PlaneStrainForward
-from legfem.sites.identification import identify_sites, sites_model
+from legfem.legs.identification import fit_leg
+from legfem.legs.problem import section_forward
 from studies.sites.planted import FAT_FACTOR, Truth, leg_of
 
 FAT = "superficial.C10"
@@ -84,21 +84,21 @@ class Remembered(PlaneStrainForward):
 def identified(folder: Path, truth: Truth) -> FoundLeg:
     """Record a leg, and identify it from its sites together and from each."""
     leg = leg_of(truth, folder / "true")
-    models = [Remembered.of(one, folder / "solves") for one in sites_model(leg).models]
+    models = [Remembered.of(one, folder / "solves") for one in section_forward(leg, SearchRequest()).models]
     request = SearchRequest(_free(models[0].nominal))
-    (joint,) = identify_sites(leg, _LAW, request, model=JointForward(tuple(models)))
+    (joint,) = fit_leg(leg, _LAW, request, forward=JointForward(tuple(models)))
     alone = {}
     for site, model in zip(leg.sites, models, strict=True):
-        (single,) = identify_subject(site, _LAW, request, model=model)
-        alone[site.site] = _intervals(single.parameters)
+        (single,) = fit_leg(site, _LAW, request, forward=JointForward((model,)))
+        alone[site.site] = _intervals(single.estimates)
     return FoundLeg(
         truth,
-        _intervals(joint.parameters),
+        _intervals(joint.estimates),
         alone,
         joint.agreement.p_value,
-        joint.misfit.p_value,
-        joint.forward_solves,
-        joint.converged,
+        joint.goodness.p_value,
+        joint.log.forward_solves,
+        joint.log.converged,
     )
 
 

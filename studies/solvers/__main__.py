@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Out
-from legfem.common.command_line import end_without_a_solution, study_edge
+from legfem.common.command_line import end_without_a_solution, study_context
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -37,7 +37,7 @@ def solvers(
     Example: python -m studies.solvers --size 20000 --size 60000 --ranks 1 --ranks 2
     """
     resume = "run the same command again to go on; measured cases are kept"
-    with study_edge("solvers", out, None, resume) as (folder, _):
+    with study_context("solvers", out, None, resume) as (folder, _):
         from dataclasses import replace
 
         from studies.solvers import command as solvers_command

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Jobs
-from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
 
 
 class Part(StrEnum):
@@ -49,7 +49,7 @@ def stockings(
     """
     if part is not Part.SIZES:
         leave_to_first_rank()
-    with command_edge():
+    with command_context():
         from legfem.stockings.result import StockingSettings
         from studies.stockings import command
 

@@ -18,7 +18,7 @@ from legfem.geometry.leg_shape import fat_thickness_around, horizontal_curvature
 from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells
-from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.leg import default_veins
 from legfem.stockings.leg_model import LegModel3D
@@ -99,7 +99,7 @@ def solve_variant(leg: ParametricLeg, variant: Variant, cells: int) -> Pressures
     laws = dict(zip(("deep", "superficial"), (NeoHookean(kpa_to_mpa(c), D1) for c in PAPER_KPA), strict=True))
     model = LegModel3D(shape, laws, settings_for_cells(shape, cells))
     chosen = CompressionClass(variant.compression_class)
-    worn = WornLeg(model, fitted_stocking(shape, ClassFit(chosen))).find()
+    worn = EquilibriumSolver(model, fitted_stocking(shape, ClassFit(chosen))).solve()
     level = float(np.median(calf_levels(shape)))
     calf = int(np.argmin(np.abs(shape.levels - level)))
     probe = PressureProbe(model.compression)

@@ -110,11 +110,11 @@ def _make(context: tuple[Path, int], leg: str) -> str:
     for kind in NOISE:
         shutil.rmtree(_folder(out, kind, leg), ignore_errors=True)
     made = true_leg(read_legs(LEGS)[leg], TRUTHS[leg])
-    if not made.worn.converged:
+    if not made.equilibrium.converged:
         return "no equilibrium with the stocking was found; nothing written"
     for kind, noise in NOISE.items():
         write_subject(leg, made, _folder(out, kind, leg), seed, noise)
-    return f"{made.worn.state.report}, {time.process_time() - started:.0f} s of processor time"
+    return f"{made.equilibrium.state.report}, {time.process_time() - started:.0f} s of processor time"
 
 
 def _identify(context: tuple[Path, dict[str, StockingSettings]], task: tuple[str, str]) -> Recovery:

@@ -10,7 +10,7 @@ from legfem.common.progress import Silent
 from legfem.common.units import mpa_to_kpa
 from legfem.stockings.loading import load_leg
 from legfem.stockings.result import StockingResult, StockingSettings, run_leg
-from legfem.stockings.search import Identified
+from legfem.stockings.search import StiffnessFit
 from studies.stockings.truth import TRUTHS
 
 
@@ -82,6 +82,6 @@ def _recovery(result: StockingResult, kind: str, seconds: float) -> Recovery:
     )
 
 
-def _kpa(search: Identified) -> tuple[float, float]:
+def _kpa(search: StiffnessFit) -> tuple[float, float]:
     muscle, fat = mpa_to_kpa(search.parameters)
     return float(muscle), float(fat)

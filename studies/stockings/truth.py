@@ -21,7 +21,7 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells
-from legfem.stockings.equilibrium import Worn, WornLeg
+from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.leg_model import LegModel3D
 from studies.legs.parametric_leg import ParametricLeg, parametric_leg
@@ -64,7 +64,7 @@ class TrueLeg:
 
     bare: LegShape
     stocking: Stocking
-    worn: Worn
+    equilibrium: Equilibrium
     model: LegModel3D
 
 
@@ -78,7 +78,7 @@ def true_leg(leg: ParametricLeg, truth: TrueTissues, cells: int = 80_000) -> Tru
     }
     settings = CompressionSettings(stabilisation=0.3)
     model = LegModel3D(bare, tissues, settings_for_cells(bare, cells), settings)
-    return TrueLeg(bare, stocking, WornLeg(model, stocking).find(), model)
+    return TrueLeg(bare, stocking, EquilibriumSolver(model, stocking).solve(), model)
 
 
 def write_subject(name: str, made: TrueLeg, folder: Path, seed: int, noise: SegmentationNoise | None) -> None:
@@ -89,7 +89,7 @@ def write_subject(name: str, made: TrueLeg, folder: Path, seed: int, noise: Segm
     motion = RigidTransform(turn, rng.normal(0.0, [4.0, 4.0, 2.0]))
     bare, compressed = (int(s) for s in rng.integers(0, 2**31, 2))
     write_volume(simulated_scan(made.bare, bare, noise), folder / "bare.nii.gz")
-    write_volume(simulated_scan(made.worn.shape, compressed, noise, motion), folder / "compressed.nii.gz")
+    write_volume(simulated_scan(made.equilibrium.shape, compressed, noise, motion), folder / "compressed.nii.gz")
     rows = zip(made.stocking.levels, made.stocking.unstretched, strict=True)
     table = "".join(f"{z:.3f},{length:.4f}\n" for z, length in rows)
     write_atomically(folder / "stocking.csv", "level_mm,perimeter_mm\n" + table)

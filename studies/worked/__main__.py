@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from legfem.commands.study import Jobs, Library, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 
 
 class WorkedExample(StrEnum):
@@ -36,7 +36,7 @@ def worked(
     Example: python -m studies.worked
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with study_edge("worked", out, jobs, resume) as (folder, processes):
+    with study_context("worked", out, jobs, resume) as (folder, processes):
         from legfem.legs.variants import library_folder
         from studies.worked import command
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from legfem.common.documents import write_document
 from legfem.inverse.verdict import Diagnosis
-from legfem.report.diagnosis import write_diagnosis_report
 from legfem.report.diagnosis_document import Recorded, document, r_squared
+from legfem.report.diagnosis_folder import write_diagnosis_report
 from legfem.report.recording_figure import recording_figure
 
 FIGURE = "example.png"

@@ -27,7 +27,7 @@ from legfem.specimens.rig import mechanisms_on_a_rig
 from legfem.study.correction.cases import CorrectionCase
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Placement
+    from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path as SolvedPath
 
@@ -73,7 +73,7 @@ class PlaneLegVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: Placement | None = None,
+        placement: LateralPlacement | None = None,
     ) -> SolvedPath | Stopped:
         """Solve one loading at 1 mm/s; arguments are those of `Variants.follow`.
 

@@ -14,7 +14,7 @@ from making_mechanics import fixed_steps
 from test_flat_punch import kappa, law
 
 from legfem.common.errors import InputError
-from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer, Layer, compress
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer, Layer, compress_layers
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.mechanics.contact import ContactSettings
@@ -153,7 +153,7 @@ def test_equal_layers_are_one_layer_in_finite_strain(name: str) -> None:
 def soft_on_stiff():
     given, layers = PunchOnLayer(20.0, 10.0, 1.5, 50.0), fat_on_muscle(5.0, 15.0, 0.3, 0.49)
     return [
-        compress(FlatPunchIndentation(given, layers, AxisymmetricSettings(mesh, steps=SETTINGS.steps)), 5.0)
+        compress_layers(FlatPunchIndentation(given, layers, AxisymmetricSettings(mesh, steps=SETTINGS.steps)), 5.0)
         for mesh in (SETTINGS.mesh, SETTINGS.mesh.refined(2.0))
     ]
 

@@ -10,7 +10,7 @@ from making_derivatives import forces, taylor_orders, worst_error
 from making_mechanics import COARSE, block, fixed_steps, free_of_contact, nodal, one_tissue, pressed_block, subject_3
 
 from legfem.common.errors import InputError
-from legfem.experiments.plane_strain import Placement, PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, Yeoh
@@ -155,16 +155,16 @@ def test_a_leg_with_every_mechanism_at_its_null_is_the_base_model(leg):
 
 def test_a_placement_as_stated_changes_nothing(leg):
     force = leg.solve(depth=6.0).curve.force
-    moved = leg.solve(depth=6.0, placement=Placement(tilt_deg=5.0)).curve.force
+    moved = leg.solve(depth=6.0, placement=LateralPlacement(tilt_deg=5.0)).curve.force
     assert abs(moved[-1] / force[-1] - 1) > 1e-3
-    again = leg.solve(depth=6.0, placement=Placement()).curve.force
+    again = leg.solve(depth=6.0, placement=LateralPlacement()).curve.force
     np.testing.assert_allclose(again, force, rtol=1e-12)
 
 
 def test_a_tilted_travel_turns_about_first_touch(leg):
     """The centre at first touch stays; a path tilted there and its force turn together."""
     stated = leg.system.direction.copy()
-    leg.solve(depth=1.0, placement=Placement(tilt_deg=30.0))
+    leg.solve(depth=1.0, placement=LateralPlacement(tilt_deg=30.0))
     centre = np.array(leg.system.skin.domain.centre.value)
     np.testing.assert_allclose(np.linalg.norm(centre - leg.section_mesh.touch), 1.0, rtol=1e-12)
     assert (centre - leg.section_mesh.touch) @ stated == pytest.approx(np.cos(np.pi / 6))
@@ -172,7 +172,7 @@ def test_a_tilted_travel_turns_about_first_touch(leg):
 
 def test_an_offset_line_starts_at_its_own_first_touch(leg):
     for offset in (-4.0, 4.0):
-        light = leg.solve(depth=0.02, placement=Placement(offset_mm=offset))
+        light = leg.solve(depth=0.02, placement=LateralPlacement(offset_mm=offset))
         assert light.report.complete and 0 < light.curve.force[-1] < 0.02
         centre = np.array(leg.system.skin.domain.centre.value)
         across = np.array([-leg.section_mesh.direction[1], leg.section_mesh.direction[0]])
@@ -185,14 +185,14 @@ def test_an_offset_is_the_test_at_another_aim(leg):
     elsewhere = replace(indenter, aim=indenter.aim + 3.0 * across)
     settings = leg.settings
     there = PlaneStrainIndentation(section, elsewhere, tissues, settings).solve(depth=8.0)
-    moved = leg.solve(depth=8.0, placement=Placement(offset_mm=3.0))
+    moved = leg.solve(depth=8.0, placement=LateralPlacement(offset_mm=3.0))
     assert moved.curve(8.0) == pytest.approx(float(there.curve(8.0)), rel=0.02)
 
 
 @pytest.mark.parametrize("wrong", [{"tilt_deg": 75.0}, {"offset_mm": np.nan}])
 def test_an_impossible_placement_is_refused(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
-        Placement(**wrong)
+        LateralPlacement(**wrong)
 
 
 def test_branches_without_a_share_are_left_out_of_the_forms_until_they_have_one():

@@ -17,7 +17,7 @@ from test_flat_punch import kappa
 import legfem as lf
 from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderBetweenPlates, CylinderCompression
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
-from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
 from legfem.meshing.meridian import MeridianMeshSettings
@@ -40,7 +40,7 @@ INCOMPRESSIBLE = 1e-5
     ids=["neo-Hookean", "Yeoh", "exponential"],
 )
 def test_an_incompressible_bar_is_that_of_the_textbook(law, sign: float) -> None:
-    bar = Bar(LENGTH, AREA, "tension" if sign > 0 else "compression")
+    bar = UniaxialSpecimen(LENGTH, AREA, "tension" if sign > 0 else "compression")
     solved = UniaxialTest(bar, law).solve(depth=4.0)
     expected = compressed(law, solved.curve.displacement, sign)
     np.testing.assert_allclose(solved.curve.force[1:], expected[1:], rtol=1e-4)
@@ -51,13 +51,13 @@ def test_a_compressible_bar_is_the_cylinder_that_slides_between_plates() -> None
     wall = ContactSettings(tangential="frictionless", stiffness=2e7, onset=1e-7)
     settings = AxisymmetricSettings(MeridianMeshSettings(6.0, 0.0), wall)
     meshed = CylinderCompression(CylinderBetweenPlates(10.0, 20.0), law, settings).solve(depth=8.0)
-    bar = UniaxialTest(Bar(20.0, np.pi * 100.0), law).solve(depth=8.0)
+    bar = UniaxialTest(UniaxialSpecimen(20.0, np.pi * 100.0), law).solve(depth=8.0)
     np.testing.assert_allclose(bar.curve(meshed.curve.displacement[1:]), meshed.curve.force[1:], rtol=1e-5)
 
 
 def test_a_bars_derivatives_are_those_of_its_force() -> None:
     law = Yeoh(C10, 20.0, C20=2e-3, C30=3e-3)
-    bar = UniaxialTest(Bar(LENGTH, AREA), law)
+    bar = UniaxialTest(UniaxialSpecimen(LENGTH, AREA), law)
     names = ["deep.C10", "deep.C20", "deep.C30", "deep.D1"]
     exact = bar.solve(None, 4.0, names).path.sensitivities
     for name in names:

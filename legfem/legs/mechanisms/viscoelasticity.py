@@ -51,7 +51,7 @@ def needs_time(observed: Observations) -> str | None:
     """Return why an effect of rate can't be told, or None."""
     if HOLD in observed.phases or UNLOADING in observed.phases or len(observed.rates) > 1:
         return None
-    return "an effect of rate can't be told from one loading ramp: it needs a hold, unloading or a second rate"
+    return "an effect of rate cannot be determined from one loading ramp: it needs a hold, unloading or a second rate"
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import ufl
 from legfem.common.errors import check_positive
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import Memoryless
+from legfem.mechanics.model import Memoryless, RegionTerm
 
 HELD = 1e5
 """Stiffness (N/mm) at which a bone is as good as held: a leg's own is some newtons a mm."""
@@ -22,7 +22,7 @@ _PRESSURE = 1.0
 
 
 @dataclass(frozen=True)
-class BoneSprings(Memoryless):
+class BoneSprings(RegionTerm, Memoryless):
     r"""A bone that its springs let move as a whole, without turning.
 
     .. math:: W = \frac{k_x u_x^2 + k_y u_y^2}{2 A L} + \frac{B}{2} |\nabla u|^2
@@ -50,20 +50,12 @@ class BoneSprings(Memoryless):
     x: float = HELD
     y: float = HELD
     domain: Literal["body"] = "body"
+    effect = "springs"
+    numbers = ("x", "y")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         check_positive(self, "area", "length", "x", "y")
-
-    @property
-    def name(self) -> str:
-        """For example ``tibia.springs``."""
-        return f"{self.region}.springs"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The springs' stiffness (N/mm)."""
-        return {f"{self.name}.x": self.x, f"{self.name}.y": self.y}
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the springs' virtual work, that of the rigid bone, and no pressure in it."""

@@ -13,10 +13,11 @@ from legfem.common.errors import InputError, check_positive
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
 from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.model import RegionTerm
 
 
 @dataclass(frozen=True)
-class Drainage:
+class Drainage(RegionTerm):
     r"""Poroelastic drainage: fluid is squeezed through the tissue, which loses volume where it was.
 
     Pressed quickly, the tissue keeps its fluid and is as stiff in volume as its law says; held, the
@@ -57,22 +58,14 @@ class Drainage:
     permeability: float = 0.0
     skeleton: float = 0.0
     domain: Literal["body"] = "body"
+    effect = "drainage"
+    numbers = ("permeability", "skeleton")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         check_positive(self, "permeability", "skeleton", zero_allowed=True)
         if self.skeleton >= 1:
             raise InputError("Drainage", "skeleton", f"is {self.skeleton:g}", "give a share of less than one")
-
-    @property
-    def name(self) -> str:
-        """For example ``deep.drainage``."""
-        return f"{self.region}.drainage"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Permeability (mm4/(N s)) and the skeleton's share (dimensionless)."""
-        return {f"{self.name}.permeability": self.permeability, f"{self.name}.skeleton": self.skeleton}
 
     def history(self, body: Body) -> dict[str, tuple[int, ...]]:
         """Return the displacement of the fluid (mm)."""

@@ -16,7 +16,7 @@ from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray, frozen_array
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import Memoryless
+from legfem.mechanics.model import Memoryless, RegionTerm
 
 _ITERATIONS = 5
 """Of Newton's method for J, from 1: its error is below 3e-10 up to stretches of 0.7 and 1.3."""
@@ -52,7 +52,7 @@ class Fascia(Memoryless):
 
     @property
     def name(self) -> str:
-        """What parameters are named by."""
+        """Prefix of its parameters' names."""
         return "fascia.membrane"
 
     @property
@@ -114,7 +114,7 @@ def free_volume_ratio(trace: Expr, area2: Expr, compressibility: Expr) -> Expr:
 
 
 @dataclass(frozen=True, eq=False)
-class Prestress(Memoryless):
+class Prestress(RegionTerm, Memoryless):
     r"""The fascia is under tension when the leg is imaged, and like a string it resists deflection.
 
     The tension :math:`\sigma_0` along the fascia's contour, of unit tangent :math:`t`, is in
@@ -141,6 +141,8 @@ class Prestress(Memoryless):
     tension: float = 0.0
     region: str = "fascia"
     domain: Literal["body"] = "body"
+    effect = "prestress"
+    numbers = ("tension",)
 
     def __post_init__(self) -> None:
         """Copy the contour, and check both."""
@@ -150,16 +152,6 @@ class Prestress(Memoryless):
         object.__setattr__(self, "contour", contour)
         if not np.isfinite(self.tension):
             raise InputError("Prestress", "tension", "is not finite", "give a finite number")
-
-    @property
-    def name(self) -> str:
-        """For example ``fascia.prestress``."""
-        return f"{self.region}.prestress"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Tension (MPa)."""
-        return {f"{self.name}.tension": self.tension}
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the tension's work of second order."""

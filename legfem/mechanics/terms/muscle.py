@@ -54,6 +54,8 @@ class Fibres(EnergyTerm):
     extension: float = 0.0
     axis: tuple[float, float, float] = ALONG_THE_LEG
     domain: Literal["body"] = "body"
+    effect = "fibres"
+    numbers = ("shear", "extension")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -104,16 +106,6 @@ class Fibres(EnergyTerm):
         one = cls.of_ratio(region, C10, 2.0).parameters
         return np.asarray(sum(value * by[name] for name, value in one.items()))
 
-    @property
-    def name(self) -> str:
-        """For example ``deep.fibres``."""
-        return f"{self.region}.fibres"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Shear and extension (MPa)."""
-        return {f"{self.name}.{field}": getattr(self, field) for field in ("shear", "extension")}
-
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return the added energy (MPa) at a deformation gradient."""
         shear, extension = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
@@ -152,22 +144,13 @@ class Contraction(EnergyTerm):
     onset: float = 0.0
     rise: float = 1.0
     domain: Literal["body"] = "body"
+    effect = "contraction"
+    numbers = ("stiffness", "onset", "rise")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         check_positive(self, "stiffness", zero_allowed=True)
         check_positive(self, "rise")
-
-    @property
-    def name(self) -> str:
-        """For example ``deep.contraction``."""
-        return f"{self.region}.contraction"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Stiffness (MPa), onset (s) and rise (s)."""
-        fields = ("stiffness", "onset", "rise")
-        return {f"{self.name}.{field}": getattr(self, field) for field in fields}
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return the added energy (MPa) at a deformation gradient."""

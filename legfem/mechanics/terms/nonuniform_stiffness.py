@@ -43,20 +43,12 @@ class StiffnessGradient(EnergyTerm):
     gradient: float = 0.0
     length: float = 100.0
     domain: Literal["body"] = "body"
+    effect = "stiffness_gradient"
+    numbers = ("gradient", "level", "length")
 
     def __post_init__(self) -> None:
         """Check the length."""
         check_positive(self, "length")
-
-    @property
-    def name(self) -> str:
-        """For example ``deep.stiffness_gradient``."""
-        return f"{self.region}.stiffness_gradient"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Gradient, level and length."""
-        return {f"{self.name}.{key}": getattr(self, key) for key in ("gradient", "level", "length")}
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return what is added to the energy (MPa) at a deformation gradient."""
@@ -93,15 +85,11 @@ class UnevenStiffness(EnergyTerm):
     points: tuple[tuple[float, ...], ...]
     radius: float
     domain: Literal["body"] = "body"
+    effect = "uneven_stiffness"
 
     def __post_init__(self) -> None:
         """Check the radius."""
         check_positive(self, "radius")
-
-    @property
-    def name(self) -> str:
-        """For example ``deep.uneven_stiffness``."""
-        return f"{self.region}.uneven_stiffness"
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -12,11 +12,11 @@ from legfem.common.errors import InputError, check_positive
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import Memoryless
+from legfem.mechanics.model import Memoryless, RegionTerm
 
 
 @dataclass(frozen=True)
-class PressureStabilisation(Memoryless):
+class PressureStabilisation(RegionTerm, Memoryless):
     r"""Polynomial pressure projection for linear displacements and pressures on simplices.
 
     Equal degrees fail the inf-sup condition. What of the pressure the constants :math:`\Pi p` of an
@@ -42,20 +42,12 @@ class PressureStabilisation(Memoryless):
     law: Hyperelastic
     strength: float = 1.0
     domain: Literal["body"] = "body"
+    effect = "stabilisation"
+    numbers = ("strength",)
 
     def __post_init__(self) -> None:
         """Check the factor."""
         check_positive(self, "strength", zero_allowed=True)
-
-    @property
-    def name(self) -> str:
-        """For example ``deep.stabilisation``."""
-        return f"{self.region}.stabilisation"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The factor."""
-        return {f"{self.name}.strength": self.strength}
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the penalty."""

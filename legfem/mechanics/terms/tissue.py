@@ -13,13 +13,11 @@ import ufl
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import Memoryless
+from legfem.mechanics.model import Memoryless, RegionTerm
 
 
-class EnergyTerm(Memoryless, ABC):
-    """What an elastic energy adds: its variation, and the stress that follows from it."""
-
-    region: str
+class EnergyTerm(RegionTerm, Memoryless, ABC):
+    """A term with an elastic energy: its variation, and the stress that follows from it."""
 
     @abstractmethod
     def energy_density(self, body: Body, F: Expr) -> Expr:

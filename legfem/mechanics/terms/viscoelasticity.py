@@ -12,10 +12,11 @@ from legfem.common.errors import check_positive
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.model import RegionTerm
 
 
 @dataclass(frozen=True)
-class Viscoelasticity:
+class Viscoelasticity(RegionTerm):
     r"""A Prony branch of finite-strain viscoelasticity: the tissue's distortion stress relaxes.
 
     The tissue resists fast deformation with more stress than slow deformation, and the surplus
@@ -55,6 +56,7 @@ class Viscoelasticity:
     relaxation_time: float = 10.0
     branch: str = ""
     domain: Literal["body"] = "body"
+    numbers = ("ratio", "relaxation_time")
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -70,11 +72,6 @@ class Viscoelasticity:
     def strength(self) -> str:
         """The number at whose zero nothing happens: see `legfem.fem.forms.DomainForms`."""
         return f"{self.name}.ratio"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Ratio (dimensionless) and relaxation time (s)."""
-        return {f"{self.name}.ratio": self.ratio, f"{self.name}.relaxation_time": self.relaxation_time}
 
     def history(self, body: Body) -> dict[str, tuple[int, ...]]:
         """Return overstress and elastic stress (MPa): their components that do work."""

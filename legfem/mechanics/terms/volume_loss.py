@@ -11,11 +11,11 @@ import ufl
 from legfem.common.errors import InputError
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import Memoryless
+from legfem.mechanics.model import Memoryless, RegionTerm
 
 
 @dataclass(frozen=True)
-class VolumeLoss(Memoryless):
+class VolumeLoss(RegionTerm, Memoryless):
     r"""A share of a region's volume leaves it, evenly: its pressure is zero at :math:`J = 1 - s`.
 
     .. math:: p (J - 1) - D_1 p^2 / 4 \to p (J - 1 + s) - D_1 p^2 / 4.
@@ -35,16 +35,8 @@ class VolumeLoss(Memoryless):
     region: str
     share: float = 0.0
     domain: Literal["body"] = "body"
-
-    @property
-    def name(self) -> str:
-        """For example ``deep.volume_loss``."""
-        return f"{self.region}.volume_loss"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The share."""
-        return {f"{self.name}.share": self.share}
+    effect = "volume_loss"
+    numbers = ("share",)
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the pressure's work on the volume that is lost."""

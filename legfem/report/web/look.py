@@ -13,8 +13,7 @@ from legfem.data.quality import GRADES, Quality
 from legfem.data.reader import QUANTITIES, Proposal
 from legfem.data.segmentation import HOLD
 from legfem.report.look import contact_text, recording_name
-from legfem.report.web.curves import Curves, Line
-from legfem.report.web.page import Bullets, Chapter, Headline, Repeat, Tone, Verbatim, WebPage, WebTable
+from legfem.report.page import Bullets, Chapter, Curves, Headline, Line, Repeat, Tone, Verbatim, WebPage, WebTable
 
 _MOST_POINTS = 4_000
 """Drawn in all: the page opens in a second or two, and is under 2 MB."""

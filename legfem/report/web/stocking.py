@@ -8,18 +8,29 @@ import numpy as np
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_mmhg
-from legfem.report.stocking_words import ORIGINS, both_units, low_in_fat, place_in_fat, share_of, vein_interval
-from legfem.report.web import page as web
-from legfem.report.web.stocking_leg import dressed_leg
-from legfem.report.web.stocking_mismatch import mismatch_blocks, mismatch_verdict
+from legfem.report import page as web
 from legfem.report.web.stocking_numbers import known_of
-from legfem.report.web.stocking_pressures import pressure_blocks
-from legfem.report.web.stocking_stiffness import stiffness_blocks, verdict_sentence
+from legfem.report.web.stocking_pressures import (
+    ORIGINS,
+    both_units,
+    dressed_leg,
+    low_in_fat,
+    place_in_fat,
+    pressure_blocks,
+    share_of,
+    vein_interval,
+)
+from legfem.report.web.stocking_stiffness import (
+    discrepancy_blocks,
+    discrepancy_verdict,
+    stiffness_blocks,
+    verdict_sentence,
+)
 from legfem.stockings.document import versions
-from legfem.stockings.notices import TISSUES, best_complete, stocking_warnings
+from legfem.stockings.notices import TISSUES, stocking_notices
 from legfem.stockings.pressures import FatPressures
 from legfem.stockings.result import StockingResult
-from legfem.stockings.search import judge, model_misses
+from legfem.stockings.search import model_misses
 
 PRESSURES, STIFFNESS = "Pressures on the skin and inside", "Stiffness of muscle and fat"
 """Chapters."""
@@ -50,7 +61,7 @@ def stocking_web_page(
     command
         That was given; empty where there was none.
     """
-    leg, differ = result.leg, result.mismatch
+    leg, differ = result.leg, result.discrepancy
     chapters = []
     if result.pressures is not None and moved is not None:
         chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(result, moved)]))
@@ -58,7 +69,7 @@ def stocking_web_page(
         web.Chapter(PRESSURES, pressure_blocks(result, fat)),
         web.Chapter(STIFFNESS, stiffness_blocks(result)),
         web.Chapter(
-            "Where model and scan differ", [web.Prose(_wrong(result))] if differ is None else mismatch_blocks(differ)
+            "Where model and scan differ", [web.Prose(_wrong(result))] if differ is None else discrepancy_blocks(differ)
         ),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
         web.Chapter("What to do next", [web.Bullets(_next(result))]),
@@ -70,7 +81,7 @@ def stocking_web_page(
         subject=leg.title,
         origin=leg.origin,
         headline=_headline(result),
-        warnings=[*doubt_lines(leg.doubts), *stocking_warnings(result)],
+        warnings=[*doubt_lines(leg.doubts), *stocking_notices(result)],
         known=known_of(result),
         chapters=chapters,
         repeat=web.Repeat(command, versions()),
@@ -93,18 +104,18 @@ def _headline(result: StockingResult) -> web.Headline:
 
 
 def _misses(result: StockingResult) -> bool:
-    best = best_complete(result)
+    best = result.best
     return best is not None and model_misses(best, result.leg.accuracy)
 
 
 def _tone(result: StockingResult) -> web.Tone:
-    verdict = None if result.mismatch is None else result.mismatch.verdict
+    verdict = None if result.discrepancy is None else result.discrepancy.verdict
     if result.pressures is None or verdict == "unexplained" or _misses(result):
         return "wrong"
-    best = best_complete(result)
-    unsure = best is not None and any(known.verdict != "identifiable" for known in judge(best, result.leg.accuracy))
+    best = result.best
+    unsure = best is not None and any(known.identifiability != "identifiable" for known in result.estimates)
     tested = verdict == "consistent"
-    return "sound" if tested and not unsure and result.worn.converged else "caution"
+    return "sound" if tested and not unsure and result.equilibrium.converged else "caution"
 
 
 def _sentence(result: StockingResult) -> str:
@@ -123,23 +134,22 @@ def _sentence(result: StockingResult) -> str:
 
 
 def _wrong(result: StockingResult) -> str:
-    if result.mismatch is None:
+    if result.discrepancy is None:
         return (
             "Nothing could be tested: the leg was not scanned in its stocking."
             if not result.searches
             else "No state of the leg could be compared with its scan: see the warnings."
         )
-    if result.mismatch.verdict == "consistent":
+    if result.discrepancy.verdict == "consistent":
         return (
             "Nothing that shows: model and scan differ by no more than the errors of contours, "
             "registration and pressure."
         )
-    return mismatch_verdict(result.mismatch)
+    return discrepancy_verdict(result.discrepancy)
 
 
 def _sure(result: StockingResult) -> str:
-    best = best_complete(result)
-    parts = [] if best is None else [verdict_sentence(k) for k in judge(best, result.leg.accuracy)]
+    parts = [verdict_sentence(known) for known in result.estimates]
     if result.leg.known and result.pressures is not None:
         parts.append("The pressures are those of the stiffness that was given.")
     veins = range(len(result.leg.veins)) if result.pressures is not None else ()
@@ -167,18 +177,13 @@ def _comfort(result: StockingResult) -> str:
 def _next(result: StockingResult) -> list[str]:
     if result.pressures is None:
         return ["Run it again with a finer mesh (--cells), and look at the warnings."]
-    if _misses(result) or (result.mismatch and result.mismatch.verdict == "unexplained"):
+    if _misses(result) or (result.discrepancy and result.discrepancy.verdict == "unexplained"):
         return [
             "Don't use the stiffness. Look at the contours where model and scan differ: at the "
             "segmentation, the registration, and the stocking's size."
         ]
     lines = []
-    best = best_complete(result)
-    unsure = (
-        []
-        if best is None
-        else [TISSUES[k.name] for k in judge(best, result.leg.accuracy) if k.verdict != "identifiable"]
-    )
+    unsure = [TISSUES[known.name] for known in result.estimates if known.identifiability != "identifiable"]
     if unsure:
         lines.append(
             f"Don't rely on the stiffness of the {' and the '.join(unsure)}: these scans don't "

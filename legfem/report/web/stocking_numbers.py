@@ -5,21 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
-from legfem.report.stocking_words import both_units, low_in_fat, stiffness_interval, vein_interval
-from legfem.report.web.elastography import modulus_rows
-from legfem.report.web.page import Known, Provenance
-from legfem.report.web.stocking_pressures import sensor_rows, tension_text
-from legfem.stockings.notices import TISSUES, best_complete
+from legfem.report.estimates import modulus_rows
+from legfem.report.page import Known, Provenance
+from legfem.report.web.stocking_pressures import (
+    both_units,
+    low_in_fat,
+    sensor_rows,
+    stiffness_interval,
+    tension_text,
+    vein_interval,
+)
+from legfem.stockings.notices import TISSUES
 from legfem.stockings.result import StockingResult
-from legfem.stockings.search import judge
 
 
 def known_of(result: StockingResult) -> list[Known]:
     """Return the stiffness, the pressures, and what they rest on."""
-    leg, best = result.leg, best_complete(result)
+    leg = result.leg
     data: Provenance = leg.origin
     rows = []
-    for known in () if best is None else judge(best, leg.accuracy):
+    for known in result.estimates:
         bound = f"; at the {known.at_bound} bound of the search" if known.at_bound else ""
         rows.append(
             Known(
@@ -27,8 +32,8 @@ def known_of(result: StockingResult) -> list[Known]:
                 f"{mpa_to_kpa(known.value):.3g} kPa",
                 "estimated",
                 "both scans",
-                stiffness_interval(known.interval95),
-                f"{known.verdict}{bound}",
+                stiffness_interval(known.ci95),
+                f"{known.identifiability}{bound}",
             )
         )
     if leg.known:
@@ -129,7 +134,7 @@ def _pressures(result: StockingResult) -> list[Known]:
 
 
 def _stocking(result: StockingResult) -> list[Known]:
-    stocking, load = result.leg.stocking, result.worn.load
+    stocking, load = result.leg.stocking, result.equilibrium.load
     low, high = stocking.unstretched.min(), stocking.unstretched.max()
     rows = [
         Known("stiffness of the fabric", f"{stocking.stiffness:g} N/mm per unit of strain", "assumed", "leg.toml"),

@@ -1,19 +1,88 @@
-"""What a stocking's page says of the pressures on the skin and inside the leg."""
+"""Pressures of a stocking on its page: the leg in 3D, tables and bars, in words."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+
 import numpy as np
 
-from legfem.common.units import mpa_to_mmhg
-from legfem.geometry.leg_shape import SKIN
+from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
+from legfem.geometry.curve import outward_normals
+from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.report.stocking_words import both_units, correlation, place_in_fat, vein_interval
-from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.page import Block, Prose, WebTable
-from legfem.stockings.notices import unloaded_skin
-from legfem.stockings.pressures import FatPressures, TissuePressures
+from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
+from legfem.report.turned import Marked, SkinField, turned_leg
+from legfem.stockings.notices import TISSUES, unloaded_skin
+from legfem.stockings.pressures import FatPressures, TissuePressures, too_low_by
 from legfem.stockings.result import StockingResult
+
+ORIGINS = {
+    "measured": "measured data",
+    "simulated": "simulated data (the scans were computed by a model; no leg was scanned)",
+}
+
+
+def both_units(pressure: float) -> str:
+    """Return a pressure (MPa) in mmHg and kPa."""
+    return f"{mpa_to_mmhg(pressure):.1f} mmHg ({mpa_to_kpa(pressure):.2f} kPa)"
+
+
+def share_of(pressures: Sequence[float], mean: float) -> str:
+    """Return the range of pressures over a mean, in per cent."""
+    shares = sorted(100 * p / mean for p in pressures if np.isfinite(p))
+    if not shares:
+        return "an unknown share"
+    low, high = f"{shares[0]:.0f}", f"{shares[-1]:.0f}"
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def stiffness_values(parameters: dict[str, float]) -> str:
+    """Return stiffnesses (MPa) by name, in kPa."""
+    return ", ".join(f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items())
+
+
+def stiffness_interval(interval: tuple[float, float]) -> str:
+    """Return a 95 % interval (MPa) in kPa, in words where it is open."""
+    low, high = (mpa_to_kpa(end) for end in interval)
+    if low > 0 and np.isfinite(high):
+        return f"{low:.3g} to {high:.3g}"
+    if low > 0:
+        return f"at least {low:.3g}"
+    return f"at most {high:.3g}" if np.isfinite(high) else "any"
+
+
+def vein_interval(result: StockingResult, vein: int) -> tuple[float, float]:
+    """Return the 95 % interval of a vein's pressure (mmHg), NaN where it isn't known."""
+    assert result.pressures is not None
+    half = quantile(0) * result.pressures.at_veins_sd[vein]
+    middle = result.pressures.at_veins[vein]
+    return mpa_to_mmhg(middle - half), mpa_to_mmhg(middle + half)
+
+
+def low_in_fat(result: StockingResult) -> str:
+    """Return by how much the greatest pressure in the fat is too low on the mesh."""
+    least, most = (f"{100 * share:.0f}" for share in too_low_by(result.tetrahedra))
+    return f"{least} to {most} % too low on this mesh, as measured on leg 1"
+
+
+def place_in_fat(bare: LegShape, point: FloatArray) -> str:
+    """Return where a point of the bare leg is, in words."""
+    level = float(point[2])
+    skin = bare.at(SKIN, level)
+    direction = Directions.of(bare).at(float(angle_round(point[:2], skin.mean(axis=0))))
+    depth = np.linalg.norm(skin - point[:2], axis=1)
+    row = int(np.argmin(np.abs(bare.levels - level)))
+    thick = float(fat_thickness_around(bare)[row, int(np.argmin(depth))])
+    return (
+        f"at z = {level:.0f} mm on the {direction} side, {depth.min():.1f} mm under the skin where "
+        f"the fat is {thick:.1f} mm thick"
+    )
+
+
+def correlation(value: float) -> str:
+    """Return a rank correlation, if there is one."""
+    return f"{value:.2f}" if np.isfinite(value) else "- (one of them is the same all round)"
 
 
 def pressure_blocks(result: StockingResult, fat: FatPressures | None) -> list[Block]:
@@ -23,7 +92,7 @@ def pressure_blocks(result: StockingResult, fat: FatPressures | None) -> list[Bl
 
 def _of_stocking(result: StockingResult) -> list[Block]:
     """Return what the stocking does to the skin, and to itself."""
-    load = result.worn.load
+    load = result.equilibrium.load
     by_level = load.pressure.mean(axis=1)
     unloaded = unloaded_skin(result.leg.bare, load)
     rows = [
@@ -42,7 +111,7 @@ def _of_stocking(result: StockingResult) -> list[Block]:
     note = (
         "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "
         "compressed; the fabric spans hollows and presses on nothing there."
-        if result.worn.state.report.complete
+        if result.equilibrium.state.report.complete
         else "Of the bare leg's shape, since the leg in its stocking could not be computed."
     )
     blocks: list[Block] = [Prose(note), WebTable("Pressure of the stocking on the skin", ["where", "pressure"], rows)]
@@ -72,7 +141,7 @@ def sensor_rows(result: StockingResult) -> list[tuple[str, str]]:
         (
             one.sensor.name,
             f"{mpa_to_mmhg(one.sensor.pressure):.1f} ± {mpa_to_mmhg(one.sensor.sd):.1f} mmHg (sd), "
-            f"model {mpa_to_mmhg(one.pressure):.1f} mmHg ({one.departure:+.1f} sd)",
+            f"model {mpa_to_mmhg(one.pressure):.1f} mmHg ({one.standardised_residual:+.1f} sd)",
         )
         for one in result.sensors
     ]
@@ -90,7 +159,7 @@ def tension_text(result: StockingResult) -> str | None:
 
 def highest_place(result: StockingResult) -> str:
     """Return where the stocking presses most, in words."""
-    pressure, bare = result.worn.load.pressure, result.leg.bare
+    pressure, bare = result.equilibrium.load.pressure, result.leg.bare
     level, point = np.unravel_index(int(np.argmax(pressure)), pressure.shape)
     skin = bare.contours[SKIN][level]
     direction = Directions.of(bare).at(float(angle_round(skin[point], skin.mean(axis=0))))
@@ -151,27 +220,27 @@ def _postures(result: StockingResult) -> list[Block]:
 
 
 def _bars(result: StockingResult, found: TissuePressures) -> Bars:
-    leg, load = result.leg, result.worn.load
+    leg, load = result.leg, result.equilibrium.load
     bars = [
-        Bar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
-        Bar(
+        LabelledBar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
+        LabelledBar(
             f"skin, greatest ({highest_place(result)})",
             mpa_to_mmhg(found.greatest_interface),
             both_units(found.greatest_interface),
         ),
-        Bar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
-        Bar(
+        LabelledBar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
+        LabelledBar(
             "fat, greatest",
             mpa_to_mmhg(found.greatest_in_fat),
             f"{both_units(found.greatest_in_fat)}, {_share(found.greatest_in_fat, found)}",
         ),
-        Bar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
+        LabelledBar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
     ]
     for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
         low, high = vein_interval(result, k)
         known = np.isfinite(high)
         bars.append(
-            Bar(
+            LabelledBar(
                 f"vein, {vein.name}",
                 mpa_to_mmhg(pressure) if np.isfinite(pressure) else 0.0,
                 both_units(pressure)
@@ -191,3 +260,88 @@ def _bars(result: StockingResult, found: TissuePressures) -> Bars:
 
 def _share(pressure: float, found: TissuePressures) -> str:
     return f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
+
+
+def dressed_leg(result: StockingResult, moved: Mapping[str, FloatArray]) -> TurnedLeg:
+    """Return the leg with the stocking's pressure, its movement and the skin's stretch.
+
+    Parameters
+    ----------
+    result
+        Of a run whose worn state was found.
+    moved
+        Displacement (mm) of skin's and hull's points, (n_levels, n_points, 3) each.
+    """
+    bare, found = result.leg.bare, result.pressures
+    assert found is not None
+    dressed = {
+        ("pressure on the skin", "mmHg"): mpa_to_mmhg(result.equilibrium.pressure),
+        ("inward movement", "mm"): inward(bare, moved[SKIN]),
+        ("stretch of the skin round the leg", "%"): stretch_round(bare, moved[SKIN]),
+    }
+    fields = [SkinField(*named, _from_none(values)) for named, values in dressed.items()]
+    directions = Directions.of(bare)
+    marked = [
+        Marked(f"{vein.name}: {mpa_to_mmhg(p):.1f} mmHg", vein.position)
+        for vein, p in zip(result.leg.veins, found.at_veins, strict=True)
+        if np.isfinite(p)
+    ]
+    return turned_leg(
+        bare,
+        {part: _from_none(values) for part, values in moved.items()},
+        fields,
+        Slider("Dress the leg", (0.0, 100.0), " % dressed"),
+        # Coordinates are DICOM's: the front is at -y.
+        View([directions.at(45.0 * k) for k in range(8)]),
+        _header(dressed),
+        by_height(bare, moved[SKIN], list(dressed.values())),
+        "The leg's skin, coloured by what the stocking does to it; inside it muscle, bones and "
+        "veins. Bare and dressed were computed; what lies between is drawn in proportion.",
+        marked,
+    )
+
+
+def _from_none(values: FloatArray) -> FloatArray:
+    """Return the bare leg's zeros, and values of the dressed one."""
+    return np.stack([np.zeros_like(values), values])
+
+
+def _header(named: Iterable[tuple[str, str]]) -> list[str]:
+    each = [f"{n} ({unit}): {which}" for n, unit in named for which in ("mean", "least", "most")]
+    return ["height z (mm)", "girth, bare (mm)", "girth, dressed (mm)", *each]
+
+
+def by_height(bare: LegShape, moved: FloatArray, fields: Sequence[FloatArray]) -> list[list[str]]:
+    """Return a row a height: girths, and mean, least and most of fields (n_levels, n_points)."""
+
+    def girths(points: FloatArray) -> FloatArray:
+        return np.linalg.norm(np.diff(points, axis=1, append=points[:, :1]), axis=2).sum(axis=1)
+
+    points = bare.points(SKIN)
+    before, after = girths(points), girths(points + moved)
+    return [
+        [
+            f"{level:.0f}",
+            f"{before[k]:.1f}",
+            f"{after[k]:.1f}",
+            *(f"{value:.1f}" for f in fields for value in (f[k].mean(), f[k].min(), f[k].max())),
+        ]
+        for k, level in enumerate(bare.levels)
+    ]
+
+
+def inward(bare: LegShape, moved: FloatArray) -> FloatArray:
+    """Return how far the skin moved inwards (mm), (n_levels, n_points)."""
+    normals = outward_normals(bare.contours[SKIN])
+    return -np.einsum("lpd,lpd->lp", normals, moved[..., :2])
+
+
+def stretch_round(bare: LegShape, moved: FloatArray) -> FloatArray:
+    """Return the skin's elongation round the leg (%), of the ways to both neighbours."""
+    points = bare.points(SKIN)
+
+    def ways(at: FloatArray) -> FloatArray:
+        ahead = np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2)
+        return np.asarray(ahead + np.roll(ahead, 1, axis=1))
+
+    return 100 * (ways(points + moved) / ways(points) - 1)

@@ -1,4 +1,4 @@
-"""What a stocking's page says of the stiffness of muscle and fat, and how well it is known."""
+"""Stiffness of muscle and fat on a stocking's page, and where model and scan differ."""
 
 from __future__ import annotations
 
@@ -6,19 +6,22 @@ import numpy as np
 
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
-from legfem.report.stocking_words import stiffness_values
-from legfem.report.web.page import Block, Prose, WebTable
+from legfem.report import page as web
+from legfem.report.page import Block, Prose, WebTable
+from legfem.report.web.stocking_pressures import stiffness_values
+from legfem.report.words import short_probability
+from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.leg_model import PARAMETERS
-from legfem.stockings.notices import TISSUES, best_complete
+from legfem.stockings.notices import TISSUES
 from legfem.stockings.result import StockingResult
-from legfem.stockings.search import Identified, KnownStiffness, expected_rms, judge, starts_agree
+from legfem.stockings.search import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
 
 
-def verdict_sentence(known: KnownStiffness) -> str:
+def verdict_sentence(known: StiffnessEstimate) -> str:
     """Return in plain words how well a stiffness is known."""
     tissue = TISSUES[known.name]
-    share = f"within {100 * known.half_width:.2g} %"
-    if known.half_width >= 1:
+    share = f"within {100 * known.relative_half_width:.2g} %"
+    if known.relative_half_width >= 1:
         share = "not even within 100 %"
     limit = {
         "identifiable": f"at most {100 * IDENTIFIABLE_WITHIN:.0f} %",
@@ -29,19 +32,18 @@ def verdict_sentence(known: KnownStiffness) -> str:
             f"The stiffness of the {tissue} is not identifiable: the best value stands at the "
             f"search's {known.at_bound} bound."
         )
-    if known.verdict == "not identifiable":
+    if known.identifiability == "not identifiable":
         return (
             f"The stiffness of the {tissue} is not identifiable from these scans: known {share} "
             "(95 %). Don't use the value by itself."
         )
-    if known.verdict == "weakly identifiable" and known.half_width <= IDENTIFIABLE_WITHIN:
+    if known.identifiability == "weakly identifiable" and known.relative_half_width <= IDENTIFIABLE_WITHIN:
         return (
             f"The stiffness of the {tissue} is weakly identifiable at best: its interval is narrow "
             f"({share}), but the fit is not sound (see Warnings)."
         )
-    return (
-        f"The stiffness of the {tissue} is {known.verdict}: known {share} (95 %; {limit[known.verdict]} is called so)."
-    )
+    called = f"{limit[known.identifiability]} is called so"
+    return f"The stiffness of the {tissue} is {known.identifiability}: known {share} (95 %; {called})."
 
 
 def stiffness_blocks(result: StockingResult) -> list[Block]:
@@ -50,10 +52,10 @@ def stiffness_blocks(result: StockingResult) -> list[Block]:
     given = stiffness_values(result.parameters)
     if not result.searches:
         return [Prose(f"Not identified: the leg was not scanned in its stocking. Given: {given}.")]
-    best = best_complete(result)
+    best = result.best
     blocks: list[Block] = []
     if best is not None:
-        blocks += [Prose(verdict_sentence(known)) for known in judge(best, leg.accuracy)]
+        blocks += [Prose(verdict_sentence(known)) for known in result.estimates]
         errors = (
             "The intervals count errors of the contours, of the registration, and of a pressure "
             "that is wrong here and there round the leg."
@@ -84,7 +86,7 @@ def _of_fabric(result: StockingResult) -> str:
     )
 
 
-def _goodness(result: StockingResult, best: Identified) -> str:
+def _goodness(result: StockingResult, best: StiffnessFit) -> str:
     leg, misfit = result.leg, result.misfit
     assert misfit is not None
     bare = misfit.distances(leg.bare)
@@ -109,7 +111,7 @@ def _searches(result: StockingResult) -> WebTable:
     rows = []
     for search in result.searches:
         start = ", ".join(f"{mpa_to_kpa(float(value)):.3g}" for value in search.start)
-        if not (search.worn.state.report.complete and np.isfinite(search.rms)):
+        if not (search.equilibrium.state.report.complete and np.isfinite(search.rms)):
             found = ["-", "-", "-", "-"]
             ended = "no state found"
         else:
@@ -126,7 +128,7 @@ def _searches(result: StockingResult) -> WebTable:
 
 
 def _agreement(result: StockingResult) -> str:
-    weighted = [search for search in result.searches if search.method == "weighted"]
+    weighted = result.weighted
     paper = [search for search in result.searches if search.method == "nelder-mead"]
     apart = float(np.ptp(np.log([search.parameters for search in weighted]), axis=0).max())
     if len(weighted) == 1:
@@ -140,7 +142,7 @@ def _agreement(result: StockingResult) -> str:
             f"The {len(weighted)} starts did not all lead to the same stiffness: they are up to "
             f"{100 * np.expm1(apart):.2g} % apart."
         )
-    best = best_complete(result)
+    best = result.best
     for search in paper:
         text += (
             f" Nelder-Mead, the second paper's way, minimises plain distances and not weighted "
@@ -148,11 +150,74 @@ def _agreement(result: StockingResult) -> str:
             "start (1 is the start, 0 a perfect match)."
         )
         if best is not None and (intervals := best.interval95) is not None:
-            inside = [low <= value <= high for value, (low, high) in zip(search.parameters, intervals, strict=True)]
-            outside = [TISSUES[name] for name, ok in zip(PARAMETERS, inside, strict=True) if not ok]
+            named = zip(PARAMETERS, search.parameters, intervals, strict=True)
+            outside = [TISSUES[name] for name, value, (low, high) in named if not low <= value <= high]
             text += (
                 f" Its C10 of {' and '.join(outside)} is outside the interval above."
                 if outside
                 else " Its values are within the intervals above."
             )
+    return text
+
+
+CONTOURS = {"outer": "skin", "inner": "hull of the muscle"}
+
+
+def discrepancy_blocks(found: ModelDiscrepancy) -> list[web.Block]:
+    """Return the verdict, the places that differ, and what was tried as a reason."""
+    blocks: list[web.Block] = [web.Prose(discrepancy_verdict(found))]
+    if found.places:
+        blocks.append(
+            web.WebTable(
+                "Places that differ beyond the errors: the model outside the scan",
+                ["contour", "angle from +x to +y (°)", "heights z (mm)", "distance (mm)", "p"],
+                [
+                    [
+                        CONTOURS[p.contour],
+                        f"{p.angle_deg:.0f}",
+                        f"{p.levels[0]:.0f} to {p.levels[1]:.0f}",
+                        f"{p.distance:+.2f}",
+                        short_probability(p.p_value),
+                    ]
+                    for p in found.places
+                ],
+            )
+        )
+    blocks.append(
+        web.WebTable(
+            "What was tried as a reason (p: family-wise, of a sign as strong by chance)",
+            ["mechanism", "what it is", "chi-square", "p"],
+            [
+                [
+                    s.name.replace("-", " "),
+                    s.statement,
+                    f"{s.statistic:.1f} on {s.degrees}",
+                    short_probability(s.p_value),
+                ]
+                for s in found.scores
+            ],
+        )
+    )
+    return blocks
+
+
+def discrepancy_verdict(found: ModelDiscrepancy) -> str:
+    """Return in words whether model and scan differ, and why."""
+    if found.verdict == "consistent":
+        return "Consistent: nothing of what the fit leaves is beyond the errors of contours, registration and pressure."
+    if found.verdict == "unexplained":
+        return (
+            "Unexplained: the contours differ beyond their errors, and none of the mechanisms "
+            "below describes it. Don't rely on the stiffness."
+        )
+    statements = {score.name: score.statement for score in found.scores}
+    named = " or ".join(f"{name} ({statements[name]})" for name in found.named)
+    text = f"{'Named' if found.verdict == 'named' else 'Ambiguous'}: {named}."
+    if found.rms_after is not None and found.parameters_after is not None:
+        muscle, fat = mpa_to_kpa(found.parameters_after)
+        text += (
+            f" With {found.named[0]} in the model, solved anew, the contours are met to "
+            f"{found.rms_after:.3f} mm instead of {found.rms_before:.3f} mm, and C10 is "
+            f"{muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
+        )
     return text

@@ -14,9 +14,10 @@ from legfem.common.units import FloatArray
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.fem.fields import fields_of
 from legfem.legs.correction import smooth_ratio
+from legfem.report.page import PAGE, command_line
 from legfem.report.paraview import write_fields
-from legfem.report.plain import table
-from legfem.report.web.page import PAGE, command_line, rendered
+from legfem.report.render.html import rendered
+from legfem.report.render.text import table
 from legfem.study.correction.calibration import Calibration, LegTable, calibrate, coarsened, run_cases, tabulate_legs
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from legfem.study.correction.page import (

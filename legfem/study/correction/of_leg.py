@@ -22,10 +22,10 @@ from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
-from legfem.report.plain import table
+from legfem.report import page as web
+from legfem.report.page import Curves, Line
+from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, save, styled
-from legfem.report.web import page as web
-from legfem.report.web.curves import Curves, Line
 from legfem.solve.path import ForceCurve
 from legfem.study.cells import Cells, column_cells
 from legfem.study.correction.calibration import versions

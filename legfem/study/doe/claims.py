@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from legfem.common.documents import markdown_table
-from legfem.report.lines import bullets, fill
-from legfem.report.web.estimates import words_of
+from legfem.report.estimates import words_of
+from legfem.report.render.text import bullets, fill
 from legfem.report.words import ORIGINS
 from legfem.study.doe import tables
 from legfem.study.doe.design import OF_THE_GEOMETRY, Factor, label_of

@@ -22,15 +22,12 @@ from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
-from legfem.report.in_place import REPORT
-from legfem.report.listing import RESULT, ReportFile
-from legfem.report.plain import plain_page, table
+from legfem.report import page as web
+from legfem.report.folder import REPORT, RESULT, ReportFile
+from legfem.report.page import PAGE, Bars, Curves, LabelledBar, Line, ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.report.render.text import table
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.web import page as web
-from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.curves import Curves, Line
-from legfem.report.web.page import PAGE, listed, write_page
-from legfem.report.web.response import ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.report.write import write_page
 from legfem.study.doe import tables
 from legfem.study.doe.claims import (
     claims_page,
@@ -282,8 +279,8 @@ def _effects(result: StudyResult) -> list[web.Block]:
     factors = result.definition.factors
     every = [(analysis.metric.label, *analysis.shares()) for analysis in result.analyses]
     deepest, main, interactions = every[-1]
-    bars = [Bar(f.label, 100 * main[f.symbol], f"{100 * main[f.symbol]:.1f} %") for f in factors]
-    bars.append(Bar("all interactions", 100 * interactions, f"{100 * interactions:.1f} %"))
+    bars = [LabelledBar(f.label, 100 * main[f.symbol], f"{100 * main[f.symbol]:.1f} %") for f in factors]
+    bars.append(LabelledBar("all interactions", 100 * interactions, f"{100 * interactions:.1f} %"))
     rows = [[f.label, *(f"{100 * one[f.symbol]:.1f} %" for _, one, _ in every)] for f in factors]
     rows.append(["all interactions", *(f"{100 * rest:.1f} %" for _, _, rest in every)])
     return [
@@ -476,12 +473,11 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
     drawers = draw_response, draw_half_normal, draw_normality, draw_sobol, draw_information
     page = study_web_page(result, options.seed, options.command)
     entries = [
-        listed("curves and the response surface"),
         *(ReportFile([path], "a figure") for draw in drawers for path in draw(result, out)),
         ReportFile([Path("runs.csv"), Path("runs")], "every simulation: a table, and a file each"),
         RESULT,
     ]
-    write_page(page, out, plain_page(page, entries))
+    write_page(page, out, "curves and the response surface", entries)
     claims = verdict_documents(verdicts([result]), [definition.title])
     wall = time.perf_counter() - began
     write_document(out / "result.json", study_document(result, options.seed, wall, claims))

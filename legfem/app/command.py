@@ -1,0 +1,66 @@
+"""``python -m legfem.app``."""
+
+from __future__ import annotations
+
+import socket
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.common.command_line import command_context
+from legfem.common.errors import InputError
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def serve(
+    workspace: Annotated[Path, typer.Option(help="Folder that holds everything that the app does.")] = Path(
+        "legfem-workspace"
+    ),
+    port: Annotated[int, typer.Option(min=1024, max=65535, help="On 127.0.0.1.")] = 8765,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open a browser's window.")] = True,
+) -> None:
+    """Use legfem in a browser window: drop a folder, look at it, run the commands, read reports.
+
+    Serves this machine alone, and only who has the address with its token. What is done stands in
+    the workspace: runs go on when the server is stopped, and it finds them again.
+
+    Example: python -m legfem.app --workspace my-legs
+    """
+    with command_context("start it again; runs went on meanwhile"):
+        _check_free(port)
+        from legfem.app.workspace import Workspace
+
+        opened = Workspace.opened(workspace)
+        token = opened.token()
+        import uvicorn
+
+        from legfem.app.guard import ADDRESS, Guard
+        from legfem.app.server import application
+
+        guarded = Guard(application(opened), token, port)
+        address = f"http://{ADDRESS}:{port}/?token={token}"
+        print(f"workspace: {opened.folder}\nopen:      {address}", flush=True)
+        print("Ctrl-C ends the server; runs go on.", flush=True)
+        if browser:
+            webbrowser.open(address)
+        uvicorn.run(
+            guarded, host=ADDRESS, port=port, log_level="warning", access_log=False, timeout_graceful_shutdown=2
+        )
+
+
+def _check_free(port: int) -> None:
+    with socket.socket() as tried:
+        tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            tried.bind(("127.0.0.1", port))
+        except OSError:
+            raise InputError(
+                "--port",
+                f"{port}",
+                "another program has it (legfem's app already?)",
+                "give another, or use the window that is open",
+            ) from None

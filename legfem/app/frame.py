@@ -1,0 +1,107 @@
+"""What the pages share: their frame, and small pieces."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from urllib.parse import quote
+
+from nicegui import ui
+from nicegui.elements.mixins.text_element import TextElement
+
+from legfem.app.runs import RunState
+
+# NiceGUI's page doesn't say its language, without which it can't be read aloud.
+_HEAD = (
+    '<script>document.documentElement.lang = "en";</script>'
+    '<link rel="stylesheet" href="/assets/app/app.css">'
+    '<script defer src="/assets/app/app.js"></script>'
+)
+
+
+def tag(name: str, text: str, classes: str = "") -> TextElement:
+    """Put an HTML element that holds a text."""
+    return TextElement(tag=name, text=text).classes(classes)
+
+
+@contextmanager
+def framed(title: str) -> Iterator[None]:
+    """Put a page's head and heading; what follows within is its content."""
+    ui.page_title(f"{title} - legfem")
+    ui.add_head_html(_HEAD)
+    ui.colors(primary="#0b3d5c", negative="#b03000", warning="#b07a00", positive="#00704f")
+    with ui.header().classes("bar"), ui.element("nav").props('aria-label="Pages"'):
+        ui.link("legfem", "/").classes("brand")
+        ui.link("Legs and specimens", "/")
+        ui.link("Compare", "/compare")
+        tag("span", "on this machine only", "local")
+    with ui.element("main").classes("page"):
+        tag("h1", title)
+        yield
+
+
+def refused(line: str) -> None:
+    """Put the line with which a command refuses."""
+    tag("p", line, "line refused").props("role=alert")
+
+
+def wanting(line: str) -> None:
+    """Put the line with which a command would refuse what isn't wrong, but not said yet."""
+    tag("p", line, "line wanting")
+
+
+def warned(lines: Sequence[str]) -> None:
+    """Put doubts."""
+    for line in lines:
+        tag("p", line, "line doubted")
+
+
+def command(text: str) -> TextElement:
+    """Put a command with a button that copies it; return what shows it."""
+    with ui.element("div").classes("command"):
+        shown = tag("code", text)
+        ui.button(icon="content_copy", on_click=lambda: _copied(shown.text)).props(
+            'flat dense aria-label="Copy the command"'
+        )
+    return shown
+
+
+def _copied(text: str) -> None:
+    ui.clipboard.write(text)
+    ui.notify("copied")
+
+
+def chip(state: RunState) -> TextElement:
+    """Put a run's state."""
+    return tag("span", str(state), f"chip {state.name.lower()}")
+
+
+def when(moment: float) -> str:
+    """Return a moment (s since the epoch) as people write it."""
+    return time.strftime("%Y-%m-%d %H:%M", time.localtime(moment))
+
+
+def duration(seconds: float) -> str:
+    """Return a duration as people say it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def page_of(kind: str, name: str) -> str:
+    """Return the address of an input's or a run's page."""
+    return f"/{kind}/{quote(name, safe='')}"
+
+
+def drop_zone(text: str, name: str = "") -> None:
+    """Put a place where files are dropped or chosen, for a new input or one that is there."""
+    with ui.element("section").classes("drop").props(f'data-drop aria-label="{text}"') as zone:
+        if name:
+            zone.props["data-input"] = name
+        tag("p", text, "drop-text")
+        with ui.element("div").classes("inrow"):
+            for label, props in (("Choose a folder", "webkitdirectory"), ("Choose files", "")):
+                with tag("label", label, "choose"):
+                    ui.element("input").props(f'type=file multiple {props} aria-label="{label}"')
+        tag("p", "", "said").props("data-said role=status")

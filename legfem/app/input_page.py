@@ -1,0 +1,244 @@
+"""What was given: what is seen in it, what is assumed, how its files are read, and what to run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+from urllib.parse import quote
+
+from nicegui import ui
+
+from legfem.app.forms import columns_tab, describe_tab, settings_tab
+from legfem.app.frame import chip, command, drop_zone, framed, page_of, refused, tag, wanting, warned
+from legfem.app.runs import ACTIONS, Action, Run, check_idle, looked_at, rename_input, runs_of, seen, written
+from legfem.app.workspace import Workspace, description_of, files_of
+from legfem.common.errors import InputError
+from legfem.data.quality import GRADES
+
+
+def actions_tab(workspace: Workspace, name: str) -> None:
+    """Put the commands, and the runs that there are."""
+    folder = workspace.input(name)
+    described = description_of(folder)
+    if described is None:
+        tag("p", "Say first what the files are, under Describe.")
+        return
+    for action in ACTIONS[described]:
+        _command_form(workspace, name, action)
+    if mine := runs_of(workspace, name):
+        tag("h2", "Its runs")
+        with ui.element("ul").classes("cards"):
+            for run in mine:
+                with ui.element("li"):
+                    ui.link(run.folder.name, page_of("run", run.folder.name))
+                    chip(run.state)
+
+
+def _command_form(workspace: Workspace, name: str, action: Action) -> None:
+    wish = f"{action.name}-{name}"
+    with ui.element("section").classes("action").props(f'aria-label="{action.name}"'):
+        tag("h2", action.name)
+        tag("p", action.does)
+        boxes: dict[str, ui.select | ui.number] = {}
+        with ui.element("div").classes("fields"):
+            for choice in action.choices:
+                if choice.choices:
+                    boxes[choice.option] = ui.select(
+                        {"": "by default", **{one: one for one in choice.choices}}, value="", label=choice.label
+                    )
+                else:
+                    boxes[choice.option] = ui.number(choice.label, placeholder="by default")
+            more = ui.input("more options", placeholder="as on the command line")
+
+        def options(run: str) -> list[str]:
+            chosen = {
+                option: ""
+                if box.value in (None, "")
+                else f"{box.value:.10g}"
+                if isinstance(box.value, int | float)
+                else str(box.value)
+                for option, box in boxes.items()
+            }
+            out = workspace.folder / "runs" / run / "results"
+            return action.options(workspace.input(name), out, chosen, more.value or "")
+
+        shown = command(written(action.module, options(workspace.free_run(wish))))
+        trouble = tag("p", "", "line refused").props("role=alert")
+        trouble.set_visibility(False)
+
+        def update() -> None:
+            try:
+                shown.text = written(action.module, options(workspace.free_run(wish)))
+                trouble.set_visibility(False)
+            except InputError as error:
+                trouble.text = str(error)
+                trouble.set_visibility(True)
+
+        for box in (*boxes.values(), more):
+            box.on_value_change(update)
+
+        def start() -> None:
+            update()
+            if trouble.visible:
+                return
+            run = workspace.new_run(wish)
+            Run.begun(workspace.run(run), action.module, options(run), name)
+            ui.navigate.to(page_of("run", run))
+
+        ui.button(f"Run {action.name}", on_click=start)
+
+
+RUN = "Run"
+"""The tab of the commands."""
+_UNSAID = (": missing; ", "or specimen.toml; ", "whose recordings.toml reads")
+"""Signs of lines about a folder in which nothing is wrong, but something isn't said yet."""
+
+
+def preview_tab(looking: Run, others: Sequence[str], go: Callable[[str], object]) -> None:
+    """Put what a preview's run wrote, and ways to the other tabs."""
+    found = seen(looking)
+    assert found is not None
+    asks = "Is this what you measured?"
+    if found["trouble"]:
+        unsaid = any(sign in found["trouble"] for sign in _UNSAID)
+        asks = "Say it under" if unsaid else "Mend it under"
+        (wanting if unsaid else refused)(found["trouble"])
+    with ui.element("div").classes("inrow"):
+        mends = [one for one in others if one != RUN]
+        tag("span", asks)
+        for one in mends if found["trouble"] else [RUN]:
+            ui.button(one, on_click=lambda name=one: go(name)).props("outline dense")
+    warned(found["doubts"])
+    if found["origin"]:
+        tag("p", f"{found['title']}: {found['origin']} data", "sentence")
+    with ui.element("div").classes("beside"):
+        if found["facts"]:
+            with ui.element("dl").classes("facts"):
+                for what, value in found["facts"]:
+                    tag("dt", what)
+                    tag("dd", value)
+        for file, shown in found["pictures"]:
+            _picture(looking, file, shown)
+    if found["recordings"]:
+        tag("h2", "Recordings")
+        for recording in found["recordings"]:
+            _recording(looking, recording)
+    command(looking.command)
+
+
+def _recording(looking: Run, recording: dict[str, Any]) -> None:
+    with ui.element("section").classes("recording"):
+        with tag("h3", recording["file"]):
+            if recording["grade"]:
+                grade = recording["grade"]
+                tag("span", f"grade {grade}: {GRADES[grade]}", f"chip grade-{grade.lower()}")
+        if recording["trouble"]:
+            refused(recording["trouble"])
+            return
+        if recording["reasons"]:
+            tag("p", "; ".join(recording["reasons"]), "quiet")
+        shown = f"displacement and force of {recording['file']} over time with phases, and force "
+        _picture(looking, recording["picture"], f"{shown}over displacement with first contact.")
+        with ui.element("details"):
+            tag("summary", "How it was read, first contact, phases, noise")
+            tag("pre", recording["text"])
+
+
+def _picture(looking: Run, file: str, shown: str) -> None:
+    folder = looking.folder
+    address = f"/files/previews/{quote(folder.parent.name, safe='')}/{folder.name}/results/"
+    with ui.element("figure"):
+        ui.element("img").props.update({"src": address + quote(file), "alt": shown})
+        tag("figcaption", f"{shown[0].upper()}{shown[1:]}")
+
+
+_EVERY = 0.5
+
+
+def input_page(workspace: Workspace, name: str) -> None:
+    """Put the page."""
+    with framed(name):
+        try:
+            folder = workspace.input(name)
+            looking = looked_at(workspace, name)
+        except InputError as error:
+            refused(str(error))
+            return
+        described = description_of(folder)
+        names = ["Preview", "Assumed" if described else "Describe", "Columns", "Files", RUN]
+        if described == "leg.toml":
+            names.remove("Columns")
+        with ui.tabs().props("dense no-caps outside-arrows mobile-arrows align=left") as tabs:
+            for one in names:
+                ui.tab(one)
+        with ui.tab_panels(tabs, value=names[0], animated=False).classes("full"):
+            for one in names:
+                with ui.tab_panel(one):
+                    match one:
+                        case "Preview":
+                            _when_seen(looking, lambda: preview_tab(looking, names[1:], tabs.set_value))
+                        case "Assumed":
+                            settings_tab(folder)
+                        case "Describe":
+                            describe_tab(folder)
+                        case "Columns":
+                            _when_seen(looking, lambda: columns_tab(folder, looking))
+                        case "Files":
+                            _files_tab(workspace, name)
+                        case _:
+                            actions_tab(workspace, name)
+
+
+def _when_seen(looking: Run, put: Callable[[], None]) -> None:
+    """Put something once the preview is there."""
+    place = ui.element("div")
+    with place, ui.element("div").classes("inrow").props("role=status"):
+        ui.spinner()
+        tag("span", "looking at the files ...")
+
+    def check() -> None:
+        if looking.alive:
+            return
+        timer.cancel()
+        place.clear()
+        with place:
+            if seen(looking) is None:
+                refused((looking.log() or ["it can't be looked at"])[-1])
+            else:
+                put()
+
+    timer = ui.timer(_EVERY, check)
+
+
+def _files_tab(workspace: Workspace, name: str) -> None:
+    folder = workspace.input(name)
+    with ui.element("ul").classes("files"):
+        for path in files_of(folder):
+            with ui.element("li"):
+                tag("span", path.relative_to(folder).as_posix())
+                tag("span", f"{path.stat().st_size / 1000:,.0f} kB", "quiet")
+    drop_zone("Drop more files here; one of the same name takes the place of the old one.", name)
+    tag("p", f"They are in {folder}.", "quiet")
+    called = ui.input("name", value=name)
+
+    def changed(change: Callable[[], str]) -> None:
+        try:
+            to = change()
+        except InputError as error:
+            ui.notify(str(error), type="negative", multi_line=True)
+            return
+        ui.navigate.to(to)
+
+    def delete() -> str:
+        check_idle(workspace, name)
+        workspace.delete("inputs", name)
+        return "/"
+
+    with ui.element("div").classes("inrow"):
+        for text, change in (
+            ("Rename", lambda: page_of("input", rename_input(workspace, name, called.value))),
+            ("Duplicate", lambda: page_of("input", workspace.copied(folder, called.value))),
+            ("Delete", delete),
+        ):
+            ui.button(text, on_click=lambda change=change: changed(change)).props("outline dense")
+        tag("span", "What is deleted can be put back on the first page.", "quiet")

@@ -1,0 +1,163 @@
+"""The first page, what is in the workspace, and the page that compares what runs found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nicegui import ui
+
+from legfem.app.frame import chip, drop_zone, framed, page_of, tag, when
+from legfem.app.outcomes import Answer, answers_of, sentence_of
+from legfem.app.run_page import address
+from legfem.app.runs import Run, runs_of
+from legfem.app.workspace import Workspace, description_of, files_of
+from legfem.data.folder import RESOURCES
+
+_KINDS = {
+    "subject.toml": "a leg that was pressed",
+    "leg.toml": "a leg in a stocking",
+    "specimen.toml": "specimens in a lab's test",
+    None: "not described yet",
+}
+_EXAMPLES = {
+    "a pressed leg": (RESOURCES / "frauziols" / "subjects" / "3", "example-leg"),
+    "a leg in a stocking": (RESOURCES / "dubuis" / "subjects" / "1", "example-stocking"),
+}
+_MOST_RUNS = 12
+
+
+def home_page(workspace: Workspace) -> None:
+    """Put the page."""
+    with framed("Legs and specimens"):
+        drop_zone("Drop a folder here: recordings, contours or scans of one leg, or of specimens.")
+        with ui.element("p"):
+            tag("span", "Nothing at hand? Begin with an example, simulated: ")
+            for text, (folder, name) in _EXAMPLES.items():
+                ui.button(text, on_click=lambda f=folder, n=name: _begin(workspace, f, n)).props("outline dense")
+        if workspace.inputs:
+            tag("h2", "What is there")
+            with ui.element("ul").classes("cards"):
+                for name in workspace.inputs:
+                    _card(workspace, name)
+        if workspace.runs:
+            tag("h2", "Runs")
+            with ui.element("ul").classes("cards"):
+                for run in runs_of(workspace)[:_MOST_RUNS]:
+                    _run_card(run)
+            if len(workspace.runs) > _MOST_RUNS:
+                ui.link(f"all {len(workspace.runs)}", "/compare")
+        _deleted(workspace)
+        tag("p", f"Everything is kept in {workspace.folder}.", "quiet")
+
+
+def _deleted(workspace: Workspace) -> None:
+    """Put what can be put back."""
+    if not workspace.deleted:
+        return
+
+    def put_back(kind: str, name: str) -> None:
+        now = workspace.put_back(kind, name)
+        if kind == "runs":
+            run = Run(workspace.run(now))
+            run.point_to(run.about, workspace.folder / "runs" / name / "results", run.results)
+        ui.navigate.to(page_of(kind.removesuffix("s"), now))
+
+    with ui.element("details"):
+        tag("summary", "Deleted")
+        with ui.element("ul").classes("cards"):
+            for kind, name in workspace.deleted:
+                with ui.element("li"):
+                    tag("span", f"{kind.removesuffix('s')} {name}")
+                    ui.button("Put back", on_click=lambda k=kind, n=name: put_back(k, n)).props("flat dense")
+
+
+def _begin(workspace: Workspace, folder: Path, name: str) -> None:
+    ui.navigate.to(page_of("input", workspace.copied(folder, name)))
+
+
+def _card(workspace: Workspace, name: str) -> None:
+    folder = workspace.input(name)
+    count = len(files_of(folder))
+    with ui.element("li"):
+        ui.link(name, page_of("input", name))
+        kind = _KINDS[description_of(folder)]
+        tag("span", f"{kind}, {count} file{'' if count == 1 else 's'}", "quiet")
+
+
+def _run_card(run: Run) -> None:
+    with ui.element("li"):
+        ui.link(run.folder.name, page_of("run", run.folder.name))
+        chip(run.state)
+        tag("span", sentence_of(run) or f"{run.kind} of {run.about}, {when(run.began)}", "quiet")
+
+
+_COLUMNS = {
+    "run": "run",
+    "about": "of",
+    "law": "law",
+    "c10": "C10 (95 %)",
+    "c20": "C20 (95 %)",
+    "fat": "C10 of fat",
+    "verdict": "verdict",
+    "origin": "data",
+    "state": "state",
+}
+
+
+def compare_page(workspace: Workspace) -> None:
+    """Put the page."""
+    with framed("Compare"):
+        runs = runs_of(workspace)
+        if not runs:
+            tag("p", "There are no runs yet.")
+            return
+        with ui.element("p").classes("inrow"):
+            tag("span", "All numbers with their intervals, for other programs:")
+            for kind in ("csv", "xlsx"):
+                ui.link(f"results as {kind.upper()}", f"/table.{kind}")
+        _table([found for run in runs for found in answers_of(run)])
+        reports = {run.folder.name: run for run in runs if run.report is not None}
+        if len(reports) < 2:
+            return
+        tag("h2", "Two reports")
+        names = list(reports)
+        with ui.element("div").classes("beside"):
+            for name in names[:2]:
+                _one(reports, name)
+
+
+def _table(rows: list[Answer]) -> None:
+    wide = ui.element("div").classes("wide").props('tabindex=0 role=region aria-label="Results"')
+    with wide, ui.element("table"):
+        with ui.element("thead"), ui.element("tr"):
+            for text in _COLUMNS.values():
+                tag("th", text).props("scope=col")
+        with ui.element("tbody"):
+            for row in rows:
+                _row(row)
+
+
+def _row(row: Answer) -> None:
+    with ui.element("tr"):
+        with ui.element("th").props("scope=row"):
+            ui.link(row.run, page_of("run", row.run))
+        for name in list(_COLUMNS)[1:]:
+            tag("td", getattr(row, name) or "–").props(f'data-label="{_COLUMNS[name]}"')
+
+
+def _one(reports: dict[str, Run], first: str) -> None:
+    with ui.element("div"):
+        chosen = ui.select(list(reports), value=first, label="report of").classes("full")
+        shown = ui.element("div")
+
+        def draw() -> None:
+            run = reports[chosen.value]
+            assert run.report is not None
+            shown.clear()
+            with shown:
+                ui.element("iframe").classes("report").props(
+                    f'src="{address(run, run.report.name)}" title="report of {run.folder.name}" sandbox="allow-scripts"'
+                )
+
+        chosen.on_value_change(draw)
+        draw()

@@ -1,0 +1,149 @@
+"""A run: its progress, its command, and at its end the report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from urllib.parse import quote
+
+from nicegui import ui
+
+from legfem.app.frame import chip, command, duration, framed, page_of, refused, tag
+from legfem.app.outcomes import files_of_results, sentence_of
+from legfem.app.runs import Run, RunState
+from legfem.app.workspace import Workspace
+from legfem.common.errors import InputError
+from legfem.common.progress import Reached
+
+_EVERY = 1.0
+_SHOWN_LINES = 200
+
+
+def run_page(workspace: Workspace, name: str) -> None:
+    """Put the page."""
+    with framed(name):
+        try:
+            run = Run(workspace.run(name))
+            about = run.about
+        except InputError as error:
+            refused(str(error))
+            return
+        with ui.element("p"):
+            tag("span", f"{run.kind} of ")
+            ui.link(about, page_of("input", about))
+        command(run.command)
+
+        def delete() -> None:
+            if run.alive:
+                ui.notify("it runs: stop it first")
+                return
+            workspace.delete("runs", name)
+            ui.navigate.to("/")
+
+        moving, lasting = ui.element("div"), ui.element("div")
+        seen: list[tuple[RunState, Callable[[], None]]] = []
+
+        def draw() -> None:
+            state = run.state
+            if seen and seen[-1][0] is state:
+                seen[-1][1]()
+                return
+            for place in (moving, lasting):
+                place.clear()
+            with moving:
+                seen.append((state, _progress(run, state, delete)))
+            with lasting:
+                _results(run, state)
+
+        draw()
+        ui.timer(_EVERY, draw)
+
+
+def _progress(run: Run, state: RunState, delete: Callable[[], None]) -> Callable[[], None]:
+    """Put how far a run is; return what brings that up to date."""
+    with ui.element("div").classes("inrow"):
+        chip(state)
+        if state is not RunState.RUNNING:
+            if state is not RunState.DONE:
+                ui.button("Go on", on_click=lambda: _go_on(run)).props("dense")
+                kept = "goes on from what is finished"
+                told = "once what is said below is mended" if state is RunState.REFUSED else kept
+                tag("span", told, "quiet")
+            ui.button("Delete", on_click=delete).props("flat dense")
+            return lambda: None
+        since = tag("span", "", "quiet")
+        ui.button("Stop", on_click=lambda: _stop(run)).props("outline dense")
+        ui.button("End at once", on_click=lambda: _stop(run, True)).props("flat dense")
+    stage, bar = tag("p", "", "stage"), ui.linear_progress(0, show_value=False)
+    bar.props('aria-label="progress"')
+    last = tag("p", "", "quiet")
+
+    def update() -> None:
+        since.text = f"for {duration(time.time() - run.started)}"
+        reached = run.reached() or Reached(0.0, "starting", last="this takes some seconds")
+        stage.text = reached.stage + (f": {reached.done}" if reached.done else "")
+        if reached.total:
+            stage.text += f" of {reached.total}"
+        if reached.left:
+            stage.text += f", about {duration(reached.left)} left"
+        bar.value = reached.done / reached.total if reached.total else 0.0
+        bar.props("indeterminate" if not reached.total else "", remove="indeterminate")
+        last.text = reached.last
+
+    update()
+    return update
+
+
+def _results(run: Run, state: RunState) -> None:
+    lines = run.log()
+    if state in (RunState.REFUSED, RunState.FAILED) and lines:
+        refused(lines[-1])
+    sentence = sentence_of(run)
+    if sentence and state is RunState.DONE:
+        tag("p", sentence, "sentence")
+    if run.report is not None and state is RunState.DONE:
+        _report(run)
+    if lines and state is not RunState.RUNNING:
+        with ui.element("details"):
+            tag("summary", "What it said while it ran")
+            tag("pre", "\n".join(lines[-_SHOWN_LINES:]))
+
+
+def _report(run: Run) -> None:
+    assert run.report is not None
+    with ui.element("div").classes("inrow"):
+        ui.link("The report in a window of its own", address(run, run.report.name), new_tab=True)
+    if run.report.suffix == ".html":
+        ui.element("iframe").classes("report").props(
+            f'src="{address(run, run.report.name)}" title="report" sandbox="allow-scripts"'
+        )
+    else:
+        tag("pre", run.report.read_text(encoding="utf-8"))
+        for path in files_of_results(run.results):
+            if path.suffix == ".png":
+                ui.element("img").props(f'src="{address(run, path.name)}" alt="{path.stem}"')
+    with ui.element("details"):
+        tag("summary", "All files")
+        tag("p", str(run.results), "quiet")
+        with ui.element("ul"):
+            for path in files_of_results(run.results):
+                with ui.element("li"):
+                    ui.link(path.name, address(run, path.name), new_tab=True)
+
+
+def address(run: Run, file: str) -> str:
+    """Return the address of a file of a run's results."""
+    return f"/files/runs/{quote(run.folder.name, safe='')}/results/{quote(file)}"
+
+
+def _stop(run: Run, at_once: bool = False) -> None:
+    if run.cancel(at_once):
+        ui.notify("ending it" if at_once else "stopping: it finishes what it can't break off")
+    else:
+        ui.notify("it isn't running (or begins just now)")
+
+
+def _go_on(run: Run) -> None:
+    if not run.resume():
+        ui.notify("it runs already")
+    ui.navigate.reload()

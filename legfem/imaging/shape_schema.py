@@ -1,0 +1,62 @@
+"""The schema of what a folder's file says a leg's shape is taken from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import model_validator
+
+from legfem.common.errors import InputError
+from legfem.common.input_files import FileTable, Text, trouble
+
+type Labels = int | list[int]
+
+
+class LabelsEntry(FileTable):
+    """``[labels]``: which labels a scan has for a tissue."""
+
+    superficial: Labels = 1
+    deep: Labels = 2
+    bone: Labels = 3
+
+
+class ShapeEntry(FileTable):
+    """A leg's shape: one of a label volume, contours, or closed surfaces."""
+
+    scan: Text | None = None
+    series: Text | None = None
+    """Folder of the DICOM series that a scan was labelled on, where its file doesn't say where it
+    lies."""
+    contours: Text | None = None
+    surfaces: dict[str, Text | list[Text]] | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ShapeEntry:
+        given = [name for name in ("scan", "contours", "surfaces") if getattr(self, name)]
+        if len(given) != 1:
+            raise trouble(
+                "scan",
+                f"{len(given)} sources of the leg's shape are given",
+                "give one of scan (label volume), contours (CSV) and surfaces (STL files by part)",
+            )
+        if self.series is not None and self.scan is None:
+            raise trouble("series", "is given without a scan", "give the scan, or leave it out")
+        return self
+
+
+def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
+    """Return the path of a file that a folder's file names.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    found = directory / name
+    try:
+        there = found.exists()
+    except OSError as error:
+        raise InputError(toml, field, f"can't be a file ({error.strerror})", "name it") from None
+    if not there:
+        raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
+    return found

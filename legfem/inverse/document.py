@@ -1,0 +1,221 @@
+"""``result.json`` of a fit: one object for every kind, its laws as members; units in names or beside numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Protocol
+
+from legfem.common.documents import json_types
+from legfem.common.doubts import doubt_documents
+from legfem.common.units import readable_unit
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix, with_units
+from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
+from legfem.inverse.fit import ChannelFit, Cost, Fit, Goodness, OwnEstimate, TestFit
+from legfem.inverse.search_log import CostMap, SearchLog
+
+SCHEMA = "legfem.identify/2"
+
+
+class KindDocument(Protocol):
+    """What a kind adds to the document."""
+
+    def of_fit(self, fit: Fit[Any]) -> Mapping[str, Any]:
+        """Members of a law."""
+        ...
+
+    def of_test(self, fit: Fit[Any], number: int) -> Mapping[str, Any]:
+        """Members of one of a law's tests."""
+        ...
+
+
+def fit_document(fits: Sequence[Fit[Any]], kind: KindDocument) -> dict[str, Any]:
+    """Fits of one problem as JSON types.
+
+    Parameters
+    ----------
+    fits
+        One a law.
+    kind
+        Gives what only this kind of problem has.
+    """
+    first = fits[0]
+    document = {
+        "schema": SCHEMA,
+        "kind": first.kind,
+        "subject": first.subject.id,
+        "title": first.subject.title,
+        "origin": first.subject.origin,
+        "laws": {fit.law: _law(fit, kind) for fit in fits},
+        "versions": dict(first.versions),
+    }
+    plain: dict[str, Any] = json_types(document)
+    return plain
+
+
+def _law(fit: Fit[Any], kind: KindDocument) -> dict[str, Any]:
+    keys = [key_of(name) for name in fit.estimates]
+    verdict, why = fit.identifiability
+    log = fit.log
+    tests = [_test(fit, number, kind) for number in range(len(fit.tests))]
+    return {
+        "law": fit.law,
+        "parameters": dict(zip(keys, map(_estimate, fit.estimates.values()), strict=True)),
+        "correlations": {
+            key: dict(zip(keys, map(float, row), strict=True)) for key, row in zip(keys, fit.correlations, strict=True)
+        },
+        "identifiability": verdict,
+        "identifiability_why": why,
+        "assumed": with_units(fit.assumed),
+        "warnings": list(fit.warnings),
+        "doubts": doubt_documents(fit.doubts),
+        "goodness": _goodness(fit.goodness),
+        "agreement": {**_goodness(fit.agreement), "intervals_widened_by": fit.agreement.birge_ratio},
+        "cost": _cost(fit.cost),
+        "weighting": fit.weighting,
+        "neo_hookean_limit": fit.neo_hookean_limit,
+        "tests": tests,
+        # Of one test its curve stands beside the parameters too.
+        **({"curve": tests[0]["curve"]} if len(tests) == 1 else {}),
+        **kind.of_fit(fit),
+        "converged": log.converged,
+        "forward_solves": log.forward_solves,
+        "forward_solves_reused": log.reused_solves,
+        "failed_solves": log.failed_solves,
+        "factorisations": log.factorisations,
+        "emulator_error_N": log.emulator_error,
+        "seed": log.seed,
+        "wall_s": log.wall_s,
+        "search": _search(log),
+        "settings": dict(fit.settings),
+    }
+
+
+def _test(fit: Fit[Any], number: int, kind: KindDocument) -> dict[str, Any]:
+    one: TestFit = fit.tests[number]
+    return {
+        "name": one.name,
+        "fitted": one.fitted,
+        "rms_N": one.force.rms,
+        "r_squared": one.force.r_squared,
+        "goodness": _goodness(one.goodness),
+        "by_itself": {key_of(name): _own(name, own) for name, own in one.by_itself.items()},
+        "curve": _curve(one.force),
+        **kind.of_test(fit, number),
+    }
+
+
+def _curve(one: ChannelFit) -> dict[str, Any]:
+    """Measured and predicted force along the test, and its derivatives: by stresses a kPa, by others a unit."""
+    by_stress, others = {}, {}
+    for name, values in one.sensitivities.items():
+        unit, factor = readable_unit(unit_of(name))
+        if unit == "kPa":
+            by_stress[name] = values / factor
+        else:
+            others[name] = {"unit": unit, "N_per_unit": values}
+    return {
+        one.channel.along: one.channel.station,
+        "force_N": one.predicted,
+        "measured_force_N": one.channel.values,
+        "measured_force_standard_error_N": one.channel.sd,
+        **({"force_derivative_N_per_kPa": by_stress} if by_stress else {}),
+        **({"force_derivative_by_others": others} if others else {}),
+    }
+
+
+def _goodness(found: Goodness) -> dict[str, Any]:
+    return asdict(found)
+
+
+def _own(name: str, found: OwnEstimate) -> dict[str, Any]:
+    unit, factor = readable_unit(unit_of(name))
+    return {
+        "value": factor * found.value,
+        "standard_error": factor * found.standard_error,
+        "unit": unit,
+        "departure_in_standard_errors": found.departure,
+    }
+
+
+def _estimate(found: Estimate) -> dict[str, Any]:
+    """A parameter's estimate, in the unit in which people read it."""
+    shown = found.shown
+    return {
+        "value": shown.value,
+        "unit": shown.unit,
+        "standard_error": shown.standard_error,
+        "ci95": list(shown.ci95),
+        "role": found.parameter.role,
+        "at_bound": found.at_bound,
+        "identifiability": found.identifiability,
+        "why": found.why,
+        "share_of_squared_error": dict(found.error_shares),
+        "relative_change_if_fat_c10_is_10_percent_higher": found.moves.get("superficial.C10"),
+        "relative_change_if_fascia_c10_is_10_percent_higher": found.moves.get("fascia.C10"),
+        "relative_change_if_forces_are_10_percent_higher": found.moves.get(FORCE),
+        "relative_change_if_displacements_are_10_percent_higher": found.moves.get(DISPLACEMENT),
+    }
+
+
+def _cost(cost: Cost) -> dict[str, Any]:
+    return {
+        "value": cost.value,
+        "unit": "N2",
+        "definition": cost.definition,
+        "points": cost.points,
+        "mean_square_N2": cost.mean_square,
+        "per_length_N2_per_mm2": cost.per_length,
+        "rms_N": cost.rms,
+        "r_squared": cost.r_squared,
+        "minimised": cost.minimised,
+        "minimised_value": cost.minimised_value,
+        "minimised_unit": cost.minimised_unit,
+    }
+
+
+def _search(log: SearchLog) -> dict[str, Any]:
+    free = log.names
+    return {
+        "solves": [
+            {
+                **_values(solve.values, free),
+                "cost_N2": solve.cost,
+                "stage": solve.stage,
+                "complete": solve.complete,
+                "reason": solve.reason,
+                "factorisations": solve.factorisations,
+                "seconds": solve.seconds,
+            }
+            for solve in log.solves
+        ],
+        "generations": [
+            {"round": best.round, "generation": best.number, **_values(best.values, free), "cost_N2": best.cost}
+            for best in log.generations
+        ],
+        "cost_map": None if log.cost_map is None else _cost_map(log.cost_map),
+    }
+
+
+def _values(values: Values, free: Sequence[str]) -> dict[str, float]:
+    """C10 and C20 of the deep tissue and what else is free, keys with units."""
+    shown = {}
+    for name in dict.fromkeys((DEEP_C10, DEEP_C20, *free)):
+        unit, factor = readable_unit(unit_of(name))
+        if name in values:
+            shown[_key_with_unit(name, unit)] = factor * values[name]
+    return shown
+
+
+def _cost_map(known: CostMap) -> dict[str, Any]:
+    names = known.names if len(known.names) == 2 else (*known.names, DEEP_C20)
+    axes = {}
+    for name, values in zip(names, (known.across, known.up), strict=True):
+        unit, factor = readable_unit(unit_of(name))
+        axes[_key_with_unit(name, unit)] = factor * values
+    return {**axes, "cost_N2": known.cost}
+
+
+def _key_with_unit(name: str, unit: str) -> str:
+    """Key of a parameter's value: ``c10_kPa`` of ``deep.C10``, ``c10_superficial_kPa`` of another tissue's."""
+    return f"{short_key_of(name)}_{unit_suffix(unit)}"

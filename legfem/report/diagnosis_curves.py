@@ -1,0 +1,203 @@
+"""The curves of a diagnosis: recordings and model over displacement and over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.inverse.explanation import Explanation, Statement
+from legfem.inverse.location import runs
+from legfem.inverse.verdict import Diagnosis
+from legfem.report.page import Curves, Line
+from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
+
+BASE_COLOUR = "#D55E00"
+REPAIRED_COLOUR = "#0072B2"
+SUITING_COLOUR = "#56B4E9"
+CONTRADICTED_COLOUR = "#BDBDBD"
+LOCATED_COLOUR = "#F0E442"
+BASE_NAME = "base model"
+UNKNOWN_NAME = "something unknown"
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A model beside the base model, as it is shown."""
+
+    model: Explanation
+    name: str
+    suits: bool
+    """Whether it is a finding, not just the most probable of those that were tried."""
+
+
+def plain(name: str) -> str:
+    """Return a mechanism's name for people."""
+    return name.replace("-", " ")
+
+
+def model_name(model: Explanation) -> str:
+    """Return an explanation's name for people."""
+    if model.unnamed:
+        return UNKNOWN_NAME
+    return " + ".join(plain(name) for name in model.names) or BASE_NAME
+
+
+def statement_name(one: Statement) -> str:
+    """Return what a statement says, in short."""
+    if one.unnamed:
+        return UNKNOWN_NAME
+    return " + ".join(plain(name) for name in one.names) or "nothing detectable"
+
+
+def shown_models(found: Diagnosis) -> list[Shown]:
+    """Return the models that are shown beside the base: those that suit, else the closest."""
+    if found.verdict == "consistent":
+        return []
+    if found.models:
+        return [Shown(model, model_name(model), True) for model in found.models]
+    named = [e for e in found.explained.every if e.names]
+    return [Shown(named[0], f"closest tried ({model_name(named[0])})", False)] if named else []
+
+
+def determined(model: Explanation, name: str) -> bool:
+    """Return whether the data say anything about a parameter beyond what was known of it."""
+    k = model.fit.free.index(name)
+    return bool(model.posterior.covariance[k, k] < 0.8)
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A stretch of a protocol's segment in which the base model is wrong, to one side."""
+
+    protocol: int
+    trials: tuple[int, ...]
+    segment: int
+    phase: str
+    stations: NDArray[np.int_]
+    """Numbers of its stations in the protocol, consecutive."""
+    displacement: tuple[float, float]
+    """mm."""
+    time: tuple[float, float]
+    """s since first contact."""
+    size: float
+    """Mean of recorded less base model's force, N."""
+    noise: float
+    """N: standard deviation of one trial's value there."""
+    p_value: float | None
+    """Family-wise p-value of the strongest window in it; None if no window there is significant."""
+
+    @property
+    def weight(self) -> float:
+        """How much misfit it holds: squares over the noise's."""
+        return len(self.stations) * len(self.trials) * (self.size / self.noise) ** 2
+
+
+def places_of(found: Diagnosis) -> list[Place]:
+    """Return the located stretches in the order of protocols and time."""
+    observed = found.observed
+    signs = _signs(found)
+    result = []
+    for number, stations in enumerate(observed.protocols):
+        groups: dict[tuple[int, int, int], list[int]] = {}
+        for k in observed.trials_of(number):
+            mine = signs[observed.trial == k]
+            for segment in np.unique(stations.segment):
+                here = np.flatnonzero(stations.segment == segment)
+                for first, last in runs(mine[here]):
+                    key = int(segment), int(here[first]), int(here[last - 1]) + 1
+                    groups.setdefault(key, []).append(k)
+        for (segment, first, end), trials in sorted(groups.items()):
+            result.append(_place(found, number, segment, np.arange(first, end), tuple(trials)))
+    return result
+
+
+def _signs(found: Diagnosis) -> NDArray[np.int_]:
+    """Return where the base model is wrong (n,): 1 where it is too soft, -1 where too stiff."""
+    signs = np.zeros(len(found.located), dtype=int)
+    if found.models:
+        missed = found.models[0].fit.prediction - found.base.fit.prediction
+        signs[found.located] = np.where(missed > 0, 1, -1)[found.located]
+        return signs
+    signs[found.located] = 1
+    for window in found.assessment.windows:
+        signs[list(window.stations)] = 1 if window.size > 0 else -1
+    return np.where(found.located, signs, 0)
+
+
+def _place(found: Diagnosis, protocol: int, segment: int, stations: NDArray[np.int_], trials: tuple[int, ...]) -> Place:
+    observed, base = found.observed, found.base
+    starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
+    where = np.concatenate([start + stations for start in starts])
+    windows = found.assessment.windows
+    touching = [w.p_value for w in windows if set(w.stations) & set(where.tolist())]
+    d, t = observed.displacement[where], observed.time[where]
+    return Place(
+        protocol,
+        trials,
+        segment,
+        str(observed.phase[where[0]]),
+        stations,
+        (float(d.min()), float(d.max())),
+        (float(t.min()), float(t.max())),
+        float(base.fit.residual[where].mean()),
+        float(np.sqrt(np.mean(found.errors.trial_sd[where] ** 2))),
+        min(touching, default=None),
+    )
+
+
+_MANY_TRIALS = 8
+"""Above which trials share a colour's line in the legend no more: only their mean is drawn."""
+
+
+def curves_of(found: Diagnosis, number: int) -> list[Curves]:
+    """Return force over displacement and, where there is more than a loading, over time."""
+    stations = found.observed.protocols[number]
+    blocks = [_over(found, number, stations.displacement, "displacement (mm)", 0)]
+    if len(np.unique(stations.segment)) > 1:
+        blocks.append(_over(found, number, stations.time, "time (s)", 1))
+    return blocks
+
+
+def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -> Curves:
+    observed = found.observed
+    trials = observed.trials_of(number)
+
+    def rows(values: FloatArray) -> FloatArray:
+        return np.array([values[observed.trial == k] for k in trials])
+
+    recorded, base = rows(observed.force), -rows(found.base.fit.residual)
+    lines = [
+        Line("recorded" + (", mean" if len(trials) > 1 else ""), recorded.mean(axis=0), None, DATA_COLOUR, points=True)
+    ]
+    if 1 < len(trials) <= _MANY_TRIALS:
+        lines += [
+            Line(observed.trials[k], force, missed, FAINT, "dotted", faint=True, tabled=False)
+            for k, force, missed in zip(trials, recorded, base, strict=True)
+        ]
+    prediction = rows(found.base.fit.prediction).mean(axis=0)
+    lines.append(Line(BASE_NAME, prediction, base.mean(axis=0), BASE_COLOUR, "dashed"))
+    for shown in shown_models(found)[:1]:
+        fit = shown.model.fit
+        name = f"with {shown.name}" if shown.suits else shown.name
+        lines.append(Line(name, rows(fit.prediction).mean(axis=0), -rows(fit.residual).mean(axis=0), REPAIRED_COLOUR))
+    places = [place for place in places_of(found) if place.protocol == number]
+    sd = np.sqrt(np.mean(rows(found.errors.trial_sd) ** 2, axis=0))
+    stations = observed.protocols[number]
+    return Curves(
+        f"recording{number}-{axis}",
+        f"Force over {label.split(' ')[0]}, {stations.label}: recorded, and of the "
+        f"{LAW_NAMES[found.law]} model; beneath, model less recorded; for single trials, the "
+        f"{BASE_NAME} less the trial.",
+        x,
+        label,
+        "force (N)",
+        "model − recorded (N)",
+        lines,
+        2 * sd,
+        "± 2 sd of a trial's noise",
+        [place.time if axis else place.displacement for place in places],
+        "where the base model is wrong" if places else "",
+    )

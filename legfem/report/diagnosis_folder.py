@@ -1,0 +1,239 @@
+"""The report of a diagnosis: text and figures in one folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from legfem.common.documents import json_types, write_document
+from legfem.common.units import kpa_to_mpa
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.subject import Subject
+from legfem.meshing.section import SectionMeshSettings
+from legfem.report import diagnosis_numbers as tables
+from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.diagnosis_curves import model_name
+from legfem.report.diagnosis_document import Recorded, document, parameters
+from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
+from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
+from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
+from legfem.report.page import PressedSection
+from legfem.report.recording_figure import recording_figure
+from legfem.report.render.text import bullets, fill, table
+from legfem.report.section import filmed
+from legfem.report.style import save
+from legfem.report.words import ORIGINS
+from legfem.report.write import write_page
+from legfem.solve.settings import NewtonSettings, StepSettings
+from legfem.specimens.diagnosis import DiagnosedSpecimen
+from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.recorded import LeftOut
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_COARSER = 2.4
+"""Than the mesh that forces come from: that of the section to press."""
+_RESULT = ReportFile([Path("diagnosis.json")], NUMBERS)
+
+
+def write_diagnosis_report(
+    diagnosis: Diagnosis, subject: Recorded, out: Path, plan: Sequence[str] = (), command: str = ""
+) -> Path:
+    """Write report.txt, report.html and the figures of a diagnosis; return report.txt's path.
+
+    Parameters
+    ----------
+    diagnosis
+        What was found.
+    subject
+        Whose recordings they are.
+    out
+        Folder; made if missing.
+    plan
+        What could be done next, each with its chance, the best first.
+    command
+        That was given, for who wants to repeat it.
+    """
+    out = Path(out)
+    with made_in_place(out) as folder:
+        entries = _figures(diagnosis, subject, folder)
+        pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
+        page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
+        write_page(page, folder, "curves", [*entries, _RESULT], diagnosis_frame(diagnosis))
+    return out / REPORT
+
+
+def diagnosis_frame(found: Diagnosis) -> pd.DataFrame:
+    """A row a parameter of the base model and of the repaired one: value, 95 % interval and unit."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        [
+            {"model": when, "parameter": name, "value": one["value"], "low": low, "high": high, "unit": one["unit"]}
+            for when, model in (("before repair", found.base), ("after repair", found.best))
+            for name, one in parameters(model).items()
+            for low, high in (one.get("ci95") or (None, None),)
+        ]
+    )
+
+
+def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
+    """Return the section with the base model, on a mesh coarse enough not to be waited for."""
+    settings = PlaneStrainSettings(
+        mesh=SectionMeshSettings().refined(1 / _COARSER),
+        newton=NewtonSettings(reuse=0.7, relative_tolerance=1e-5),
+        steps=StepSettings.regular(first=0.5, largest=2.0),
+    )
+    experiment = plane_strain_test(subject, settings)
+    base = found.base
+    values = {f"deep.{name}": kpa_to_mpa(base.value(name)) for name in base.fit.stiffness}
+    depth = float(found.observed.displacement.max())
+    shot = filmed(experiment, values, depth)
+    return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")
+
+
+def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFile]:
+    whose = subject.title, subject.origin
+    entries = []
+    if isinstance(subject, Subject):
+        figure = placement_figure(subject)
+        entries.append(ReportFile(save(figure, folder, "section"), SECTION_SHOWS))
+    several = len(found.observed.protocols) > 1
+    for number, stations in enumerate(found.observed.protocols):
+        name = f"recording-{number + 1}" if several else "recording"
+        entries.append(
+            ReportFile(
+                save(recording_figure(found, number, *whose), folder, name),
+                f"recordings ({stations.label}) against the model, what it misses, and where",
+            )
+        )
+    if found.verdict != "consistent" and leading(found):
+        figure = signature_figure(found, *whose)
+        shows = "what the base model misses, and what each leading mechanism would leave"
+        entries.append(ReportFile(save(figure, folder, "signatures"), shows))
+    figure = ranking_figure(found, *whose)
+    shows = "how probable every explanation is"
+    entries.append(ReportFile(save(figure, folder, "ranking", svg=True), shows))
+    figure = parameter_figure(found, *whose)
+    shows = "the parameters with their 95 % intervals, before and after"
+    entries.append(ReportFile(save(figure, folder, "parameters", svg=True), shows))
+    return entries
+
+
+DOCUMENT = "diagnosis.json"
+SCHEMA = 1
+
+
+def write_specimen_diagnoses(
+    found: Iterable[DiagnosedSpecimen], folder: SpecimenFolder, out: Path, seed: int, command: str = ""
+) -> tuple[Path, Path]:
+    """Write every diagnosis as it comes; return the paths of the document and the report.
+
+    Of one specimen they are a leg's; of several each has a folder of its name, and beside them
+    stands a table of all.
+
+    Parameters
+    ----------
+    found
+        Diagnoses.
+    folder
+        Of the specimens.
+    out
+        Folder; made if missing.
+    seed
+        Of the draws behind p-values.
+    command
+        That was given, for who wants to repeat it.
+
+    Raises
+    ------
+    InputError
+        If no specimen could be diagnosed.
+    """
+    alone = len(folder.specimens) == 1
+    made = []
+    for one in found:
+        made.append(one)
+        if one.diagnosis is not None:
+            where = out if alone else out / _folder_name(one.id)
+            content = document(one.diagnosis, one, seed, one.seconds)
+            content["recordings_not_used"] = _not_used(one, folder)
+            write_document(where / DOCUMENT, content)
+            write_diagnosis_report(one.diagnosis, one, where, command=command)
+    problems = [one.problem for one in made if one.problem is not None]
+    if len(problems) == len(made):
+        raise problems[0]
+    if alone:
+        return out / DOCUMENT, out / REPORT
+    path = write_document(
+        out / DOCUMENT,
+        json_types(
+            {
+                "schema": SCHEMA,
+                "folder": folder.id,
+                "origin": folder.origin,
+                "specimens": [_row(one) for one in made],
+                "recordings_not_used": [asdict(one) for one in folder.left_out],
+            }
+        ),
+    )
+    with made_in_place(out) as hidden:
+        (hidden / REPORT).write_text(specimens_page(made, folder), encoding="utf-8")
+    return path, out / REPORT
+
+
+def _folder_name(name: str) -> str:
+    return name.replace(" ", "_").replace("/", "_")
+
+
+def _not_used(one: DiagnosedSpecimen, folder: SpecimenFolder) -> list[dict[str, Any]]:
+    several = len(folder.specimens) > 1
+    left: tuple[LeftOut, ...] = one.left_out if several else (*folder.left_out, *one.left_out)
+    return [asdict(each) for each in left]
+
+
+def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
+    if one.diagnosis is None:
+        return {"specimen": one.id, "problem": str(one.problem)}
+    found = one.diagnosis
+    return {
+        "specimen": one.id,
+        "verdict": found.verdict,
+        "explanations": [{"mechanisms": list(model.names), "probability": model.probability} for model in found.models],
+        "parameters_before": parameters(found.base),
+        "parameters_after": parameters(found.best),
+        "recordings_not_used": [asdict(each) for each in one.left_out],
+    }
+
+
+def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) -> str:
+    """Return the text of the report on all specimens: a table, and what wasn't used."""
+    rows, missing = [], [f"{one.name}: {one.reason}" for one in folder.left_out]
+    for one in made:
+        missing += [f"{each.name}: {each.reason}" for each in one.left_out]
+        if one.diagnosis is None:
+            missing.append(f"{one.id}: {one.problem}")
+        else:
+            rows.append(_cells(one.id, one.diagnosis))
+    heading = f"Specimens {folder.id} ({folder.title}): does the model describe the recordings?"
+    columns = ["specimen", "verdict", "what was left out", "C10 before (kPa)", "C10 after (kPa)"]
+    blocks = [
+        f"{heading}\n{'=' * min(len(heading), 100)}",
+        f"*** {ORIGINS[folder.origin].partition(' (')[0].upper()} ***",
+        table(columns, rows),
+        fill("Each specimen has a folder with its own report beside this one."),
+    ]
+    if missing:
+        blocks.append(f"Not used\n--------\n{bullets(missing)}")
+    return "\n\n".join(blocks) + "\n"
+
+
+def _cells(name: str, found: Diagnosis) -> list[str]:
+    left_out = "; or ".join(model_name(model) for model in found.models) or "-"
+    after = tables.estimate(found.best, "C10") if found.models else "-"
+    return [name, found.verdict, left_out, tables.estimate(found.base, "C10"), after]

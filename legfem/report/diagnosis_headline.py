@@ -1,0 +1,230 @@
+"""A diagnosis' first screen: what to write down, what is wrong, how sure, and what to do.
+
+Its words were changed after readers without statistics had stumbled over them (`docs/checklist.md`,
+"Tried").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from legfem.inverse.averaging import widened_by
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.verdict import Diagnosis
+from legfem.report import diagnosis_numbers as tables
+from legfem.report import page as web
+from legfem.report.diagnosis_curves import determined, places_of
+from legfem.report.diagnosis_sentences import next_experiments, percent, statements
+from legfem.report.estimates import high_or_low
+from legfem.report.words import number
+
+TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
+_MOST_CAUSES = 2
+"""That find room on the first screen of a phone."""
+_WIDE = 0.2
+"""Half-width of an interval over the value, from which the interval is what counts."""
+
+
+def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Headline:
+    """Return the verdict for someone who knows no statistics.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    plan
+        What could be done next, each with its chance, the best first.
+    tissue
+        Of a leg, whose C10 it is.
+    """
+    tone, heading = _answer(found)
+    return web.Headline(
+        tone,
+        _write_down(found),
+        [
+            ("Problems found", _wrong(found)),
+            ("How sure", _sure(found)),
+            ("Effect on C10", _stiffness(found)),
+            ("What to do", _to_do(found, plan)),
+            *_high_or_low(found, tissue),
+        ],
+        heading,
+    )
+
+
+def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
+    """Return how the verdict looks, and the answer to the page's title."""
+    if found.verdict == "consistent":
+        return "sound", "Yes, as a range." if _wide(found) else "Yes."
+    if found.verdict == "unexplained":
+        return "wrong", "No."
+    if found.verdict == "named" or _alike(found):
+        return "caution", "Yes, but use the corrected one."
+    return "open", "Only as a range."
+
+
+def _write_down(found: Diagnosis) -> str:
+    if found.verdict == "unexplained":
+        return "Write down no number."
+    if "C10" not in found.base.fit.free:
+        return "C10 was given, not found."
+    low, high = _within(found)
+    if found.verdict == "ambiguous" and not _alike(found):
+        return f"Write down a range: C10 between {low} and {high} kPa."
+    best = found.models[0] if found.models else found.base
+    if not determined(best, "C10"):
+        return "Write down no number: this test cannot determine C10."
+    if _wide(found):
+        value = _value(found, best)
+        return f"Write down a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present)."
+    return f"Write down: C10 {_value(found, best)} kPa (most likely between {low} and {high})."
+
+
+def _wrong(found: Diagnosis) -> str:
+    if found.verdict == "consistent":
+        return "None. What this test cannot show is listed further down, under “What could not be tested”."
+    if found.verdict == "unexplained":
+        return (
+            "The computer model of the leg does not reproduce the recording, and no cause that "
+            f"this program knows explains the difference.{_place(found)}"
+        )
+    if found.verdict == "named":
+        part = " That explains only a part of the difference." if found.models[0].in_part else ""
+        return f"Most likely {statements(found.models[0])}. The computer model left that out.{part}"
+    shown = found.models[:_MOST_CAUSES]
+    causes = [f"{statements(m)} ({percent(m.probability)} likely)" for m in shown]
+    more = len(found.models) - len(causes)
+    others = f"; or one of {more} less likely causes, listed further down" if more > 1 else ""
+    if more == 1:
+        others = f"; or, less likely, {statements(found.models[-1])}"
+    return f"The computer model left out one of these: {'; '.join(causes)}{others}."
+
+
+def _place(found: Diagnosis) -> str:
+    places = places_of(found)
+    if not places:
+        return ""
+    most = max(places, key=lambda place: place.weight)
+    low, high = most.displacement
+    return f" The difference is largest between {low:.0f} and {high:.0f} mm of {most.phase}: {abs(most.size):.1g} N."
+
+
+def _sure(found: Diagnosis) -> str:
+    soundness = found.explained.adequacy
+    if found.verdict == "consistent":
+        fits = f"{percent(soundness)} sure that the computer model fits this test"
+        return f"{capital(fits)}. The range {_NINETEEN_OF_20}"
+    wrong = f"{percent(1 - soundness)} sure that the computer model left something out"
+    if found.verdict == "unexplained":
+        return f"{capital(wrong)}; the recordings do not show what."
+    if found.verdict == "named":
+        share = found.models[0].probability
+        return (
+            f"{capital(percent(share))} sure of this cause, and {wrong}. The range in brackets "
+            f"also allows for other causes, and {_NINETEEN_OF_20}"
+        )
+    return f"{capital(wrong)}; this test cannot determine which of these. The range {_NINETEEN_OF_20}"
+
+
+# Counted where errors are wider than is assumed: docs/evidence.md.
+_NINETEEN_OF_20 = (
+    "is meant to contain the true value in 19 of 20 tests; in difficult simulated tests it did so about as often."
+)
+
+
+def _stiffness(found: Diagnosis) -> str:
+    if found.verdict == "unexplained":
+        return f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount."
+    if "C10" not in found.base.fit.free:
+        return "C10 was given, not found."
+    before = _value(found, found.base)
+    if found.verdict == "consistent":
+        return f"{_C10}, is {before} kPa; no correction is needed."
+    after = [_value(found, model) for model in found.models]
+    if found.verdict == "named" or _alike(found):
+        change = tables.relative_change(found.base.value("C10"), found.models[0].value("C10")).lstrip("+")
+        way = "lower" if change.startswith("-") else "higher"
+        causes = "" if found.verdict == "named" else ", whichever cause it is"
+        return (
+            f"{_C10}, would be {before} kPa without the correction. Corrected it is {after[0]} kPa "
+            f"({change.lstrip('-')} {way}){causes}."
+        )
+    low, high = min(after, key=float), max(after, key=float)
+    return (
+        f"{_C10}, would be {before} kPa without a correction. Corrected it is {low} to {high} kPa, "
+        "depending on the cause."
+    )
+
+
+_C10 = "C10, the stiffness of the tissue"
+
+
+def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
+    """Return how the number to write down compares with others', where there is one."""
+    if found.verdict == "unexplained" or "C10" not in found.base.fit.free:
+        return []
+    if found.verdict == "ambiguous" and not _alike(found):
+        return high_or_low(tissue, *(float(end) for end in _within(found)))
+    best = found.models[0] if found.models else found.base
+    return high_or_low(tissue, best.value("C10")) if determined(best, "C10") else []
+
+
+def _alike(found: Diagnosis) -> bool:
+    """Return whether C10 is the same for all causes, as far as it is known."""
+    return "C10" in found.base.fit.free and len({_value(found, m) for m in found.models}) == 1
+
+
+def _value(found: Diagnosis, model: Explanation) -> str:
+    ends = [one.interval("C10") for one in (found.base, *found.models)]
+    return number(model.value("C10"), max(high - low for low, high in ends) / 4)
+
+
+def _within(found: Diagnosis) -> tuple[str, str]:
+    """Return between which values C10 lies, over all explanations."""
+    low, high = _ends(found)
+    return number(low, (high - low) / 4), number(high, (high - low) / 4)
+
+
+def _ends(found: Diagnosis) -> tuple[float, float]:
+    best = found.models[0] if found.models else found.base
+    return found.intervals.get("C10") or best.interval("C10")
+
+
+def _wide(found: Diagnosis) -> bool:
+    """Return whether a sound model's C10 is known as a range alone: what is hidden may move it."""
+    if found.verdict != "consistent" or "C10" not in found.base.fit.free:
+        return False
+    low, high = _ends(found)
+    return high - low > 2 * _WIDE * found.base.value("C10")
+
+
+def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
+    lines = next_experiments(found)
+    widest = widened_by(found.explained, "C10") if _wide(found) else None
+    if widest is not None:
+        return (
+            "Use the range. It is so wide because this test cannot determine whether "
+            f"{statements(widest)}. To narrow it, ask the lab to "
+            f"{widest.fit.mechanisms[0].next_experiment}."
+        )
+    if found.verdict == "consistent":
+        if not lines:
+            return "Use the number above. No other test is needed."
+        return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
+    if not plan and not lines:
+        return "Use the corrected number." if found.verdict == "named" else "Use the range."
+    what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
+    asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
+    if found.verdict == "unexplained":
+        return (
+            f"Use no number of this test. First ask the lab to check the data for a mistake. Then ask it to {lines[0]}."
+        )
+    if found.verdict == "named":
+        return f"Use the corrected number. To confirm the cause, {asked}."
+    kept = "the corrected number" if _alike(found) else "the range, and no single number"
+    return f"Use {kept}. To find out which cause it is, {asked}."
+
+
+def capital(text: str) -> str:
+    """Return a text that begins with a capital."""
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,281 @@
+"""Tables of a diagnosis' page."""
+
+from __future__ import annotations
+
+from legfem.data.recording import Origin
+from legfem.geometry.section import girth
+from legfem.inverse.cross_validation import HeldOut
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.mechanism import null_of
+from legfem.inverse.verdict import Diagnosis, explained_share
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.report import diagnosis_numbers as tables
+from legfem.report.diagnosis_curves import (
+    BASE_NAME,
+    Place,
+    determined,
+    model_name,
+    places_of,
+    plain,
+    shown_models,
+    statement_name,
+)
+from legfem.report.diagnosis_document import Recorded
+from legfem.report.diagnosis_sentences import percent
+from legfem.report.estimates import wave_rows
+from legfem.report.page import Known, Provenance
+from legfem.report.words import number, short_probability
+
+_WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
+
+
+def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
+    """Return the stiffness with each model, the mechanisms' parameters, and what was assumed."""
+    trials = len(found.observed.trials)
+    recordings = f"{trials} recording{'s' * (trials > 1)}"
+    data: Provenance = subject.origin
+    rows = []
+    wrong = _WRONG if found.verdict == "unexplained" else ""
+    for name in found.base.fit.stiffness:
+        shown = [(found.base, BASE_NAME)]
+        shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in shown_models(found)]
+        for model, which in shown:
+            change = tables.relative_change(found.base.value(name), model.value(name))
+            flag = tables.flag(model, name, 0.0)
+            remark = [wrong, flag, "" if model is found.base else change]
+            rows.append(
+                Known(
+                    f"{name}, {which}",
+                    f"{tables.estimate(model, name)} kPa",
+                    "estimated",
+                    recordings,
+                    tables.interval(model, name),
+                    "; ".join(filter(None, remark)),
+                )
+            )
+        if over := tables.averaged(found, name):
+            row = Known(f"{name}, {tables.OVER_ALL}", "", "estimated", recordings, over, wrong)
+            rows.append(row)
+    for model in found.models:
+        for mechanism in model.fit.mechanisms:
+            for k, p in enumerate(mechanism.parameters):
+                full = f"{mechanism.name}.{p.name}"
+                unit = "" if p.unit == "-" else f" {p.unit}"
+                flag = tables.flag(model, full, null_of(p) if k == 0 else None)
+                remark = [flag, f"model with {model_name(model)}"]
+                rows.append(
+                    Known(
+                        f"{plain(mechanism.name)}: {p.statement or plain(p.name)}",
+                        tables.estimate(model, full) + unit,
+                        "estimated",
+                        recordings,
+                        tables.interval(model, full),
+                        "; ".join(filter(None, remark)),
+                    )
+                )
+    for k, trial in enumerate(found.observed.trials):
+        at, (low, high) = found.first_contact(k)
+        rows.append(
+            Known(
+                f"first contact of {trial}",
+                f"{_hundredths(at)} mm",
+                "estimated",
+                "its recording",
+                f"{_hundredths(low)} to {_hundredths(high)}",
+            )
+        )
+    noise = found.errors.noise
+    rows += [
+        Known("noise of a force reading", f"{noise.force_sd:.3g} N (sd)", data, noise.source),
+        Known("error of the displacement", f"{noise.wander_sd:.2g} mm (sd)", data, noise.source),
+    ]
+    accuracy = "usual accuracy"
+    if isinstance(subject, Subject):
+        accuracy += ", or subject.toml"
+    rows += [Known(name, moved, "prior", accuracy) for name, moved in _assumed(found)]
+    if isinstance(subject, Subject):
+        rows += wave_rows(subject)
+        rows += [_measured(one, subject.origin) for one in subject.measured]
+        rows.append(Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours"))
+    return rows
+
+
+def _measured(one: MeasuredEffect, origin: Origin) -> Known:
+    """Return an effect's strength that was measured by itself."""
+    strength = mechanism_named(one.effect).parameters[0]
+    unit = "" if strength.unit == "-" else f" {strength.unit}"
+    return Known(
+        f"{plain(one.effect)}, measured by itself: {strength.statement}",
+        f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)",
+        origin,
+        one.source,
+    )
+
+
+def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
+    """Return how far the fit moved what was assumed; modes of one outline together."""
+    moved: dict[str, list[float]] = {}
+    for name, z in zip(found.errors.names, found.best.posterior.effects, strict=True):
+        moved.setdefault(name.partition(", mode ")[0], []).append(round(float(z), 1) + 0.0)
+    return [
+        (
+            name if len(every) == 1 else f"{name}, {len(every)} modes",
+            f"moved by {every[0]:+.1f} sd"
+            if len(every) == 1
+            else f"moved by {min(every):+.1f} to {max(every):+.1f} sd",
+        )
+        for name, every in moved.items()
+    ]
+
+
+def _hundredths(value: float) -> str:
+    return f"{round(value, 2) + 0.0:.2f}"
+
+
+PLACES_SHOWN = 12
+
+type Cells = tuple[list[str], list[list[str]]]
+"""A table's header and rows."""
+
+OVER_ALL = "over all explanations"
+
+
+def places_left_out(found: Diagnosis) -> int:
+    """Return how many smaller places `places_cells` leaves out."""
+    return max(len(places_of(found)) - PLACES_SHOWN, 0)
+
+
+def places_cells(found: Diagnosis) -> Cells:
+    """Return where the base model is wrong, by how much, against the noise; the gravest ones."""
+    places = places_of(found)
+    kept = sorted(places, key=lambda place: -place.weight)[:PLACES_SHOWN]
+    rows = [
+        [
+            place.phase,
+            f"{place.displacement[0]:.1f}" + (f" to {place.displacement[1]:.1f}" if len(place.stations) > 1 else ""),
+            f"{place.time[0]:.1f}" + (f" to {place.time[1]:.1f}" if len(place.stations) > 1 else ""),
+            f"{-place.size:+.3f}",
+            f"{place.noise:.3f}",
+            "-" if place.p_value is None else short_probability(place.p_value),
+            trials_of(found, place),
+        ]
+        for place in places
+        if place in kept
+    ]
+    header = ["phase", "mm", "s", "size (N)", "noise (N)", "p", "trials"]
+    return header, rows
+
+
+def trials_of(found: Diagnosis, place: Place) -> str:
+    """Return the trials of a place, briefly."""
+    observed = found.observed
+    alike = observed.trials_of(place.protocol)
+    if len(place.trials) == len(alike):
+        if len(alike) == 1:
+            return observed.trials[alike[0]]
+        rate = observed.protocols[place.protocol].label.split(" to ")[0]
+        return f"all {len(alike)} at {rate}"
+    return ", ".join(observed.trials[k] for k in place.trials)
+
+
+def evidence_cells(found: Diagnosis) -> Cells:
+    """Return how probable each reported explanation is, and what it leaves."""
+    base = found.weighted_base
+    rows = [
+        [BASE_NAME, percent(found.explained.adequacy), "-", "-", f"{found.base_held_out.rmse:.3f}", "-"],
+        *(
+            [
+                f"with {model_name(model)}",
+                percent(model.probability),
+                f"{model.posterior.log_evidence - base.posterior.log_evidence:.1f}",
+                percent(explained_share(found, model)) + (" (in part)" if model.in_part else ""),
+                f"{held.rmse:.3f}",
+                "confirm it" if model.confirmed else "NOT confirmed",
+            ]
+            for model, held in zip(found.models, found.held_out, strict=True)
+        ),
+    ]
+    header = ["explanation", "probability", "ln Bayes factor", "of the misfit", "held-out (N)", "full solutions"]
+    return header, rows
+
+
+def explanation_cells(found: Diagnosis, most: int = 8) -> Cells:
+    """Return what may have been left out, the most probable first; nothing that shows, too."""
+    rows = [[statement_name(one), percent(one.probability)] for one in found.explained.statements()[:most]]
+    return ["left out", "probability"], rows
+
+
+def limit_cells(found: Diagnosis) -> Cells:
+    """Return how strong each mechanism may be unseen."""
+    rows = []
+    for limit in found.limits:
+        unit = "" if limit.unit == "-" else f" {limit.unit}"
+        rows.append(
+            [
+                plain(limit.name),
+                f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{unit}",
+                f"{limit.effect:.2g}",
+            ]
+        )
+    return ["mechanism", "range (95 %)", "largest change of the force (N)"], rows
+
+
+def held_out_note(held: HeldOut) -> str:
+    """Return what was held out, and what error noise alone makes."""
+    return (
+        f"The held-out error is that of predicting {held.how}, from a fit to the others. The noise of a "
+        f"trial alone accounts for {held.noise:.3f} N."
+    )
+
+
+def relative_change(before: float, after: float) -> str:
+    """Return a change in per cent; where there was nothing before, that."""
+    return f"{100 * (after / before - 1):+.0f} %" if before > 1e-6 else "from 0"
+
+
+def estimate(model: Explanation, name: str) -> str:
+    """Return a parameter's value with the digits that its error leaves."""
+    low, high = model.interval(name)
+    return number(model.value(name), (high - low) / 4)
+
+
+def interval(model: Explanation, name: str) -> str:
+    """Return a parameter's 95 % interval."""
+    if not determined(model, name):
+        return "not narrowed by this test"
+    low, high = model.interval(name)
+    return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
+
+
+def averaged(found: Diagnosis, name: str) -> str:
+    """Return a parameter's 95 % interval over all explanations; nothing where there is none."""
+    if name not in found.intervals:
+        return ""
+    low, high = found.intervals[name]
+    return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
+
+
+def flag(model: Explanation, name: str, null: float | None) -> str:
+    """Return a warning on a parameter, or nothing."""
+    if name in model.fit.at_bound:
+        return "AT THE BOUND of its search"
+    if not determined(model, name):
+        return "NOT DETERMINED by these recordings"
+    low, high = model.interval(name)
+    if null is not None and low <= null <= high:
+        return f"not distinguishable from {null:g}"
+    return ""
+
+
+def score_cells(found: Diagnosis) -> Cells:
+    """Return the score tests of the base model, the strongest first."""
+    rows = [
+        [
+            plain(score.name),
+            short_probability(score.p_value),
+            f"{100 * score.concealed:.1f} %" + (" (nearly all)" if score.concealed > 0.95 else ""),
+        ]
+        for score in found.assessment.scores
+    ]
+    return ["mechanism", "p by itself", "share hidden by fitting the stiffness"], rows

@@ -1,0 +1,369 @@
+"""Estimates and laws as pages state them: values, intervals, what they rest on, which law the data ask for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import chdtrc
+
+from legfem.common.units import mpa_to_kpa, readable_unit
+from legfem.data.ranges import PUBLISHED_C10, Published
+from legfem.data.recording import Origin
+from legfem.inverse.catalogue import parameter_of, symbol_of, unit_of
+from legfem.inverse.comparison import ErrorSource, main_source
+from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
+from legfem.inverse.fit import Fit
+from legfem.inverse.parameter import Parameter
+from legfem.legs.elastography import ShearModulus
+from legfem.legs.subject import Subject
+from legfem.report.page import Block, Known, WebTable
+from legfem.report.style import LAW_NAMES, REGION_NAMES
+from legfem.report.words import ENERGIES, fit_probability, number
+
+
+def value_text(found: Estimate) -> str:
+    """Return an estimate with the digits that its error leaves, and its unit."""
+    shown = found.shown
+    return f"{number(shown.value, shown.standard_error)} {shown.unit}".removesuffix(" -")
+
+
+def held_text(name: str, value: float) -> str:
+    """Return a value in the model's unit as people read it."""
+    unit, factor = readable_unit(unit_of(name))
+    return f"{factor * value:.4g} {unit}".removesuffix(" -")
+
+
+def interval_text(found: Estimate) -> str:
+    """Return an estimate's 95 % interval."""
+    shown = found.shown
+    return " to ".join(number(end, shown.standard_error) for end in shown.ci95)
+
+
+def words_of(name: str) -> str:
+    """Return a parameter's full name in words."""
+    tissue, _, field = name.rpartition(".")
+    if tissue not in REGION_NAMES:
+        return parameter_of(name, {name: 1.0}).statement
+    return f"{field} of the {REGION_NAMES[tissue]}"
+
+
+def estimated(what: str, found: Estimate, recordings: int) -> Known:
+    """Return an estimate's row: what it is, in words, and from how many recordings it comes."""
+    bound = f"; at the {found.at_bound} bound of the search" if found.at_bound else ""
+    prior = f"; {prior_text(found.parameter)}" if found.parameter.prior else ""
+    return Known(
+        what,
+        value_text(found),
+        "estimated" if found.parameter.role == "identified" else "prior",
+        f"{recordings} recording{'s' * (recordings > 1)}{prior}",
+        interval_text(found),
+        f"{found.identifiability}{bound}; ± {found.shown.standard_error:.2g} (sd)",
+    )
+
+
+def prior_text(parameter: Parameter) -> str:
+    """Return a parameter's prior in words, in the unit in which people read it."""
+    prior = parameter.prior
+    assert prior is not None
+    unit, factor = readable_unit(parameter.unit)
+    if prior.scale == "log":
+        width = f"x/ {math.exp(prior.sd):.4g} {unit} (its logarithm is normal)"
+    else:
+        width = f"± {factor * prior.sd:.4g} {unit} (normal)"
+    source = f", from {prior.source}" if prior.source else ""
+    return f"prior {factor * prior.centre:.4g} {width}{source}"
+
+
+def least_akaike(fits: Sequence[Fit[Any]]) -> Fit[Any]:
+    """Law that fits best for the number of its parameters (Akaike's criterion)."""
+    return min(fits, key=lambda one: one.goodness.chi_square + 2 * len(one.estimates))
+
+
+def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
+    """Tables of each law's energy and search, and of the errors' correlations."""
+    blocks: list[Block] = [
+        WebTable(
+            "Laws, and how each was searched for",
+            ["law", "strain energy", "full solves", "failed", "from before", "converged", "s"],
+            [
+                [
+                    LAW_NAMES[r.law],
+                    ENERGIES[r.law],
+                    f"{r.log.forward_solves}",
+                    f"{r.log.failed_solves}",
+                    f"{r.log.reused_solves}",
+                    "yes" if r.log.converged else "NO",
+                    f"{r.log.wall_s:.1f}",
+                ]
+                for r in results
+            ],
+        )
+    ]
+    for r in results:
+        symbols = [symbol_of(name) for name in r.estimates]
+        if len(symbols) > 1:
+            rows = [
+                [symbol, *("not known" if np.isnan(value) else f"{value:+.3f}" for value in row)]
+                for symbol, row in zip(symbols, r.correlations, strict=True)
+            ]
+            caption = f"Correlations of the errors, {LAW_NAMES[r.law]} law"
+            blocks.append(WebTable(caption, ["", *symbols], rows, folded=True))
+    return blocks
+
+
+def stiffness_sentence(found: Estimate, tissue: str) -> str:
+    """C10 with its interval, and the moduli at small strain that belong to it, as a page's first words.
+
+    The shear modulus is 2 C10, Young's modulus of an incompressible tissue three times that.
+    """
+    shown = found.shown
+    shear, young = (f"{number(k * shown.value, k * shown.standard_error)} {shown.unit}" for k in (2.0, 6.0))
+    return (
+        f"{tissue} stiffness C10 = {value_text(found)} ({interval_text(found)}), "
+        f"shear modulus G = {shear}, Young's modulus E = {young}"
+    )
+
+
+def how_sure(parameters: Mapping[str, Estimate]) -> str:
+    """Return how well parameters are known, for someone who knows no statistics."""
+    each = "; ".join(_known_within(name, found) for name, found in parameters.items())
+    return f"{each}. If the model is right, 19 of 20 such intervals contain the true value."
+
+
+def _known_within(name: str, found: Estimate) -> str:
+    symbol, half = symbol_of(name), found.relative_half_width
+    if not np.isfinite(half) or half > 1:
+        return f"{symbol} cannot be determined from this test ({found.identifiability})"
+    range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""
+    return f"{symbol} is known to within ± {100 * half:.0f} %{range_} ({found.identifiability})"
+
+
+def why_identifiable(parameters: Mapping[str, Estimate], law: str) -> list[str]:
+    """Return a sentence a parameter: how well it is known, and why it is called that."""
+    return [
+        f"{symbol_of(name)} of the {LAW_NAMES[law]} law is {found.identifiability}: {found.why}."
+        for name, found in parameters.items()
+    ]
+
+
+def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
+    """Return a sentence on how far stiffness follows what nothing can check within a factor.
+
+    Parameters
+    ----------
+    parameters
+        By full name.
+    likewise
+        The sizes that it follows, too, in a sentence's end.
+    """
+    changes = [
+        f"{symbol_of(name)} by {100 * found.moves[FORCE]:+.0f} % if all forces were 10 % higher "
+        f"and by {100 * found.moves[DISPLACEMENT]:+.0f} % if all displacements were"
+        for name, found in parameters.items()
+        # What is hardly known changes by any number to first order; nor is time a matter of force.
+        if all(abs(found.moves.get(one, np.nan)) < 1 for one in (FORCE, DISPLACEMENT)) and found.unit == "MPa"
+    ]
+    if not changes:
+        return []
+    return [
+        f"The units, the load cell's calibration and the stated sizes were not checked. If they are wrong, the result "
+        f"changes: {'; '.join(changes)}; {likewise}. Only an error by a factor of about ten or more would be noticed."
+    ]
+
+
+@dataclass(frozen=True)
+class Remedies:
+    """What would narrow an interval, by what its width comes from."""
+
+    recordings: str
+    ends: str = ""
+    """Of a cylinder on a leg."""
+
+    def of(self, source: ErrorSource) -> str:
+        """Return what to do where most of an error has a source."""
+        return {
+            "recordings": f"{self.recordings}, or state what you already know of it (--prior)",
+            "differences": "the recordings differ from one another by a factor, so test more specimens",
+            "model": "most of the uncertainty comes from the model itself, and further recordings will not reduce it; "
+            "state what you already know (--prior)",
+            "ends": self.ends,
+            "fibres": "most of the uncertainty comes from the muscle's fibres; measure them with shear "
+            "waves along and across the leg ([[elastography]]), or use --model 3d",
+            "priors": "most of the uncertainty comes from what was stated with --prior; measure that "
+            "separately, and state the new value",
+        }[source]
+
+
+def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> list[str]:
+    """Return a sentence for what isn't identifiable, by what rules its interval."""
+    groups: dict[ErrorSource, list[str]] = {}
+    for name, found in parameters.items():
+        if found.identifiability != "identifiable":
+            groups.setdefault(main_source(found.error_shares), []).append(symbol_of(name))
+    return [
+        f"These recordings do not determine {' and '.join(names)} well: {remedies.of(source)}."
+        for source, names in groups.items()
+    ]
+
+
+def unknown_among(parameters: Mapping[str, Estimate]) -> list[str]:
+    """Return the symbols of what isn't identifiable."""
+    return [symbol_of(name) for name, found in parameters.items() if found.identifiability != "identifiable"]
+
+
+# Below this, chance doesn't explain what was left unexplained.
+_SIGNIFICANT = 0.01
+
+
+def comparison(results: Sequence[Fit[Any]]) -> list[str]:
+    """Return sentences on how well each law fits, and which is better by how much."""
+    lines = [_goodness(result) for result in results]
+    if len(results) < 2:
+        return lines
+    better, worse = sorted(results, key=_misfit)[:2]
+    if better.neo_hookean_limit or _misfit(worse) <= _misfit(better) * (1 + 1e-9):
+        return [*lines, "Both laws fit equally well: the best reduced polynomial is neo-Hookean (C20 = 0)."]
+    ratio = _number(worse.cost.value / max(better.cost.value, 1e-300))
+    costs = (
+        f"cost is smaller by a factor of {ratio} ({better.cost.value:.3g} against "
+        f"{worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} against {worse.cost.rms:.3g} N)"
+    )
+    name = LAW_NAMES[better.law]
+    if len(better.estimates) <= len(worse.estimates):
+        return [*lines, f"The {name} law fits better: its {costs}."]
+    gain, chance = _gain(better, worse)
+    if chance < _SIGNIFICANT:
+        return [
+            *lines,
+            f"The {name} law fits better: its {costs}.",
+            f"Its additional parameter is needed: it lowers chi-square by {_number(gain)} ({fit_probability(chance)}).",
+        ]
+    return [
+        *lines,
+        f"The {name} law's {costs}, but its additional parameter is not needed: chi-square "
+        f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise alone would change it.",
+    ]
+
+
+def preferred(results: Sequence[Fit[Any]]) -> Fit[Any]:
+    """Return the law that the data ask for: the better fit, unless chance explains that it is."""
+    better, *others = sorted(results, key=_misfit)
+    if not others:
+        return better
+    fewer = len(better.estimates) > len(others[0].estimates)
+    by_chance = fewer and _gain(better, others[0])[1] >= _SIGNIFICANT
+    return others[0] if by_chance or better.neo_hookean_limit else better
+
+
+def _gain(better: Fit[Any], worse: Fit[Any]) -> tuple[float, float]:
+    """Return by how much chi-square falls with further parameters, and the chance of that."""
+    gain = worse.goodness.chi_square - better.goodness.chi_square
+    extra = len(better.estimates) - len(worse.estimates)
+    return gain, float(chdtrc(extra, gain)) if gain > 0 else 1.0
+
+
+def _misfit(result: Fit[Any]) -> float:
+    """What laws are compared by: the cost that was minimised, without priors."""
+    return result.cost.value if result.weighting == "paper" else result.goodness.chi_square
+
+
+def fits(result: Fit[Any]) -> bool:
+    """Return whether a law describes the recordings within the noise."""
+    return not result.goodness.p_value < _SIGNIFICANT
+
+
+def _goodness(result: Fit[Any]) -> str:
+    name, chance = LAW_NAMES[result.law], result.goodness.p_value
+    if math.isnan(chance):
+        return f"The {name} law fits with rms {result.cost.rms:.3g} N."
+    if not fits(result):
+        return (
+            f"The {name} law does not fit within the noise ({fit_probability(chance)}): "
+            "the recordings show physics that this law leaves out."
+        )
+    return f"The {name} law fits within the noise ({fit_probability(chance)})."
+
+
+def _number(value: float) -> str:
+    """Return three digits without an exponent, where it stays readable."""
+    rounded = float(f"{value:.3g}")
+    return f"{rounded:,.0f}" if 1000 <= rounded < 1e7 else f"{rounded:g}"
+
+
+QUESTION = "Is that high or low"
+_BEYOND = ("Softer than", "Stiffer than")
+_END = 0.25
+"""Share of a published range, on a logarithmic scale, that is called its end."""
+
+
+def high_or_low(tissue: str, low: float, high: float | None = None) -> list[tuple[str, str]]:
+    """Return a question with its answer; none where nothing was published.
+
+    Parameters
+    ----------
+    tissue
+        Of a leg: ``deep``, ``superficial``.
+    low, high
+        C10 (kPa), or the range in which it lies.
+    """
+    known = PUBLISHED_C10.get(tissue)
+    if known is None:
+        return []
+    name = REGION_NAMES[tissue].partition("(")[2].rstrip(")") or REGION_NAMES[tissue]
+    place = _place(known, low, low if high is None else high)
+    check = " Check the units of force and displacement first." if place in _BEYOND else ""
+    return [
+        (
+            QUESTION,
+            f"{place} what was published for {name}: {known.low:g} to {known.high:g} {known.unit} "
+            f"({known.source}).{check}",
+        )
+    ]
+
+
+def _place(known: Published, low: float, high: float) -> str:
+    if high < known.low:
+        return _BEYOND[0]
+    if low > known.high:
+        return _BEYOND[1]
+    if low < known.low or high > known.high:
+        return "Partly outside of"
+    ends = [math.log(v / known.low) / math.log(known.high / known.low) for v in (low, high)]
+    if max(ends) < _END:
+        return "At the soft end of"
+    if min(ends) > 1 - _END:
+        return "At the stiff end of"
+    return "Within"
+
+
+def wave_rows(subject: Subject) -> list[Known]:
+    """Return moduli and the fibres' ratio, each with where it comes from."""
+    rows = modulus_rows(subject.elastography, subject.origin)
+    if (fibres := subject.fibres) is not None:
+        measured = fibres.provenance == "measured"
+        rows.append(
+            Known(
+                "muscle's shear moduli along the leg over across",
+                str(fibres),
+                subject.origin if measured else fibres.provenance,
+                fibres.source,
+            )
+        )
+    return rows
+
+
+def modulus_rows(moduli: Iterable[ShearModulus], origin: Origin) -> list[Known]:
+    """Return shear moduli, each with where it comes from."""
+    return [
+        Known(
+            f"shear modulus of the {one.tissue} tissue, {one.plane} the leg",
+            f"{mpa_to_kpa(one.value):.3g} ± {mpa_to_kpa(one.sd):.2g} kPa (sd)",
+            origin,
+            one.source,
+        )
+        for one in moduli
+    ]

@@ -1,0 +1,332 @@
+"""The numbers of a leg's fit, where each comes from, and how the fit was done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from legfem.common.units import mpa_to_kpa
+from legfem.geometry.section import girth
+from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.fit import Fit
+from legfem.inverse.intervals import NUMERICAL_ERROR
+from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
+from legfem.legs.experiments import tissues_of
+from legfem.legs.forward import values_of
+from legfem.legs.notices import curve_of
+from legfem.mechanics.materials import Hyperelastic
+from legfem.report.estimates import estimated, held_text, how_found, wave_rows, words_of
+from legfem.report.page import Block, Known, Prose, Provenance, WebTable
+from legfem.report.style import LAW_NAMES
+from legfem.report.words import fit_probability
+
+type LegFit = Fit[LegDetails]
+
+_AT = (5.0, 15.0, 25.0)
+"""Displacements at which a correction is tabled, mm."""
+_TISSUES = ("deep", "superficial", "fascia")
+_WEIGHTINGS = {
+    "paper": "every point counts alike, as in the paper",
+    "covariance": "points count by the inverse of the curve's covariance",
+}
+
+
+def known_of(fits: Sequence[LegFit]) -> list[Known]:
+    """What was found with each law, what was held, and what was measured at each site."""
+    first = fits[0]
+    details, subject = first.details, first.details.subject
+    trials = sum(curve_of(one).n_trials for one in first.tests)
+    rows = [
+        estimated(f"{words_of(name)}, {LAW_NAMES[fit.law]} law", found, trials)
+        for fit in reversed(fits)
+        for name, found in fit.estimates.items()
+    ]
+    given = values_of(tissues_of(subject))
+    free = {name for fit in fits for name in fit.estimates}
+    held = {name: value for fit in fits for name, value in fit.assumed.items() if name not in free}
+    for name, value in held.items():
+        stated = np.isclose(given.get(name, math.nan), value)
+        source = "subject.toml" if stated else "the command, or the law's default"
+        rows.append(Known(words_of(name), held_text(name, value), "assumed", source, remark=_moved(name, fits)))
+    rows.append(Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed", "subject.toml"))
+    rows += [
+        Known(f"{symbol_of(name)} of each site", f"± {sd:.3g} (sd)", "prior", "--prior")
+        for name, sd in details.own_errors.items()
+    ]
+    rows += wave_rows(subject)
+    if isinstance(details.spatial, SpatialEvidence):
+        rows += _confirmed_rows(details.spatial, float(curve_of(first.tests[0]).displacement[-1]))
+    rows.append(
+        Known(
+            "error of the numerical model",
+            f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
+            "prior",
+            "study convergence",
+        )
+    )
+    for number in range(len(first.tests)):
+        rows += _site_rows(first, number)
+    return rows
+
+
+def _site_rows(fit: LegFit, number: int) -> list[Known]:
+    """What was measured, stated and corrected at one site."""
+    details, one = fit.details, fit.tests[number]
+    subject, curve, applied = details.leg.sites[number], curve_of(one), details.corrections[number]
+    at = f"{one.name}: " if len(fit.tests) > 1 else ""
+    data = subject.origin
+    rows = []
+    if isinstance(details.spatial, SpatialSites):
+        source: Provenance = "assumed" if details.spatial.extruded else "measured"
+        rows.append(Known(f"{at}leg in 3D", details.spatial.shapes[number], source, "subject.toml, [section]"))
+        if applied is not None:
+            rows.append(
+                Known(
+                    f"{at}error of the leg's force in 3D at {curve.displacement[-1]:.3g} mm",
+                    f"{100 * applied.sd[-1]:.2g} % (sd)",
+                    "prior",
+                    "larger elements, a shorter leg, and fibres' part",
+                )
+            )
+    elif applied is not None:
+        P, sd = applied.P[-1], applied.sd[-1]
+        rows.append(
+            Known(
+                f"{at}3D correction P at {curve.displacement[-1]:.3g} mm",
+                f"{P:+.3f}",
+                "prior",
+                applied.name,
+                f"{P - 2 * sd:+.3f} to {P + 2 * sd:+.3f}",
+                "its error is shared by all sites" if at else "",
+            )
+        )
+    trials = f"{curve.n_trials} recording{'s' * (curve.n_trials > 1)}, from first contact"
+    return [
+        *rows,
+        Known(
+            f"{at}noise of a force reading",
+            f"{curve.noise.force_sd:.3g} N (sd)",
+            data,
+            curve.noise.source,
+            remark=f"correlated over {curve.noise.correlation_length:.2g} mm",
+        ),
+        Known(f"{at}greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data, trials),
+        Known(f"{at}girth of the section", f"{girth(subject.section):.0f} mm", data, "contours of the skin"),
+        Known(f"{at}what presses", f"{subject.indenter}", "assumed", "subject.toml"),
+    ]
+
+
+def _confirmed_rows(found: SpatialEvidence, depth: float) -> list[Known]:
+    """What the leg's own solves in 3D say of its correction."""
+    source: Provenance = "assumed" if found.extruded else "measured"
+    rows = [
+        Known("leg in 3D", f"{found.length:.4g} mm long", source, found.shape),
+        Known(
+            "full solves in 3D",
+            f"{found.full_solves} and {found.rough_solves} rougher ones",
+            "computed",
+            "; ".join(f"{100 * one.error:.2g} % from the predicted force" for one in found.confirmations),
+        ),
+    ]
+    if found.table_P is not None:
+        name = f"P at {depth:.3g} mm of the table's idealised legs"
+        rows.append(Known(name, f"{found.table_P[-1]:+.3f}", "computed", "for comparison"))
+    return rows
+
+
+def _moved(name: str, fits: Sequence[LegFit]) -> str:
+    """What 10 % more of an assumed number would do to what was found off its bounds."""
+    moved = [
+        f"{symbol_of(found)} {100 * estimate.moves[name]:+.1f} % ({LAW_NAMES[fit.law]})"
+        for fit in reversed(fits)
+        for found, estimate in fit.estimates.items()
+        if math.isfinite(estimate.moves.get(name, math.nan))
+    ]
+    return f"10 % higher: {', '.join(moved)}" if moved else ""
+
+
+def how_done(fits: Sequence[LegFit]) -> list[Block]:
+    """What was done: each law's search and fit, the tissues, what corrected the force."""
+    first = fits[0]
+    blocks: list[Block] = [
+        Prose(_procedure(first)),
+        *how_found(fits),
+        WebTable(
+            f"How well each law fits; E is the {first.cost.definition}",
+            ["", *(LAW_NAMES[fit.law] for fit in fits)],
+            [[name, *(_statistics(fit)[name] for fit in fits)] for name in _statistics(first)],
+        ),
+        WebTable("Tissues at the optimum", *_tissues(fits)),
+    ]
+    every = [_tissue(name, fit) for name in _TISSUES for fit in fits]
+    if any(found is not None and found[0].poisson_ratio < 0 for found in every):
+        blocks.append(
+            Prose(
+                "A Poisson's ratio below zero follows from the given C10 and D1, as it does from the published "
+                "values for fascia."
+            )
+        )
+    return blocks + [block for fit in fits for block in _corrected(fit)]
+
+
+def _procedure(fit: LegFit) -> str:
+    """What was done with the recordings, as a paragraph."""
+    details, several = fit.details, len(fit.tests) > 1
+    curves = [curve_of(one) for one in fit.tests]
+    pressed = ", ".join(
+        f"{one.name}: {site.indenter}, {len(curve.displacement)} points to {curve.displacement[-1]:.4g} mm"
+        if several
+        else f"a rigid {site.indenter}, pressed into the leg; {len(curve.displacement)} points, every "
+        f"{curve.displacement[1] - curve.displacement[0]:.3g} mm to {curve.displacement[-1]:.4g} mm after first contact"
+        for one, site, curve in zip(fit.tests, details.leg.sites, curves, strict=True)
+    )
+    trials = sum(curve.n_trials for curve in curves)
+    searched = (
+        "an emulator of the model, which full solves refined and confirmed"
+        if fit.settings.get("emulator", True)
+        else "the full model itself"
+    )
+    own = ""
+    if details.own_errors:
+        sizes = ", ".join(f"{symbol_of(name)} {sd:.3g} (sd)" for name, sd in details.own_errors.items())
+        own = f" Each site's instrument errs by itself: {sizes}."
+    together = "All sites were fitted together by one set of tissues. " if several else ""
+    return (
+        f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. The loading was brought to one mean "
+        f"curve{' a site' if several else ''} with its errors. {together}{_model(fit)} {_searcher(fit)} searched for "
+        f"{_sought(fit)} on {searched}; {_WEIGHTINGS[fit.weighting]}.{own} What was recorded in unloading or at "
+        "rest was not used."
+    )
+
+
+def _model(fit: LegFit) -> str:
+    spatial = fit.details.spatial
+    if isinstance(spatial, SpatialSites):
+        left = ", ".join(f"{name} {100 * value:.2g} %" for name, value in spatial.errors.items())
+        return (
+            f"The model is the leg itself in 3D, {spatial.full_solves} solves of single sites; "
+            f"{spatial.rough_solves} more, by larger elements and of a shorter leg, measured the errors that are left, "
+            f"of the force at most: {left}."
+        )
+    applied = fit.details.corrections[0]
+    correction = f"with the 3D correction {applied.name}" if applied else "without a correction for 3D effects"
+    alike = ", whose errors are taken to be alike at all sites" if applied and len(fit.tests) > 1 else ""
+    return (
+        "A plane-strain finite-element model of the section gives the force per length, taken times the cylinder's "
+        f"length, {correction}{alike}."
+    )
+
+
+def _sought(fit: LegFit) -> str:
+    if all(name.startswith("deep.") for name in fit.estimates):
+        return "the deep tissue's parameters"
+    return ", ".join(fit.estimates)
+
+
+def _searcher(fit: LegFit) -> str:
+    own = fit.settings.get("genetic", {}).get("minimiser")
+    return "A genetic algorithm (pygad)" if own is None else f"A search of the user's ({own})"
+
+
+def _statistics(fit: LegFit) -> dict[str, str]:
+    cost, good, error = fit.cost, fit.goodness, fit.log.emulator_error
+    return {
+        "E (N2)": f"{cost.value:.6g}",
+        "E per length ((N/mm)2)": f"{cost.per_length:.6g}",
+        "mean of squares (N2)": f"{cost.mean_square:.6g}",
+        "minimised": f"{cost.minimised}; {cost.minimised_value:.6g} at the optimum",
+        "rms difference (N)": f"{cost.rms:.4g}",
+        "R2": f"{cost.r_squared:.6f}",
+        "chi-square": f"{good.chi_square:.5g} on {good.degrees_of_freedom} degrees of freedom; "
+        f"{fit_probability(good.p_value)}",
+        "factorisations": f"{fit.log.factorisations}",
+        "emulator's error, against the last full solve (N)": "no emulator" if math.isnan(error) else f"{error:.3g}",
+    }
+
+
+def _tissues(fits: Sequence[LegFit]) -> tuple[list[str], list[list[str]]]:
+    header = ["tissue", "law", "C10 (kPa)", "C10 is", "D1 (1/MPa)", "K/mu", "Poisson's ratio"]
+    rows = []
+    for name in _TISSUES:
+        for fit in fits:
+            found = _tissue(name, fit)
+            if found is None:
+                continue
+            tissue, known = found
+            law = fit.law if name == "deep" else fit.details.subject.tissues[name].law
+            row = [
+                name,
+                LAW_NAMES[law],
+                f"{mpa_to_kpa(tissue.C10):.4g}",
+                known,
+                f"{tissue.D1:.4g}",
+                f"{tissue.bulk_modulus / tissue.shear_modulus:.3g}",
+                f"{tissue.poisson_ratio:.3f}",
+            ]
+            if row not in rows:
+                rows.append(row)
+    return header, rows
+
+
+def _tissue(name: str, fit: LegFit) -> tuple[Hyperelastic, str] | None:
+    """A tissue's compressible part at the optimum, and how its C10 is known; None of one that the model hasn't."""
+    every: Mapping[str, float] = {**fit.assumed, **fit.values}
+    if not {f"{name}.C10", f"{name}.D1"} <= every.keys():
+        return None
+    found = fit.estimates.get(f"{name}.C10")
+    known = "assumed" if found is None else found.parameter.role
+    return Hyperelastic(C10=every[f"{name}.C10"], D1=every[f"{name}.D1"]), known
+
+
+def _corrected(fit: LegFit) -> list[Block]:
+    """What corrected a law's force at each site, how well that is known, and what confirmed it."""
+    spatial = fit.details.spatial
+    if isinstance(spatial, SpatialSites):
+        return []
+    blocks: list[Block] = []
+    for one, applied in zip(fit.tests, fit.details.corrections, strict=True):
+        if applied is not None:
+            at = f"{one.name}: " if len(fit.tests) > 1 else ""
+            blocks.append(_correction_table(fit, at, one.force.channel.station, applied))
+    if spatial is not None:
+        blocks += _confirmed(spatial)
+    return blocks
+
+
+def _correction_table(fit: LegFit, at: str, grid: np.ndarray, applied: AppliedCorrection) -> WebTable:
+    spatial = fit.details.spatial
+    depths = [d for d in _AT if grid[0] <= d <= grid[-1]] or [float(grid[-1])]
+    header = ["at (mm)", "P, with the sd that the intervals carry"]
+    rows = [
+        [f"{d:.3g}", f"{np.interp(d, grid, applied.P):+.2f} ± {np.interp(d, grid, applied.sd):.2f}"] for d in depths
+    ]
+    if isinstance(spatial, SpatialEvidence) and spatial.table_P is not None:
+        header.append("P of the table of idealised legs")
+        for row, d in zip(rows, depths, strict=True):
+            row.append(f"{np.interp(d, grid, spatial.table_P):+.2f}")
+    caption = f"{at}3D correction {applied.name}, {LAW_NAMES[fit.law]} law: force = (1 - P) x plane strain"
+    return WebTable(caption, header, rows)
+
+
+def _confirmed(found: SpatialEvidence) -> list[Block]:
+    """What the leg's own solves in 3D say."""
+    errors = ", ".join(f"{name} {value:.3f}" for name, value in found.errors.items())
+    return [
+        WebTable(
+            f"Full solves of the leg in 3D ({found.shape})",
+            ["C10 (kPa)", "C20 (kPa)", "difference from the predicted force (%)", "change of C10 afterwards (%)", "s"],
+            [
+                [
+                    f"{one.c10:.3g}",
+                    f"{one.c20:.3g}",
+                    f"{100 * one.error:.2g}",
+                    f"{100 * one.moved:.2g}",
+                    f"{one.seconds:.0f}",
+                ]
+                for one in found.confirmations
+            ],
+        ),
+        Prose(f"Greatest error of P by cause: {errors}."),
+    ]

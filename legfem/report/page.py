@@ -1,0 +1,457 @@
+"""What a page says, part by part: a verdict, numbers, and chapters of blocks, whatever they are rendered to."""
+
+from __future__ import annotations
+
+import base64
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.report.folder import ReportFile
+from legfem.report.style import BONE_COLOUR, DATA_COLOUR, REGION_COLOURS, REGION_NAMES
+
+PAGE = "report.html"
+TESTED = "What was tested"
+"""A chapter of many pages."""
+Tone = Literal["sound", "caution", "open", "wrong"]
+Provenance = Literal["measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"]
+Dash = Literal["solid", "dashed", "dotted", "dotdash"]
+TONES: Mapping[Tone, str] = {
+    "sound": "The model fits",
+    "caution": "Read with caution",
+    "open": "Undecided",
+    "wrong": "The model does not fit",
+}
+_MONTHS = (
+    "January",
+    "February",
+    "March",
+    "April",
+    "May",
+    "June",
+    "July",
+    "August",
+    "September",
+    "October",
+    "November",
+    "December",
+)
+PROVENANCE: Mapping[Provenance, str] = {
+    "measured": "read off measurements of this leg",
+    "reconstructed": "read off reconstructed data; nothing was measured",
+    "simulated": "read off simulated data; nothing was measured",
+    "estimated": "found here, by fitting the model to what was measured",
+    "computed": "computed here, by the model with the numbers above and below",
+    "assumed": "taken as exact; not checked here",
+    "prior": "known before this test with a stated error, which the intervals include",
+}
+SURFACE_CELLS = 21
+"""Along either axis."""
+_MOST_ROWS = 25
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The verdict, for someone who knows no statistics."""
+
+    tone: Tone
+    sentence: str
+    answers: Sequence[tuple[str, str]]
+    """Questions that such a reader has, in their order, each with its answer."""
+    heading: str = ""
+    """In place of the tone's, where a page judges no model."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """One number that the result has or rests on, and where it comes from."""
+
+    name: str
+    value: str
+    provenance: Provenance
+    source: str
+    interval: str = ""
+    """95 %; empty where there is none."""
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Prose:
+    """A paragraph."""
+
+    kind: ClassVar[str] = "prose"
+    text: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list of sentences."""
+
+    kind: ClassVar[str] = "bullets"
+    items: Sequence[str]
+
+
+@dataclass(frozen=True)
+class WebTable:
+    """A table; its first column names the rows."""
+
+    kind: ClassVar[str] = "table"
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    folded: bool = False
+    """Whether it opens only when asked for."""
+
+
+@dataclass(frozen=True)
+class Verbatim:
+    """A text as it was printed, folded away."""
+
+    kind: ClassVar[str] = "verbatim"
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class LabelledBar:
+    """One number."""
+
+    name: str
+    value: float
+    text: str
+    """Value and interval as people read them."""
+    interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class DrawnBar:
+    """A bar in per cent of the width."""
+
+    name: str
+    text: str
+    width: float
+    interval: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Numbers of one unit beside each other."""
+
+    kind: ClassVar[str] = "bars"
+    caption: str
+    header: tuple[str, str]
+    """Of names and of values."""
+    bars: Sequence[LabelledBar]
+    least: float = 0.0
+    """Where bars begin."""
+    greatest: float | None = None
+    """Where they may end; the greatest value's or interval's end by default."""
+
+    @property
+    def drawn(self) -> list[DrawnBar]:
+        """Return the bars as they are drawn."""
+        ends = [max(b.value, b.interval[1] if b.interval else b.value) for b in self.bars]
+        greatest = max(ends, default=1.0) if self.greatest is None else self.greatest
+        span = greatest - self.least
+
+        def at(value: float) -> float:
+            share = (value - self.least) / span if span > 0 else 0.0
+            return round(100 * min(max(share, 0.0), 1.0), 2)
+
+        return [
+            DrawnBar(b.name, b.text, at(b.value), (at(b.interval[0]), at(b.interval[1])) if b.interval else None)
+            for b in self.bars
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One curve in both panels."""
+
+    name: str
+    above: FloatArray | None
+    """(n,)."""
+    below: FloatArray | None
+    """(n,): the difference; None where it has none."""
+    colour: str = DATA_COLOUR
+    dash: Dash = "solid"
+    points: bool = False
+    """Whether it is drawn as points, not as a line."""
+    faint: bool = False
+    """Whether it is one of many, drawn thin."""
+    tabled: bool = True
+    """Whether it stands in the table behind the plot and under the cursor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Two panels over one abscissa, or one."""
+
+    kind: ClassVar[str] = "curves"
+    name: str
+    """Short, without spaces; one of its own in a page."""
+    caption: str
+    """What is seen, in words: also for those who can't see it."""
+    x: FloatArray
+    """(n,)."""
+    x_label: str
+    above_label: str
+    below_label: str
+    """Empty for no lower panel."""
+    lines: Sequence[Line]
+    band: FloatArray | None = None
+    """(n,): half the width of a band: about zero in the lower panel, else about the first line."""
+    band_name: str = ""
+    located: Sequence[tuple[float, float]] = ()
+    """Stretches of the abscissa that are marked in the lower panel."""
+    located_name: str = ""
+
+    @property
+    def header(self) -> list[str]:
+        """Return that of the table behind the plot."""
+        names = [line.name for line in self.lines if line.tabled]
+        return [self.x_label, *(f"{name}: {self.above_label}" for name in names)]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """Return the rows of the table behind the plot."""
+        picked = np.unique(np.linspace(0, len(self.x) - 1, _MOST_ROWS).round().astype(int))
+        tabled = [line.above for line in self.lines if line.tabled and line.above is not None]
+        return [
+            [f"{self.x[k]:.2f}", *(f"{a[k]:.3f}" if np.isfinite(a[k]) else "–" for a in tabled)]
+            for k in picked.tolist()
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class PressedSection:
+    """A section's mesh that a reader presses, coloured by a measure or by tissue."""
+
+    kind: ClassVar[str] = "pressed"
+    caption: str
+    data: Mapping[str, Any]
+    """What ``press.js`` reads."""
+    deepest: float
+    """mm."""
+    measures: list[str]
+    """Names of what it is coloured by."""
+    rows: list[list[str]]
+    """Displacement, force and greatest measures of every state."""
+    header: ClassVar[list[str]] = [
+        "displacement (mm)",
+        "force (N)",
+        "highest pressure in muscle and fat (kPa)",
+        "greatest movement (mm)",
+        "greatest stretch of muscle and fat",
+    ]
+    tissues: ClassVar[list[tuple[str, str]]] = [
+        *((REGION_NAMES[name], REGION_COLOURS[name]) for name in REGION_NAMES),
+        ("bone (fixed)", BONE_COLOUR),
+    ]
+
+
+@dataclass(frozen=True)
+class StillSection:
+    """The contours of a section and the indenter where it first touches."""
+
+    kind: ClassVar[str] = "still"
+    caption: str
+    view: str
+    """SVG's viewBox, y downwards."""
+    outlines: list[tuple[str, str, str]]
+    """Name, colour and points of every closed contour."""
+    indenter: tuple[float, float, float]
+    """Centre and radius, y downwards."""
+    travel: tuple[float, float, float, float]
+    """Line from the centre along the indenter's travel."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """What a reader moves, through the states; between them pictures are in proportion."""
+
+    label: str
+    stops: Sequence[float]
+    """Of the states, increasing from 0."""
+    unit: str
+    """With the space before it, if any."""
+    step: float = 1.0
+    digits: int = 0
+    force: Sequence[float] = ()
+    """N, of the states; empty where there is none."""
+
+    @property
+    def most(self) -> float:
+        """Its end."""
+        return self.stops[-1]
+
+
+@dataclass(frozen=True)
+class View:
+    """How a leg is looked at first, and what eight views round it are called."""
+
+    names: Sequence[str]
+    """At 0, 45, ... degrees from the front, -y."""
+    turn_deg: float = -30.0
+    exaggerates: bool = True
+    """Whether movements may be shown five times as large."""
+
+
+@dataclass(frozen=True)
+class TurnedLeg:
+    """A leg that is turned, and loaded with a slider."""
+
+    kind: ClassVar[str] = "turned"
+    caption: str
+    data: Mapping[str, object]
+    """What ``turn.js`` reads."""
+    slider: Slider
+    view: View
+    fields: Sequence[str]
+    """Names of the skin's colours."""
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    """The same as a table."""
+    tissues: ClassVar[list[tuple[str, str]]] = [("muscle", REGION_COLOURS["deep"]), ("bone (fixed)", BONE_COLOUR)]
+
+
+@dataclass(frozen=True)
+class SurfaceFactor:
+    """What is varied from -1 to +1."""
+
+    label: str
+    levels: tuple[str, str, str]
+    """At -1, 0 and +1, as people read them."""
+
+
+@dataclass(frozen=True)
+class SurfaceMetric:
+    """What is predicted."""
+
+    label: str
+    unit: str
+    coefficients: Mapping[tuple[int, ...], float]
+    """By the factors' numbers in a term: none for the mean, two for an interaction."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseSurface:
+    """A map of a metric over two factors; the others are set with sliders."""
+
+    kind: ClassVar[str] = "response"
+    name: ClassVar[str] = "response"
+    caption: str
+    factors: Sequence[SurfaceFactor]
+    metrics: Sequence[SurfaceMetric]
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    """The coefficients as a table."""
+    shown: tuple[int, int] = (0, 1)
+    """Numbers of the factors on the axes at first."""
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What ``response.js`` reads."""
+        return {
+            "cells": SURFACE_CELLS,
+            "factors": [{"label": f.label, "levels": f.levels} for f in self.factors],
+            "metrics": [
+                {
+                    "label": m.label,
+                    "unit": m.unit,
+                    "terms": [[list(term), value] for term, value in m.coefficients.items()],
+                }
+                for m in self.metrics
+            ],
+        }
+
+
+Block = (
+    Prose | Bullets | WebTable | Verbatim | Bars | Curves | PressedSection | StillSection | ResponseSurface | TurnedLeg
+)
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What stands under one heading."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """How the run is made again."""
+
+    command: str
+    """Empty where it was called from Python."""
+    versions: Mapping[str, str]
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    """Seed and the like, as people write them."""
+
+
+@dataclass(frozen=True)
+class WebPage:
+    """A run's page."""
+
+    title: str
+    subject: str
+    origin: str
+    """``measured``, ``reconstructed`` or ``simulated``."""
+    headline: Headline
+    warnings: Sequence[str]
+    known: Sequence[Known]
+    chapters: Sequence[Chapter]
+    """In their order; the table of what is known follows the first."""
+    repeat: Repeat
+    data: str = ""
+    """What kind of data, in words, where `ORIGINS` don't say it."""
+    warned: str = ""
+    """Whom the warnings are for, where it isn't the reader."""
+    made: date = field(default_factory=date.today)
+
+    @property
+    def made_on(self) -> str:
+        """The day, as people of all countries read it."""
+        return f"{self.made.day} {_MONTHS[self.made.month - 1]} {self.made.year}"
+
+
+def listed(explore: str) -> ReportFile:
+    """Return a page's entry in a report's list of files: what there is to explore."""
+    return ReportFile([Path(PAGE)], f"all of it on one page for a browser, with {explore} to explore")
+
+
+def command_line() -> str:
+    """Return the command that is running, as it can be given again; empty outside of one."""
+    spec = sys.modules["__main__"].__spec__
+    if spec is not None and spec.name.startswith(("legfem", "studies")):
+        module = str(spec.parent)
+        program = module.replace(".", " ") if module.startswith("legfem.") else f"python -m {module}"
+    elif Path(sys.argv[0]).name == "legfem":
+        program = "legfem"
+    else:
+        return ""
+    return f"{program} {shlex.join(sys.argv[1:])}".strip()
+
+
+def packed(values: NDArray[Any], kind: str) -> str:
+    """Return counts as text; what a whole number can't hold becomes the nearest that it can.
+
+    Parameters
+    ----------
+    values
+        Counts, in C order.
+    kind
+        NumPy's name of the type: ``<i2`` or ``<u2``.
+    """
+    limits = np.iinfo(np.dtype(kind))
+    whole = np.clip(np.round(values), limits.min, limits.max).astype(kind)
+    return base64.b64encode(whole.tobytes()).decode()

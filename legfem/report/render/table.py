@@ -1,0 +1,79 @@
+"""Numbers of a page as tables for a spreadsheet: ``numbers.csv`` and ``numbers.xlsx``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from legfem.inverse.catalogue import key_of
+from legfem.inverse.fit import Fit
+from legfem.report.folder import ReportFile
+from legfem.report.page import WebPage
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CSV, WORKBOOK = "numbers.csv", "numbers.xlsx"
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def estimates_frame(fits: Sequence[Fit[Any]]) -> pd.DataFrame:
+    """A row a parameter and law: value, 95 % interval, unit and verdict."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        [
+            {
+                "law": fit.law,
+                "parameter": key_of(name),
+                "value": found.shown.value,
+                "low": found.shown.ci95[0],
+                "high": found.shown.ci95[1],
+                "unit": found.shown.unit,
+                "identifiability": found.identifiability,
+            }
+            for fit in fits
+            for name, found in fit.estimates.items()
+        ]
+    )
+
+
+def write_tables(page: WebPage, folder: Path, estimates: pd.DataFrame | None = None) -> ReportFile:
+    """Write a page's numbers as CSV and as a workbook.
+
+    Parameters
+    ----------
+    page
+        Its known numbers, with where they come from, are the workbook's second sheet, and all of a page without
+        estimates.
+    folder
+        Where the files go.
+    estimates
+        A row a parameter, with numbers as numbers.
+    """
+    import pandas as pd
+
+    known = _frame(vars(one) for one in page.known)
+    first = known if estimates is None else _frame(row._asdict() for row in estimates.itertuples(index=False))
+    csv, workbook = folder / CSV, folder / WORKBOOK
+    first.assign(subject=_literal(page.subject), origin=page.origin).to_csv(csv, index=False)
+    with pd.ExcelWriter(workbook) as writer:
+        if estimates is not None:
+            first.to_excel(writer, sheet_name="estimates", index=False)
+        known.to_excel(writer, sheet_name="numbers", index=False)
+    shows = "the numbers, with intervals and verdicts, for a spreadsheet"
+    return ReportFile([csv, workbook], shows)
+
+
+def _frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame([{name: _literal(value) for name, value in row.items()} for row in rows])
+
+
+def _literal(value: Any) -> Any:
+    """Text that a spreadsheet doesn't take for a formula; numbers as they are."""
+    if not isinstance(value, str) or not value.startswith(_FORMULA):
+        return value
+    return value if value[1:2].isdigit() else f"'{value}"

@@ -1,0 +1,233 @@
+"""A section solved once more for the report, its states kept for a reader to press."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.experiments.experiment import Solved
+from legfem.experiments.indentation import is_due
+from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.fem.fields import FieldReader, LegFields
+from legfem.geometry.section import BONES, PARTS, LegSection
+from legfem.legs.subject import Subject
+from legfem.mechanics.integration_domain import Skin
+from legfem.meshing.section import REGIONS, first_touch
+from legfem.report.leg_figure import DrawnSection
+from legfem.report.page import PressedSection, StillSection, packed
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS
+
+_MOVE, _SHARE = 1 / 200, 1 / 50_000
+"""mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""
+_MARGIN = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The section at one displacement of the indenter."""
+
+    displacement: float
+    """mm."""
+    force: float
+    """N; NaN until the solution's curve is known."""
+    centre: FloatArray
+    """(2,), mm: of the indenter."""
+    drawn: DrawnSection
+
+
+@dataclass(eq=False)
+class Film:
+    """Takes states of a section while it is being pressed, for `PlaneStrainIndentation.solve`."""
+
+    experiment: PlaneStrainIndentation
+    depth: float
+    """mm, to which it is pressed."""
+    states: list[State] = field(default_factory=list)
+
+    @cached_property
+    def reader(self) -> FieldReader:
+        """Of the experiment's fields."""
+        return FieldReader(self.experiment.system)
+
+    def take(self, at: float) -> None:
+        """Keep the state at a displacement (mm), unless the last one is near."""
+        if self.states and at < self.states[-1].displacement:
+            self.states.clear()  # the solution began anew
+        last = self.states[-1].displacement if self.states else 0.0
+        if not is_due(at, last, self.depth):
+            return
+        fields = self.reader.read()
+        centre = np.array(fields.indenter_centre)
+        self.states.append(State(at, float("nan"), centre, DrawnSection.of(fields)))
+
+
+def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, what: str) -> PressedSection | None:
+    """Return the states of a film with their forces (N); None where there are too few."""
+    if len(film.states) < 2:
+        return None
+    first = film.states[0].drawn
+    corners = first.cell_outlines[::2]
+    vertices, cells = np.unique(first.numbers[:, corners], return_inverse=True)
+    cells = cells.reshape(-1, len(corners))
+    moves = np.zeros((len(film.states) + 1, len(vertices), 2))
+    pressures = np.zeros((len(film.states) + 1, len(cells)))
+    stretches, movements = np.ones_like(pressures), np.zeros_like(pressures)
+    at = np.zeros((len(vertices), 2))
+    at[cells] = first.nodes[:, corners]
+    tissue = first.region != REGIONS["fascia"]
+    rows = [["0.0", "0.00", "0.0", "0.0", "1.00"]]
+    touch = film.experiment.section_mesh.touch
+    forces, centres = [0.0], [touch.tolist()]
+    for k, state in enumerate(film.states, 1):
+        moves[k][cells] = state.drawn.displacement[:, corners]
+        pressures[k] = state.drawn.pressure.mean(axis=1)
+        stretches[k] = state.drawn.stretch.mean(axis=1)
+        movements[k] = np.linalg.norm(state.drawn.displacement, axis=2).mean(axis=1)
+        forces.append(float(np.interp(state.displacement, displacement, force)))
+        centres.append(state.centre.tolist())
+        rows.append(
+            [
+                f"{state.displacement:.1f}",
+                f"{forces[-1]:.2f}",
+                f"{pressures[k][tissue].max():.1f}",
+                f"{movements[k].max():.1f}",
+                f"{stretches[k][tissue].max():.2f}",
+            ]
+        )
+    measures = [
+        _measure("pressure", "kPa", 0, pressures, tissue),
+        _measure("movement", "mm", 1, movements, tissue),
+        _measure("stretch", "", 2, stretches, tissue),
+    ]
+    section, radius = film.experiment.section, film.experiment.indenter.radius
+    content = {
+        "displacement": [0.0, *(state.displacement for state in film.states)],
+        "force": forces,
+        "centres": centres,
+        "radius": radius,
+        "vertices": np.round(at, 3).ravel().tolist(),
+        "corners": len(corners),
+        "cells": packed(cells, "<u2"),
+        "moves": packed(moves / _MOVE, "<i2"),
+        "mm_a_count": _MOVE,
+        "measures": measures,
+        "share_a_count": _SHARE,
+        "tissue": [_colour(tag) for tag in first.region],
+        "bones": [section.contour(name).round(2).tolist() for name in BONES],
+        "skin": section.skin.round(2).tolist(),
+        "bone": BONE_COLOUR,
+        "frame": _frame(section, radius, *centres),
+    }
+    deepest = film.states[-1].displacement
+    names = [str(measure["name"]) for measure in measures]
+    return PressedSection(what, content, deepest, names, rows)
+
+
+def _measure(name: str, unit: str, least_digits: int, values: FloatArray, tissue: NDArray[np.bool_]) -> dict[str, Any]:
+    """Return a measure's values (states, cells), and between which of a leg's it is coloured."""
+    first = float(values[0, 0])
+    low, high = np.percentile(values[-1][tissue], [0.5, 99.5])
+    low, high = min(float(low), first), max(float(high), first + 1e-9)
+    digits = int(np.clip(1 - np.floor(np.log10(high - low)), least_digits, 3))
+    shares = np.clip((values - low) / (high - low), 0.0, 1.0)
+    return {
+        "name": name,
+        "unit": unit,
+        "digits": digits,
+        "range": [low, high],
+        "values": packed(shares / _SHARE, "<u2"),
+    }
+
+
+def _colour(tag: float) -> str:
+    return next(REGION_COLOURS[name] for name, known in REGIONS.items() if known == tag)
+
+
+def _frame(section: LegSection, radius: float, *centres: Any) -> list[float]:
+    """Return left, bottom, width and height (mm) of what is seen."""
+    points = np.vstack([section.skin, np.asarray(centres) - radius, np.asarray(centres) + radius])
+    low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
+    return [float(v) for v in (*low, *(high - low))]
+
+
+def still_section(subject: Subject) -> StillSection:
+    """Return a subject's section with its indenter."""
+    section, indenter = subject.section, subject.indenter
+    centre = first_touch(section.skin, indenter.radius, indenter.aim, indenter.direction)
+    end = centre + indenter.direction * indenter.radius
+    left, bottom, width, height = _frame(section, indenter.radius, centre)
+    colours = {
+        "skin": REGION_COLOURS["superficial"],
+        "fascia": REGION_COLOURS["deep"],
+        "tibia": BONE_COLOUR,
+        "fibula": BONE_COLOUR,
+    }
+    outlines = [
+        (part, colours[part], " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part))) for part in PARTS
+    ]
+    return StillSection(
+        "Section of the leg as it was given, with the cylinder where it first touches the skin and "
+        "the way it is pressed. Fat is light, muscle dark, the fascia the line between them.",
+        f"{left:.1f} {-bottom - height:.1f} {width:.1f} {height:.1f}",
+        outlines,
+        (float(centre[0]), float(-centre[1]), float(indenter.radius)),
+        (float(centre[0]), float(-centre[1]), float(end[0]), float(-end[1])),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """A solution, and the states on its way; none of those where ranks share a section."""
+
+    experiment: PlaneStrainIndentation
+    film: Film | None
+    solved: Solved
+
+    @property
+    def is_final(self) -> bool:
+        """Whether the system is in the solution's last state: a finer mesh has another."""
+        mesh, system = self.experiment.section_mesh, self.experiment.system
+        skin = system.skin.domain
+        assert isinstance(skin, Skin)
+        here = float((skin.centre.value - mesh.touch) @ mesh.direction)
+        own_mesh = self.solved.report.unknowns == system.spaces.unknowns
+        return own_mesh and bool(np.isclose(here, self.solved.report.reached))
+
+    @property
+    def fields(self) -> LegFields:
+        """Of the system's present state, by the film's expressions where it has some."""
+        film = self.film
+        reader = FieldReader(self.experiment.system) if film is None else film.reader
+        return reader.read()
+
+    def section(self, what: str) -> PressedSection | None:
+        """Return the section to press, of ``what`` in words; None where there is none to show."""
+        if self.film is None or not self.is_final:
+            return None
+        return pressed_section(
+            self.film,
+            self.solved.curve.displacement,
+            self.solved.curve.force,
+            f"Section of the leg with {what} while the cylinder is pressed in (model): its mesh, "
+            "coloured by the hydrostatic pressure, by how far the tissue moved, by its greatest "
+            "stretch (1 is none) or by tissue. Dashed: the skin before. The force is that of plane "
+            "strain times the cylinder's length, without a correction for its ends.",
+        )
+
+
+def filmed(experiment: PlaneStrainIndentation, values: Mapping[str, float], depth: float) -> Filmed:
+    """Solve for values (MPa, 1/MPa) to a depth (mm), unless that was done in this process."""
+    film = Film(experiment, depth) if experiment.comm.size == 1 else None
+    replay = experiment.replays.find(values, depth)
+    if film is not None and replay is not None and replay.solved is not None:
+        for at in replay.show():
+            film.take(at)
+        return Filmed(experiment, film, replay.solved)
+    on_step = None if film is None else film.take
+    return Filmed(experiment, film, experiment.solve(values, depth, on_step=on_step))

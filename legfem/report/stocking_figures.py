@@ -1,0 +1,429 @@
+"""Figures of a leg in its stocking: pressures on it and inside it, and the contours that were compared."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from legfem.common.units import FloatArray, mpa_to_mmhg
+from legfem.geometry.curve import outward_normals
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.geometry.slices import CONTOURS, SliceSet
+from legfem.report.leg_directions import Directions, unwrapped
+from legfem.report.style import (
+    BONE_COLOUR,
+    DATA_COLOUR,
+    FAINT,
+    REGION_COLOURS,
+    new_figure,
+    panel,
+    scale_in_kpa,
+    styled,
+    title,
+)
+from legfem.report.words import number
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.pressures import FatPressures, SectionPressures
+from legfem.stockings.result import StockingResult
+from legfem.stockings.search import StiffnessFit, expected_rms
+
+COLOURS = "viridis"
+BARE_COLOUR = "#D9D9D9"
+NO_PRESSURE = 0.01
+"""Of the greatest, below which there is none to speak of."""
+_ROUND = np.linspace(-180.0, 180.0, 361)
+"""Angles round the leg at which values of its points are drawn, degrees from the front."""
+
+
+@styled
+def stocking_pressure_figure(result: StockingResult) -> Figure:
+    """Return the interface pressure of the worn stocking, in mmHg."""
+    worn, leg = result.equilibrium, result.leg
+    pressure = mpa_to_mmhg(worn.load.pressure)
+    norm = Normalize(0.0, float(pressure.max()))
+    figure = new_figure(13.0, 6.0)
+    title(
+        figure,
+        f"Pressure of the stocking on the skin: mean {mpa_to_mmhg(worn.load.mean_pressure):.0f} "
+        f"mmHg, greatest {pressure.max():.0f} mmHg",
+        leg.title,
+        leg.origin,
+    )
+    grid = figure.add_gridspec(1, 3, width_ratios=(1.6, 1, 1))
+    flat = figure.add_subplot(grid[0])
+    directions = Directions.of(leg.bare)
+    image = _unrolled(flat, worn.shape.levels, worn.shape.contours[SKIN], pressure, norm)
+    flat.set_xticks(*directions.sides())
+    flat.set(xlabel="round the leg, seen from outside", ylabel="height z (mm)", xlim=(-180, 180))
+    for side in (-90, 0, 90):
+        flat.axvline(side, color="white", linewidth=0.5, alpha=0.6)
+    panel(flat, "A", "unrolled")
+    handles: list[Any] = []
+    if leg.compressed is not None:
+        heights: dict[str, Any] = dict(marker="<", color="black", linestyle="")
+        flat.plot(np.full(len(leg.slices), 184.0), leg.slices, clip_on=False, **heights)
+        handles.append(Line2D([], [], label="slices that were compared with the scan", **heights))
+    if (pressure < NO_PRESSURE * pressure.max()).any():
+        handles.append(
+            Patch(
+                facecolor=BARE_COLOUR,
+                edgecolor="#777777",
+                hatch="///",
+                linewidth=0.5,
+                label="no pressure: the fabric spans a hollow or a flat",
+            )
+        )
+    if handles:
+        flat.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1))
+    for place, (letter, side, angle) in enumerate((("B", 0, -90), ("C", 2, 90)), 1):
+        axes = figure.add_subplot(grid[place], projection="3d")
+        _solid(axes, worn.shape.points(SKIN), pressure, norm, angle)
+        panel(axes, letter, f"{directions.names[side]} view")
+    bar = figure.colorbar(image, ax=figure.axes[1:], shrink=0.75, pad=0.04)
+    bar.set_label("interface pressure (mmHg)")
+    scale_in_kpa(bar, "left")
+    return figure
+
+
+def _unrolled(axes: Axes, levels: FloatArray, skin: FloatArray, pressure: FloatArray, norm: Normalize) -> Any:
+    """Draw the pressure over the angle round the leg and the height."""
+    rows = np.stack([_round_leg(*pair) for pair in zip(unwrapped(skin), pressure, strict=True)])
+    image = axes.pcolormesh(_ROUND, levels, rows, cmap=COLOURS, norm=norm, shading="gouraud", rasterized=True)
+    least = NO_PRESSURE * float(pressure.max())
+    axes.contourf(_ROUND, levels, rows, levels=[-1.0, least], colors=[BARE_COLOUR])
+    hatched = axes.contourf(_ROUND, levels, rows, levels=[-1.0, least], colors="none", hatches=["//"])
+    hatched.set_edgecolor("#777777")
+    hatched.set_linewidth(0.0)
+    apart = 5.0 if pressure.max() < 35.0 else 10.0
+    drawn = np.arange(apart, pressure.max(), apart)
+    lines = axes.contour(_ROUND, levels, rows, levels=drawn, colors="white", linewidths=0.6)
+    axes.clabel(lines, fmt="%g", fontsize=8)
+    return image
+
+
+def _round_leg(angles: FloatArray, values: FloatArray) -> FloatArray:
+    """Interpolate values (n,) at angles (n,) round the leg to `_ROUND`."""
+    return np.interp(_ROUND, angles, values, period=360.0)
+
+
+def _solid(axes: Any, points: FloatArray, pressure: FloatArray, norm: Normalize, angle: float) -> None:
+    """Draw the skin, closed, coloured by its pressure."""
+    closed = np.concatenate([points, points[:, :1]], axis=1)
+    values = np.concatenate([pressure, pressure[:, :1]], axis=1)
+    faces = 0.25 * (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:])
+    colours = matplotlib.colormaps[COLOURS](norm(faces))
+    colours[faces < NO_PRESSURE * values.max()] = matplotlib.colors.to_rgba(BARE_COLOUR)
+    axes.plot_surface(
+        *np.moveaxis(closed, -1, 0),
+        facecolors=colours,
+        rstride=1,
+        cstride=1,
+        shade=False,
+        linewidth=0,
+        antialiased=False,
+        rasterized=True,
+    )
+    axes.set_proj_type("ortho")
+    axes.set_aspect("equal")
+    axes.set_box_aspect(np.ptp(points.reshape(-1, 3), axis=0), zoom=1.5)
+    axes.view_init(elev=0, azim=angle)
+    axes.set_axis_off()
+
+
+BARE, WORN = "#8C8C8C", "#0072B2"
+VEIN_COLOUR = "#D55E00"
+
+
+@styled
+def stocking_section_figure(result: StockingResult, section: SectionPressures) -> Figure:
+    """Return the pressure in a section, and the outlines before and after, with their load."""
+    assert result.pressures is not None
+    leg, level = result.leg, section.level
+    figure = new_figure(13.0, 8.2)
+    title(figure, f"Inside the leg at mid calf (z = {level:.1f} mm)", leg.title, leg.origin)
+    (inside, outside), below = figure.subplots(2, 2, height_ratios=(5, 1))
+    _keys(below[0], _draw_pressure(figure, inside, result, section))
+    panel(inside, "A", "hydrostatic pressure in fat and muscle")
+    _keys(below[1], _draw_outlines(outside, result, level))
+    panel(outside, "B", "before and in the stocking")
+    names = Directions.of(leg.bare).names
+    for axes in (inside, outside):
+        axes.set_aspect("equal")
+        # The front at the top, as a leg is drawn; the patient's left at the right.
+        axes.set_xlabel("x (mm), to the patient's left")
+        frame = dict(transform=axes.transAxes, color="#444444", ha="center", va="center")
+        for name, place, turn in zip(
+            names, ((0.5, 0.985), (0.985, 0.5), (0.5, 0.015), (0.015, 0.5)), (0, 270, 0, 90), strict=True
+        ):
+            axes.text(*place, name, rotation=turn, fontsize=9, **frame)
+        axes.invert_yaxis()
+    inside.set_ylabel("y (mm), to the back")
+    return figure
+
+
+def _draw_pressure(figure: Figure, axes: Axes, result: StockingResult, section: SectionPressures) -> list[Any]:
+    """Draw the pressure and the veins; return what the keys are."""
+    pressure = mpa_to_mmhg(section.pressure)
+    low, high = np.nanpercentile(pressure, [0.5, 99.5])
+    image = axes.pcolormesh(
+        section.x,
+        section.y,
+        pressure,
+        cmap="viridis",
+        vmin=min(low, 0.0),
+        vmax=high,
+        shading="nearest",
+        rasterized=True,
+    )
+    bare = result.leg.bare
+    for part in (SKIN, HULL):
+        axes.plot(*_closed(bare.at(part, section.level)), color="black", linewidth=1.0)
+    _draw_bones(axes, bare, section.level)
+    _frame(axes, bare.at(SKIN, section.level))
+    assert result.pressures is not None
+    veins = []
+    dot: dict[str, Any] = dict(marker="o", color=VEIN_COLOUR, markeredgecolor="white")
+    for count, (vein, found) in enumerate(zip(result.leg.veins, result.pressures.at_veins, strict=True), 1):
+        value = f"{mpa_to_mmhg(found):.1f} mmHg" if np.isfinite(found) else "not in the tissues"
+        x, y, _ = map(float, vein.position)
+        axes.plot(x, y, markersize=13, zorder=5, **dot)
+        axes.annotate(
+            f"{count}", (x, y), color="white", weight="bold", ha="center", va="center_baseline", fontsize=9, zorder=6
+        )
+        label = f"{count}  {vein.name} veins: {value}"
+        veins.append(Line2D([], [], linestyle="", markersize=8, label=label, **dot))
+    bar = figure.colorbar(image, ax=axes, shrink=0.7, pad=0.02, extend="both", location="left")
+    bar.set_label("hydrostatic pressure (mmHg), positive in compression")
+    scale_in_kpa(bar, "right")
+    mean = mpa_to_mmhg(result.pressures.mean_interface)
+    if min(low, 0.0) < mean < high:
+        bar.ax.axhline(mean, color="white", linewidth=3)
+        bar.ax.axhline(mean, color="black", linewidth=1.5)
+    handles = [
+        Line2D([], [], color="black", linewidth=1.0, label="skin, and hull of the muscle (bare)"),
+        Patch(facecolor=BONE_COLOUR, edgecolor="black", label="bone"),
+        Line2D([], [], color="black", linewidth=1.5, label=f"on the scale: mean pressure on the skin, {mean:.1f} mmHg"),
+        *veins,
+    ]
+    return handles
+
+
+def _draw_outlines(axes: Axes, result: StockingResult, level: float) -> list[Any]:
+    """Draw the outlines and the pressure on the skin; return what the keys are."""
+    bare, worn = result.leg.bare, result.equilibrium.shape
+    before, after = (shape.at(SKIN, level) for shape in (bare, worn))
+    at = np.interp(level, bare.levels, np.arange(len(bare.levels)))
+    below, share = int(at), at - int(at)
+    rows = result.equilibrium.load.pressure[[below, min(below + 1, len(bare.levels) - 1)]]
+    pressure = mpa_to_mmhg((1 - share) * rows[0] + share * rows[1])
+    normal = outward_normals(after)
+    scale = 0.25 * float(np.ptp(after, axis=0).max()) / max(float(pressure.max()), 1e-9)
+    out = after + scale * pressure[:, None] * normal
+    band = np.concatenate([_closed(out).T, _closed(after).T[::-1]])
+    axes.fill(*band.T, color=WORN, alpha=0.2, linewidth=0)
+    step = max(1, len(after) // 60)
+    for tip, root in zip(out[::step], after[::step], strict=True):
+        axes.plot(*np.stack([tip, root]).T, color=WORN, linewidth=0.6, alpha=0.8)
+    for part in (SKIN, HULL):
+        axes.plot(*_closed(bare.at(part, level)), color=BARE, linewidth=1.2, linestyle="--")
+        axes.plot(*_closed(worn.at(part, level)), color=DATA_COLOUR, linewidth=1.2)
+    _draw_bones(axes, bare, level)
+    moved = np.linalg.norm(after - before, axis=1)
+    handles = [
+        Line2D([], [], color=BARE, linestyle="--", label="skin and hull, bare"),
+        Line2D(
+            [], [], color=DATA_COLOUR, label=f"skin and hull in the stocking: skin moved by up to {moved.max():.1f} mm"
+        ),
+        Patch(facecolor=WORN, alpha=0.3, label=f"pressure on the skin, up to {pressure.max():.0f} mmHg here"),
+    ]
+    _frame(axes, out)
+    return handles
+
+
+def _keys(axes: Axes, handles: list[Any]) -> None:
+    """Explain the panel above."""
+    axes.axis("off")
+    axes.legend(handles=handles, loc="upper center")
+
+
+def _frame(axes: Axes, outermost: FloatArray) -> None:
+    """Leave room for the names of the sides."""
+    low, high = outermost.min(axis=0), outermost.max(axis=0)
+    room = 0.08 * float((high - low).max())
+    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
+
+
+def _draw_bones(axes: Axes, shape: LegShape, level: float) -> None:
+    for name in shape.bones:
+        contour = shape.at(name, level)
+        axes.fill(*contour.T, facecolor=BONE_COLOUR, edgecolor="black", linewidth=0.8, zorder=3)
+        axes.annotate(name, contour.mean(axis=0), ha="center", va="center", fontsize=8, zorder=4)
+
+
+def _closed(contour: FloatArray) -> FloatArray:
+    """Return x and y of a contour (n, 2) with its first point repeated, (2, n + 1)."""
+    return np.vstack([contour, contour[:1]]).T
+
+
+INTERFACE, GREATEST = "#0072B2", "#D55E00"
+
+
+@styled
+def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float) -> Figure:
+    """Return thickness and pressures round the leg at a level (mm), and over all levels."""
+    leg = result.leg
+    row = int(np.argmin(np.abs(fat.levels - level)))
+    figure = new_figure(13.5, 5.4)
+    title(figure, "Fat thickness and the pressures over it and in it", leg.title, leg.origin)
+    around, by_thickness, by_interface = figure.subplots(1, 3, width_ratios=(1.5, 1, 1))
+
+    angles = unwrapped(fat.skin)
+
+    def at_level(values: FloatArray) -> FloatArray:
+        return _round_leg(angles[row], values[row])
+
+    thick = around.twinx()
+    thick.fill_between(_ROUND, at_level(fat.thickness), color=REGION_COLOURS["superficial"])
+    thick.set_ylim(0, 2.2 * fat.thickness[row].max())
+    thick.set_ylabel("fat thickness (mm), shaded")
+    thick.spines["right"].set_visible(True)
+    around.set_zorder(thick.get_zorder() + 1)
+    around.patch.set_visible(False)
+    for values, colour, line, label in (
+        (fat.greatest, GREATEST, "-", "hydrostatic in the fat, greatest in its depth"),
+        (fat.mean, GREATEST, "--", "hydrostatic in the fat, mean over its depth"),
+        (fat.interface, INTERFACE, "-.", "on the skin"),
+    ):
+        around.plot(_ROUND, at_level(mpa_to_mmhg(values)), color=colour, linewidth=1.5, linestyle=line, label=label)
+    around.set(xlim=(-180, 180), ylabel="pressure (mmHg)")
+    around.set_ylim(0.0, 1.3 * around.get_ylim()[1])
+    around.set_xticks(*Directions.of(leg.bare).sides())
+    around.legend(loc="upper left")
+    panel(around, "A", f"round the leg at z = {fat.levels[row]:.1f} mm")
+
+    greatest, interface = mpa_to_mmhg(fat.greatest).ravel(), mpa_to_mmhg(fat.interface).ravel()
+    thickness = fat.thickness.ravel()
+    thick_label, skin_label = "fat thickness there (mm)", "pressure on the skin there (mmHg)"
+    low, top = 0.95 * float(np.nanmin(greatest)), 1.05 * float(np.nanmax(greatest))
+    for axes, letter, x, by, shade, colours, label in (
+        (by_thickness, "B", thickness, fat.thickness, interface, "viridis", skin_label),
+        (by_interface, "C", interface, fat.interface, thickness, "cividis", thick_label),
+    ):
+        image = axes.scatter(x, greatest, c=shade, cmap=colours, s=6, linewidths=0)
+        figure.colorbar(image, ax=axes, location="bottom", shrink=0.9).set_label(label)
+        axes.set_ylim(low, top)
+        panel(axes, letter, f"all columns: rank correlation {number(fat.rank_correlation(fat.greatest, by))}")
+    by_thickness.set(
+        xlabel="fat thickness (mm)", xlim=(0, None), ylabel="greatest hydrostatic pressure\nin the fat (mmHg)"
+    )
+    by_interface.plot([low, top], [low, top], color=FAINT, linewidth=0.8, zorder=0)
+    by_interface.annotate("alike ", (top, top), color=FAINT, ha="right", va="top")
+    by_interface.set(xlabel="pressure on the skin (mmHg)")
+    mean = mpa_to_mmhg(result.equilibrium.load.mean_pressure)
+    for axes in (by_thickness, by_interface):
+        axes.axhline(mean, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
+    by_thickness.annotate("mean on the skin", (0.1, mean), va="top", fontsize=8)
+    return figure
+
+
+MODEL_COLOUR, BARE_SLICE_COLOUR, ERROR_COLOUR = "#0072B2", "#E69F00", "#BDBDBD"
+SHORT = {"anterior": "ant.", "posterior": "post.", "medial": "med.", "lateral": "lat."}
+CONTOUR_NAMES = {"outer": "skin", "inner": "hull of the muscle"}
+
+
+@styled
+def stocking_contours_figure(result: StockingResult, found: StiffnessFit) -> Figure:
+    """Return outlines and distances of the best fit, slice by slice.
+
+    Parameters
+    ----------
+    result
+        Of a leg that was scanned in its stocking.
+    found
+        The fit that is shown.
+    """
+    leg, misfit = result.leg, result.misfit
+    assert misfit is not None
+    target, simulated = misfit.target, found.equilibrium.shape
+    fitted, bare = (_distances_by_contour(misfit, found, shape) for shape in (simulated, leg.bare))
+    figure = new_figure(3.0 * len(target.levels) + 0.6, 9.4)
+    title(figure, "Contours that were compared: model of the compressed leg against its scan", leg.title, leg.origin)
+    axes = figure.subplots(3, len(target.levels), sharey="row", height_ratios=(1.35, 1, 1))
+    sides, words = Directions.of(leg.bare).sides()
+    names = [SHORT.get(word, word) for word in words]
+    slices = {
+        "scan": (target, DATA_COLOUR, "-", 2.2),
+        "bare": (SliceSet.of(leg.bare, target.levels), BARE_SLICE_COLOUR, "-", 1.0),
+        "model": (SliceSet.of(simulated, target.levels), MODEL_COLOUR, "-", 1.0),
+    }
+    error = 1.96 * expected_rms(leg.accuracy)
+    reach = 1.05 * max(error, *(float(np.abs(d[c]).max()) for d in (fitted, bare) for c in d))
+    for column, level in enumerate(target.levels):
+        top = axes[0, column]
+        _draw_slices(top, slices, column)
+        top.set_title(f"z = {level:.1f} mm", loc="center")
+        for row, name in enumerate(CONTOURS, 1):
+            panel = axes[row, column]
+            _draw_distances(panel, target, name, column, (bare, fitted), error)
+            panel.set(xlim=(-180, 180), ylim=(-reach, reach))
+            panel.set_xticks(sides, names if row == 2 else [""] * len(names))
+            for label, side in zip(panel.get_xticklabels(), ("left", *3 * ["center"], "right"), strict=True):
+                label.set_horizontalalignment(side)
+            rms = float(np.sqrt(np.mean(fitted[name][column] ** 2)))
+            panel.text(
+                0.97, 0.04, f"rms {rms:.2f} mm", transform=panel.transAxes, ha="right", color=MODEL_COLOUR, fontsize=9
+            )
+    axes[0, 0].set_ylabel("y (mm), front at the top")
+    for row, name in enumerate(CONTOURS, 1):
+        axes[row, 0].set_ylabel(f"{CONTOUR_NAMES[name]}:\ndistance outside the scan (mm)")
+    handles = [
+        Line2D([], [], color=DATA_COLOUR, linewidth=2.2, label="scan in the stocking"),
+        Line2D([], [], color=MODEL_COLOUR, label="model, best fit"),
+        Line2D([], [], color=BARE_SLICE_COLOUR, label="bare leg: what the stocking did"),
+        Patch(color=ERROR_COLOUR, alpha=0.6, label=f"errors of the contours, 95 % (±{error:.2f} mm)"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    return figure
+
+
+def _distances_by_contour(misfit: ContourMisfit, found: StiffnessFit, shape: LegShape) -> dict[str, FloatArray]:
+    """Return distances by contour, (n_slices, n_points), with the fit's rigid motion."""
+    distances = misfit.distances(shape)
+    if found.rigid is not None:
+        distances = distances + misfit.rigid_slopes(shape) @ found.rigid
+    shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
+    parts = np.split(distances, [shapes[0][0] * shapes[0][1]])
+    return {name: part.reshape(shape) for name, part, shape in zip(CONTOURS, parts, shapes, strict=True)}
+
+
+def _draw_slices(axes: Axes, slices: dict[str, tuple[SliceSet, str, str, float]], column: int) -> None:
+    for found, colour, style, width in slices.values():
+        for name in CONTOURS:
+            contour = found.contours(name)[column]
+            axes.plot(*_closed(contour), color=colour, linestyle=style, linewidth=width)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (mm)")
+    if column == 0:
+        axes.invert_yaxis()
+
+
+def _draw_distances(
+    axes: Axes,
+    target: SliceSet,
+    name: str,
+    column: int,
+    both: tuple[dict[str, FloatArray], dict[str, FloatArray]],
+    error: float,
+) -> None:
+    angle = unwrapped(target.contours(name)[column : column + 1])[0]
+    axes.axhspan(-error, error, color=ERROR_COLOUR, alpha=0.6, linewidth=0)
+    axes.axhline(0.0, color=DATA_COLOUR, linewidth=1.0)
+    for found, colour in zip(both, (BARE_SLICE_COLOUR, MODEL_COLOUR), strict=True):
+        axes.plot(_ROUND, _round_leg(angle, found[name][column]), color=colour, linewidth=1.3)

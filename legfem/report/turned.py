@@ -1,0 +1,234 @@
+"""A leg in 3D on a page, pressed with a slider, and what colours its skin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.experiments.indenter_pose import IndenterInPose
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.legs.film_3d import PressedLeg
+from legfem.report.page import Slider, TurnedLeg, View, packed
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS, TOOL_COLOUR
+
+_TOOL = "tool"
+_POINTS = 120
+"""Of a contour, at most."""
+_PLACE, _MOVE, _VALUE = 0.02, 1 / 800, 1 / 10_000
+"""mm, mm, and share of a field's range a count: what whole numbers of 16 bits hold of them."""
+
+
+type Told = Literal["mean", "most"]
+
+
+@dataclass(frozen=True, eq=False)
+class SkinField:
+    """Numbers on the skin that colour it."""
+
+    name: str
+    unit: str
+    values: FloatArray
+    """(n_states, n_levels, n_points)."""
+    told: Told = "mean"
+    """What is said of it beside the slider."""
+
+
+@dataclass(frozen=True, eq=False)
+class Marked:
+    """A point inside the leg that is named."""
+
+    name: str
+    position: FloatArray
+    """(3,), mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """A rigid grid of points that touches the leg, drawn so that the leg is seen through it."""
+
+    points: FloatArray
+    """(n_levels, n_points, 3), mm, in the first state."""
+    moves: FloatArray
+    """(n_states, 3), mm."""
+
+
+def turned_leg(
+    shape: LegShape,
+    moved: Mapping[str, FloatArray],
+    fields: Sequence[SkinField],
+    slider: Slider,
+    view: View,
+    header: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    caption: str,
+    marked: Sequence[Marked] = (),
+    tool: Tool | None = None,
+) -> TurnedLeg:
+    """Return a leg for a page.
+
+    Parameters
+    ----------
+    shape
+        Without load; its front is at -y.
+    moved
+        Displacement (mm) of skin's and hull's points, (n_states, n_levels, n_points, 3) each.
+    fields
+        Of the skin.
+    slider, view
+        What is moved, and how it is looked at.
+    header, rows
+        The same as a table.
+    caption
+        What is seen, in words.
+    marked
+        Points that are named, of the leg without load.
+    tool
+        What touches it.
+    """
+    middle = shape.contours[SKIN].mean(axis=(0, 1))
+    centre = np.array([*middle, shape.levels.mean()])
+    parts = []
+    for part in shape.parts:
+        step = max(1, -(-shape.contours[part].shape[1] // _POINTS))
+        entry = _part(part, shape.points(part)[:, ::step] - centre)
+        if part in moved:
+            entry["moves"] = packed(moved[part][:, :, ::step] / _MOVE, "<i2")
+        if part == SKIN:
+            entry["fields"] = [_field(field, step) for field in fields]
+        parts.append(entry)
+    if tool is not None:
+        entry = _part(_TOOL, tool.points - centre)
+        moves = np.broadcast_to(tool.moves[:, None, None], (len(tool.moves), *tool.points.shape))
+        parts.append({**entry, "moves": packed(moves / _MOVE, "<i2")})
+    reach = max(float(np.abs(shape.points(SKIN) - centre)[..., :2].max()), _reach(tool, centre))
+    content = {
+        "parts": parts,
+        "mm_a_count": [_PLACE, _MOVE],
+        "share_a_count": _VALUE,
+        "marked": [{"name": m.name, "at": (m.position - centre).round(2).tolist()} for m in marked],
+        "stops": list(slider.stops),
+        "force": list(slider.force),
+        "unit": slider.unit,
+        "digits": slider.digits,
+        "views": list(view.names),
+        "height": shape.length,
+        "reach": reach,
+    }
+    return TurnedLeg(caption, content, slider, view, [f.name for f in fields], header, rows)
+
+
+def _part(name: str, points: FloatArray) -> dict[str, object]:
+    colours = {HULL: REGION_COLOURS["deep"], _TOOL: TOOL_COLOUR}
+    return {
+        "name": name,
+        "shape": points.shape[:2],
+        "at": packed(points / _PLACE, "<i2"),
+        "moves": None,
+        "colour": colours.get(name, BONE_COLOUR),
+    }
+
+
+def _reach(tool: Tool | None, centre: FloatArray) -> float:
+    """Return how far to the side a tool is seen in its last state, at most (mm)."""
+    if tool is None:
+        return 0.0
+    there = tool.points + tool.moves[-1] - centre
+    return float(np.linalg.norm(there[..., :2], axis=-1).max())
+
+
+def _field(field: SkinField, step: int) -> dict[str, object]:
+    low, high = float(field.values.min()), float(field.values.max())
+    high = max(high, low + 1e-9)
+    shares = (field.values[:, :, ::step] - low) / (high - low)
+    return {
+        "name": field.name,
+        "unit": field.unit,
+        "range": [low, high],
+        "told": field.told,
+        "values": packed(shares / _VALUE, "<u2"),
+    }
+
+
+_SIDES = (
+    "the cylinder's side",
+    "the cylinder's side and the right",
+    "the right",
+    "behind, and the right",
+    "behind",
+    "behind, and the left",
+    "the left",
+    "the cylinder's side and the left",
+)
+_ROUND = 36
+"""Points of a ring of an indenter's grid."""
+
+
+def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
+    """Return a leg that is pressed, with what presses it in front.
+
+    Parameters
+    ----------
+    pressed
+        The leg's solve.
+    caption
+        Begins what is said of it.
+    """
+    direction = pressed.posed.pose.direction
+    turn = _to_the_front(direction)
+    bare = pressed.shape
+    shape = LegShape(bare.levels, {part: xy @ turn[:2, :2].T for part, xy in bare.contours.items()})
+    stops = np.array([0.0, *(state.displacement for state in pressed.states)])
+    moved = {
+        SKIN: _from_none([state.skin @ turn.T for state in pressed.states]),
+        HULL: _from_none([state.hull @ turn.T for state in pressed.states]),
+    }
+    pressure = _from_none([state.pressure for state in pressed.states])
+    movement = np.linalg.norm(moved[SKIN], axis=-1)
+    grid = (_outline(pressed.posed) + pressed.touch) @ turn.T
+    tool = Tool(grid, stops[:, None] * (turn @ direction))
+    force = pressed.curve(stops)
+    rows = [
+        [f"{at:.1f}", f"{force[k]:.2f}", f"{pressure[k].max():.1f}", f"{movement[k].max():.1f}"]
+        for k, at in enumerate(stops)
+    ]
+    return turned_leg(
+        shape,
+        moved,
+        [
+            SkinField("pressure on the skin", "kPa", pressure, "most"),
+            SkinField("movement of the skin", "mm", movement, "most"),
+        ],
+        Slider("Press the leg in 3D", tuple(stops), " mm", 0.1, 1, tuple(force)),
+        View(_SIDES, -50.0, exaggerates=False),
+        ("displacement (mm)", "force (N)", "highest pressure on the skin (kPa)", "greatest movement of the skin (mm)"),
+        rows,
+        f"{caption} Its skin is coloured by the pressure on it or by how far it moved; the "
+        f"indenter is drawn see-through. {len(pressed.states)} states were computed; what lies "
+        "between is drawn in proportion.",
+        tool=tool,
+    )
+
+
+def _from_none(states: list[FloatArray]) -> FloatArray:
+    """Return the unpressed leg's zeros, and the values of the states."""
+    return np.stack([np.zeros_like(states[0]), *states])
+
+
+def _to_the_front(direction: FloatArray) -> FloatArray:
+    """Return the rotation (3, 3) about z that turns a travel into +y, from the front."""
+    x, y, _ = direction
+    return np.array([[y, -x, 0.0], [x, y, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _outline(posed: IndenterInPose[Any]) -> FloatArray:
+    """Return an indenter's surface about its middle as a grid (n, m, 3) of rings."""
+    heights, radii = posed.profile().T
+    # Square to the axis of any of them, and turned with the leg.
+    axis, first = posed.axis, posed.pose.frame[1]
+    angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)[:, None]
+    ring = np.cos(angle) * first + np.sin(angle) * np.cross(axis, first)
+    return np.asarray(heights[:, None, None] * axis + radii[:, None, None] * ring)

@@ -1,0 +1,74 @@
+"""Pages are in plain English: a list of words and turns that may not appear in what users read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import making_pages as pages
+import pytest
+from making_diagnosed import diagnosed
+from test_diagnosis_report import CASES
+
+from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.page import WebPage
+from legfem.report.render.text import plain_page
+
+UNWANTED = {
+    r"reckon\w*": "calculate",
+    r"mend(s|ed|ing)?": "fix",
+    r"(not|n't|cannot) be told": "cannot be determined",
+    r"(not|n't|cannot) tell": "cannot determine",
+    r"told (from|apart)": "distinguished",
+    r"holds? the true": "contains the true value",
+    r"hold (true|19|90)": "contain",
+    r"times smaller": "smaller by a factor",
+    r"nothing speaks against": "the model fits",
+    r"ask(s|ed)? for (its|a|no) further": "needs",
+    r"beforehand": "before the test",
+    r"in vain": "without success",
+    r"unseen": "without a sign, not detected",
+    r"likely causes, listed": "the cause's name, or at least two causes",
+    r"can't be said": "the recordings do not show",
+    r"leaves as it is": "does not reduce",
+    r"of what was open": "of the range that was searched",
+    r"known within [1-9]\d\d+ %": "cannot be determined",
+    r"1 recordings": "1 recording",
+    r"python -m legfem": "legfem",
+}
+"""What may not be in a page, and what to say in its place."""
+ALLOWED = {r"likely causes, listed": r"one of ([2-9]|\d\d+) less likely causes, listed"}
+
+
+def said(page: WebPage) -> Iterator[tuple[str, str]]:
+    """Unwanted turns in a page, each with its surroundings."""
+    text = " ".join(plain_page(page, []).split())
+    own = text.replace(page.repeat.command, "") if page.repeat.command else text
+    for turn, instead in UNWANTED.items():
+        for found in re.finditer(rf"\b{turn}", own, re.IGNORECASE):
+            around = own[max(found.start() - 40, 0) : found.end() + 40]
+            if not (turn in ALLOWED and re.search(ALLOWED[turn], around)):
+                yield f"...{around}...", instead
+
+
+@pytest.mark.parametrize("kind", ["identification", "identification-3d", "plan", "specimen"])
+def test_pages_are_in_plain_english(kind, tmp_path: Path):
+    assert list(said(pages.PAGES[kind](tmp_path))) == []
+
+
+@pytest.mark.parametrize("verdict", CASES)
+def test_pages_of_a_diagnosis_are_in_plain_english(verdict, tmp_path: Path):
+    effects, bump, asked = CASES[verdict]
+    found = diagnosed(effects, bump=bump, asked=asked)
+    plan = ["press to 25 mm: 70 % chance of distinguishing the candidates"]
+    for lines in ((), plan):
+        assert list(said(diagnosis_web_page(found, pages.subject_in(tmp_path), lines))) == []
+
+
+def test_the_first_line_of_an_identification_is_the_number_that_was_asked_for(tmp_path: Path):
+    page = pages.identified(tmp_path)
+    sentence = (
+        r"Muscle stiffness C10 = [\d.]+ kPa \([\d.]+ to [\d.]+\), shear modulus G = [\d.]+ kPa, Young's modulus E = "
+    )
+    assert re.match(sentence, page.headline.sentence)
