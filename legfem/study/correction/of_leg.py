@@ -24,6 +24,7 @@ from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.page import Curves, Line
+from legfem.report.render.html import rendered
 from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, save, styled
 from legfem.solve.path import ForceCurve
@@ -107,7 +108,7 @@ def run(
     print(f"{title}\n{table(*cells)}\n")
     figure = _draw(found, out)
     write_document(out / DOCUMENT, _document(found))
-    write_atomically(out / web.PAGE, web.rendered(_page(found, cells)))
+    write_atomically(out / web.PAGE, rendered(_page(found, cells)))
     print(f"leg: {out / DOCUMENT}\nfigure: {figure[0]}\npage: {out / web.PAGE}")
 
 
@@ -201,7 +202,6 @@ def _page(found: LegBesideTable, cells: Cells) -> web.WebPage:
     depth, leg = float(found.displacement[-1]), found.models.leg
     outcome = found.solved.outcome
     around = f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"
-    shape = "assumed" if leg.extruded else "measured"
     stiffness, work = f"{found.c10:g} and {found.c20:g} kPa", f"{outcome.factorisations} factorisations"
     curves = Curves(
         "leg",
@@ -239,7 +239,7 @@ def _page(found: LegBesideTable, cells: Cells) -> web.WebPage:
         warnings=[f"The leg is {leg.source}."] if leg.extruded else [],
         known=[
             web.Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "this leg in 3D and in plane strain", around),
-            web.Known("leg", f"{leg.shape.length:.4g} mm long", shape, leg.source),
+            web.Known("leg", f"{leg.shape.length:.4g} mm long", "assumed" if leg.extruded else "measured", leg.source),
             web.Known("C10 and C20 of the deep tissue", stiffness, "assumed", "option, or legfem's usual"),
             web.Known("fat, fascia and cylinder", "as the folder says", "assumed", "subject.toml"),
             web.Known("work of the solve in 3D", work, "computed", f"{outcome.seconds:.0f} s"),
