@@ -10,7 +10,7 @@ from legfem.inverse.comparison import main_source, shares_of_error, total_of
 from legfem.legs.correction import TabulatedCorrection
 from legfem.report.leg import leg_page
 
-DEEPER, LONGER = "press deeper", "take a longer cylinder, or solve this leg in 3D (--model 3d)"
+DEEPER, LONGER = "press deeper", "use a longer cylinder, or solve this leg in 3D (--model 3d)"
 
 
 def of_ends(sd: float) -> TabulatedCorrection:

@@ -59,10 +59,23 @@ def convergence(
             written.append(folder / "result.json")
 
 
+class Weighting(StrEnum):
+    """Objective of an identification."""
+
+    PAPER = "paper"
+    COVARIANCE = "covariance"
+
+
 @app.command()
 def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Of the genetic algorithm.")] = 1,
     corrected: Annotated[bool, typer.Option("--corrected", help="Also with each leg's own 3D correction.")] = False,
+    weighting: Annotated[
+        Weighting, typer.Option(help="Objective: the paper's unweighted sum (Eq. 12), or weighted with the covariance.")
+    ] = Weighting.PAPER,
+    cost_maps: Annotated[
+        bool, typer.Option("--cost-maps", help="Also figures of the cost over the parameters.")
+    ] = False,
     out: Out = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -76,7 +89,7 @@ def reproduce(
         from legfem.study import reproduce as tables
 
         with brief_output(quiet, as_json) as written:
-            tables.run(seed, folder, processes, corrected, quiet)
+            tables.run(seed, folder, processes, corrected, quiet, weighting.value, cost_maps)
             written.append(folder / "result.json")
 
 

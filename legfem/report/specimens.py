@@ -110,13 +110,13 @@ def _of_a_cup(tests: Sequence[Sizes]) -> str:
 
 
 _FOLLOWED: dict[type, str] = {
-    BallOnLayer: "a ball_diameter_mm of half the true value makes it about 1.4 times too large, or twice on a "
+    BallOnLayer: "a ball_diameter_mm of half the true value makes it about 1.4 times as large, or twice on a "
     "thin layer",
-    PunchOnLayer: "a punch_diameter_mm of half the true value makes it at least twice too large",
-    CylinderBetweenPlates: "a diameter_mm of half the true value makes it at least four times too large",
-    CylinderOnBlock: "a length_mm of half the true value makes it twice too large",
-    UniaxialSpecimen: "an area_mm2 of half the true value makes it twice too large",
-    CupOnLayer: "an opening_mm of half the true value makes it about half of the true stiffness",
+    PunchOnLayer: "a punch_diameter_mm of half the true value makes it at least twice as large",
+    CylinderBetweenPlates: "a diameter_mm of half the true value makes it at least four times as large",
+    CylinderOnBlock: "a length_mm of half the true value makes it twice as large",
+    UniaxialSpecimen: "an area_mm2 of half the true value makes it twice as large",
+    CupOnLayer: "an opening_mm of half the true value makes it about half as large",
 }
 """At small strain: Hertz; Boussinesq; a stress on an area; a dome as wide as its opening."""
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import write_document
+from legfem.common.documents import json_types, write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.indentation import solve_once
@@ -25,6 +26,7 @@ from legfem.report.style import FAINT, new_figure, panel, save, styled
 from legfem.solve.path import ForceCurve
 from legfem.solve.report import SolveReport
 from legfem.solve.settings import StepSettings
+from legfem.study.cells import Cells, column_cells
 
 DEPTHS = np.array([2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 WINDOWS = ((0.0, 5.0), (5.0, 20.0), (20.0, 30.0))
@@ -199,48 +201,20 @@ def run(
     print(f"result: {out / 'result.json'}\nfigure: {out / 'convergence.png'}")
 
 
-def _cells(found: Convergence) -> tuple[list[str], list[list[str]]]:
-    """Return the forces, their extrapolation and the default's error, a row a depth."""
-    header = [
-        "d (mm)",
-        "default",
-        "mesh 1",
-        "mesh 2",
-        "mesh 3",
-        "order",
-        "Richardson",
-        "GCI mesh 3",
-        "default's error",
-        "contact x4",
-    ]
-    forces = [curve(found.depths) for curve in found.meshes]
-    columns = zip(
-        found.depths,
-        found.default(found.depths),
-        *forces,
-        found.richardson.order,
-        found.richardson.extrapolated,
-        found.richardson.grid_convergence_index,
-        found.default_error,
-        found.contact_change,
-        strict=True,
+def _cells(found: Convergence) -> Cells:
+    """Forces, their extrapolation and the default's error, a row a depth."""
+    return column_cells(
+        {
+            "d (mm)": ("g", found.depths),
+            "default": (".4f", found.default(found.depths)),
+            **{f"mesh {k}": (".4f", curve(found.depths)) for k, curve in enumerate(found.meshes, 1)},
+            "order": (".1f", found.richardson.order),
+            "Richardson": (".4f", found.richardson.extrapolated),
+            "GCI mesh 3": (".2%", found.richardson.grid_convergence_index),
+            "default's error": ("+.2%", found.default_error),
+            "contact x4": ("+.2%", found.contact_change),
+        }
     )
-    rows = [
-        [
-            f"{depth:g}",
-            f"{default:.4f}",
-            f"{one:.4f}",
-            f"{two:.4f}",
-            f"{three:.4f}",
-            "-" if np.isnan(order) else f"{order:.1f}",
-            f"{limit:.4f}",
-            f"{index:.2%}",
-            f"{error:+.2%}",
-            f"{contact:+.2%}",
-        ]
-        for depth, default, one, two, three, order, limit, index, error, contact in columns
-    ]
-    return header, rows
 
 
 def _verdict(found: Convergence) -> str:
@@ -258,20 +232,24 @@ def _verdict(found: Convergence) -> str:
     )
 
 
-def _as_json(found: Convergence) -> dict[str, object]:
-    return {
-        "schema": 1,
-        "displacement_mm": found.depths.tolist(),
-        "default_force_N": found.default(found.depths).tolist(),
-        "mesh_force_N": [curve(found.depths).tolist() for curve in found.meshes],
-        "observed_order": [None if np.isnan(p) else float(p) for p in found.richardson.order],
-        "extrapolated_force_N": found.richardson.extrapolated.tolist(),
-        "grid_convergence_index": found.richardson.grid_convergence_index.tolist(),
-        "default_relative_error": found.default_error.tolist(),
-        "stiffer_contact_relative_change": found.contact_change.tolist(),
-        "curvature_relative_change": found.curvature_change(),
-        "curvature_windows_mm": WINDOWS,
-        "unknowns": [report.unknowns for report in found.mesh_reports],
-        "default_factorisations": found.default_report.factorisations,
-        "default_seconds": found.default_report.seconds,
-    }
+def _as_json(found: Convergence) -> dict[str, Any]:
+    richardson = found.richardson
+    document: dict[str, Any] = json_types(
+        {
+            "schema": 1,
+            "displacement_mm": found.depths,
+            "default_force_N": found.default(found.depths),
+            "mesh_force_N": [curve(found.depths) for curve in found.meshes],
+            "observed_order": richardson.order,
+            "extrapolated_force_N": richardson.extrapolated,
+            "grid_convergence_index": richardson.grid_convergence_index,
+            "default_relative_error": found.default_error,
+            "stiffer_contact_relative_change": found.contact_change,
+            "curvature_relative_change": found.curvature_change(),
+            "curvature_windows_mm": WINDOWS,
+            "unknowns": [report.unknowns for report in found.mesh_reports],
+            "default_factorisations": found.default_report.factorisations,
+            "default_seconds": found.default_report.seconds,
+        }
+    )
+    return document

@@ -12,7 +12,7 @@ from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
-from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import correction_of, size_of
 from legfem.legs.details import LegDetails
@@ -20,6 +20,9 @@ from legfem.legs.document import LegDocument
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
+from legfem.report.cost_figure import cost_figure
+from legfem.report.style import save
+from legfem.study.cells import Cells, row_cells
 
 
 @dataclass(frozen=True)
@@ -41,13 +44,21 @@ PAPER = {
 }
 
 
-def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = False) -> None:
+def run(
+    seed: int,
+    out: Path,
+    jobs: int,
+    corrected: bool = False,
+    quiet: bool = False,
+    weighting: Weighting = "paper",
+    cost_maps: bool = False,
+) -> None:
     """Identify the four subjects with both laws and write the tables.
 
     Parameters
     ----------
     seed
-        Of the genetic algorithm.
+        Seed of the genetic algorithm.
     out
         Folder; full solves are kept there.
     jobs
@@ -55,11 +66,15 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = 
     corrected
         Whether to identify them with their legs' own 3D corrections too.
     quiet
-        Whether progress isn't told.
+        Whether progress is kept to oneself.
+    weighting
+        Objective of the search: the paper's Eq. 12, or weighted with the covariance.
+    cost_maps
+        Whether to draw the cost over the parameters too.
     """
     found: dict[str, list[Fit[LegDetails]]] = {}
     with_correction: dict[str, list[Fit[LegDetails]]] = {}
-    settings = IdentificationSettings(seed=seed)
+    settings = IdentificationSettings(seed=seed, weighting=weighting)
     with progress_on(quiet=quiet) as progress:
         request = SearchRequest(settings=settings, jobs=jobs, progress=progress)
 
@@ -76,95 +91,68 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = 
             if corrected:
                 subject = load_subject(SUBJECTS.find(name), need_recordings=False)
                 with_correction[name] = identify(name, correction_of(subject))
-    tables = neo_hookean_table(found) + "\n" + polynomial_table(found) + "\n" + effort_table(found)
+    made = [neo_hookean_cells(found), polynomial_cells(found), effort_cells(found)]
     if corrected:
-        tables += "\n" + correction_table(found, with_correction) + "\n" + own_corrections_table()
+        made += [correction_cells(found, with_correction), own_corrections_cells()]
+    tables = "\n".join(markdown_table(*cells) for cells in made)
     documents = [fit_document(pair, LegDocument()) for pair in (*found.values(), *with_correction.values())]
     write_document(out / "result.json", documents)
     write_atomically(out / "tables.md", tables)
     print(tables)
     print(f"tables: {out / 'tables.md'}\nresult: {out / 'result.json'}")
+    if cost_maps:
+        for name, pair in found.items():
+            for result in pair:
+                print(f"cost: {save(cost_figure(result), out / f'subject-{name}', f'cost-{result.law}')[0]}")
 
 
-def neo_hookean_table(found: dict[str, list[Fit[LegDetails]]]) -> str:
-    """Return Table 4, the paper's and ours, in Markdown."""
-    rows = []
-    for name, (neo_hookean, _) in found.items():
-        paper, cost = PAPER[name], neo_hookean.cost
-        rows.append(
-            [
-                name,
-                f"{paper.neo_hookean_c10:.2f}, {paper.neo_hookean_cost:g}",
-                _estimate(neo_hookean, DEEP_C10),
-                f"{cost.value:.4g}",
-                f"{cost.per_length:.3g}",
-                f"{cost.rms:.3f}",
-            ]
-        )
-    header = [
-        "subject",
-        "paper: C10 (kPa), cost (N2)",
-        "legfem: C10 (kPa), 95 %",
-        "cost (N2)",
-        "cost ((N/mm)2)",
-        "rms (N)",
-    ]
-    return markdown_table(header, rows)
+def neo_hookean_cells(found: dict[str, list[Fit[LegDetails]]]) -> Cells:
+    """Table 4: the paper's and ours."""
+    return row_cells(
+        {
+            "subject": name,
+            "paper: C10 (kPa), cost (N2)": f"{PAPER[name].neo_hookean_c10:.2f}, {PAPER[name].neo_hookean_cost:g}",
+            "legfem: C10 (kPa), 95 %": _estimate(neo_hookean, DEEP_C10),
+            **_cost(neo_hookean),
+        }
+        for name, (neo_hookean, _) in found.items()
+    )
 
 
-def polynomial_table(found: dict[str, list[Fit[LegDetails]]]) -> str:
-    """Return Table 5, the paper's (the truth of the reconstruction) and ours, in Markdown."""
+def polynomial_cells(found: dict[str, list[Fit[LegDetails]]]) -> Cells:
+    """Table 5: the paper's, which is the truth of the reconstruction, and ours."""
     rows = []
     for name, (_, polynomial) in found.items():
-        paper, cost = PAPER[name], polynomial.cost
+        paper = PAPER[name]
         c10, c20 = polynomial.estimates[DEEP_C10], polynomial.estimates[DEEP_C20]
         rows.append(
-            [
-                name,
-                f"{paper.c10:.2f}, {paper.c20:.2f}, {paper.cost:g}",
-                _estimate(polynomial, DEEP_C10),
-                _estimate(polynomial, DEEP_C20),
-                f"{c10.shown.value / paper.c10 - 1:+.1%}, {c20.shown.value / paper.c20 - 1:+.1%}",
-                f"{cost.value:.4g}",
-                f"{cost.per_length:.3g}",
-                f"{cost.rms:.3f}",
-                f"{c10.identifiability}, {c20.identifiability}",
-            ]
+            {
+                "subject": name,
+                "paper: C10, C20 (kPa), cost (N2)": f"{paper.c10:.2f}, {paper.c20:.2f}, {paper.cost:g}",
+                "legfem: C10 (kPa), 95 %": _estimate(polynomial, DEEP_C10),
+                "C20 (kPa), 95 %": _estimate(polynomial, DEEP_C20),
+                "error of C10, C20": f"{c10.shown.value / paper.c10 - 1:+.1%}, {c20.shown.value / paper.c20 - 1:+.1%}",
+                **_cost(polynomial),
+                "verdicts": f"{c10.identifiability}, {c20.identifiability}",
+            }
         )
-    header = [
-        "subject",
-        "paper: C10, C20 (kPa), cost (N2)",
-        "legfem: C10 (kPa), 95 %",
-        "C20 (kPa), 95 %",
-        "error of C10, C20",
-        "cost (N2)",
-        "cost ((N/mm)2)",
-        "rms (N)",
-        "verdicts",
-    ]
-    return markdown_table(header, rows)
+    return row_cells(rows)
 
 
-def effort_table(found: dict[str, list[Fit[LegDetails]]]) -> str:
-    """Return the work done, in Markdown."""
-    rows = []
-    for name, pair in found.items():
-        solves = ", ".join(str(result.log.forward_solves) for result in pair)
-        rows.append([name, solves, f"{sum(result.log.wall_s for result in pair):.0f}"])
-    header = ["subject", "forward solves (neo-Hookean, reduced polynomial)", "seconds (both)"]
-    return markdown_table(header, rows)
+def effort_cells(found: dict[str, list[Fit[LegDetails]]]) -> Cells:
+    """Work done for each subject."""
+    return row_cells(
+        {
+            "subject": name,
+            "forward solves (neo-Hookean, reduced polynomial)": ", ".join(str(r.log.forward_solves) for r in pair),
+            "seconds (both)": f"{sum(result.log.wall_s for result in pair):.0f}",
+        }
+        for name, pair in found.items()
+    )
 
 
-def correction_table(without: dict[str, list[Fit[LegDetails]]], corrected: dict[str, list[Fit[LegDetails]]]) -> str:
-    """Return the stiffnesses without and with the 3D correction, in Markdown."""
-    rows = []
-    for name, pair in without.items():
-        cells = [
-            " and ".join(_estimate(result, stiffness) for stiffness in result.estimates)
-            for law in (0, 1)
-            for result in (pair[law], corrected[name][law])
-        ]
-        rows.append([name, *cells, f"{pair[1].cost.rms:.3f}, {corrected[name][1].cost.rms:.3f}"])
+def correction_cells(without: dict[str, list[Fit[LegDetails]]], corrected: dict[str, list[Fit[LegDetails]]]) -> Cells:
+    """Stiffnesses without and with the 3D correction."""
     header = [
         "subject",
         "neo-Hookean C10 (kPa), 95 %: without",
@@ -173,22 +161,34 @@ def correction_table(without: dict[str, list[Fit[LegDetails]]], corrected: dict[
         "with",
         "rms (N) without, with",
     ]
-    return markdown_table(header, rows)
+    rows = []
+    for name, pair in without.items():
+        cells = [
+            " and ".join(_estimate(result, stiffness) for stiffness in result.estimates)
+            for law in (0, 1)
+            for result in (pair[law], corrected[name][law])
+        ]
+        rows.append([name, *cells, f"{pair[1].cost.rms:.3f}, {corrected[name][1].cost.rms:.3f}"])
+    return header, rows
 
 
-def own_corrections_table() -> str:
-    """Return P of each subject's leg at Table 5's stiffness, with its error, in Markdown."""
+def own_corrections_cells() -> Cells:
+    """P of each subject's leg at Table 5's stiffness, with its error."""
     depths = np.array([5.0, 10.0, 15.0, 20.0, 25.0])
     rows = []
     for name, paper in PAPER.items():
         subject = load_subject(SUBJECTS.find(name), need_recordings=False)
         own = correction_of(subject)
-        P = own.correction(depths, np.array(paper.c10), np.array(paper.c20))
-        cells = [f"{p:+.2f} ({sd:.2f})" for p, sd in zip(P, own.standard_deviation(depths), strict=True)]
+        P, sd = own.correction(depths, np.array(paper.c10), np.array(paper.c20)), own.standard_deviation(depths)
         radius, depth = size_of(subject)
-        rows.append([name, f"{radius:.1f}, {depth:.1f}", *cells])
-    at = (f"P at {d:g} mm (sd)" for d in depths)
-    return markdown_table(["subject", "radius, depth to bone (mm)", *at], rows)
+        row = {"subject": name, "radius, depth to bone (mm)": f"{radius:.1f}, {depth:.1f}"}
+        rows.append(row | {f"P at {d:g} mm (sd)": f"{p:+.2f} ({s:.2f})" for d, p, s in zip(depths, P, sd, strict=True)})
+    return row_cells(rows)
+
+
+def _cost(result: Fit[LegDetails]) -> dict[str, str]:
+    cost = result.cost
+    return {"cost (N2)": f"{cost.value:.4g}", "cost ((N/mm)2)": f"{cost.per_length:.3g}", "rms (N)": f"{cost.rms:.3f}"}
 
 
 def _estimate(result: Fit[LegDetails], name: str) -> str:

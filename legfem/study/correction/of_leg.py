@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.documents import write_atomically, write_document
+from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
@@ -21,54 +22,50 @@ from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
-from legfem.report.page import (
-    PAGE,
-    Bullets,
-    Chapter,
-    Curves,
-    Headline,
-    Known,
-    Line,
-    Prose,
-    Repeat,
-    WebPage,
-    WebTable,
-    command_line,
-)
+from legfem.report import page as web
+from legfem.report.page import Curves, Line
 from legfem.report.render.html import rendered
 from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, save, styled
 from legfem.solve.path import ForceCurve
+from legfem.study.cells import Cells, column_cells
 from legfem.study.correction.calibration import versions
-from legfem.study.correction.page import SHOWN, Cells
+from legfem.study.correction.page import SHOWN
 
 DOCUMENT = "leg.json"
+_HOW_SURE = (
+    "The mesh's error is Richardson's estimate from larger elements; the length's is "
+    "what cutting a third of the leg beyond the cylinder away does; that of first "
+    "contact is what smoothing takes off the plain ratio of forces."
+)
+_NOT_TESTED = (
+    "Fibres, bones that give way, and a cylinder that slips.",
+    "Other stiffnesses: an identification solves the leg at its own.",
+)
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
 
 
 @dataclass(frozen=True, eq=False)
 class LegBesideTable:
-    """A leg's own P and the table's at one stiffness; all (n,)."""
+    """A leg's own P and the table's at one stiffness (kPa); displacement in mm, all arrays (n,)."""
 
     subject: Subject
     models: LegModels
     c10: float
-    """kPa, as ``c20``."""
     c20: float
     displacement: FloatArray
-    """mm."""
     plane: ForceCurve
     solved: SolvedLeg
     table: TabulatedCorrection
 
     @property
     def sd(self) -> FloatArray:
-        """Of the leg's P: mesh, length and first contact."""
+        """Standard deviation of the leg's P: mesh, length and first contact."""
         return np.sqrt(np.sum(np.square(list(self.solved.errors.values())), axis=0))
 
     @property
     def table_P(self) -> FloatArray:
-        """What the table says."""
+        """P of the table of idealised legs."""
         return self.table.correction(self.displacement, np.asarray(self.c10), np.asarray(self.c20))
 
 
@@ -111,8 +108,8 @@ def run(
     print(f"{title}\n{table(*cells)}\n")
     figure = _draw(found, out)
     write_document(out / DOCUMENT, _document(found))
-    write_atomically(out / PAGE, rendered(_page(found, cells)))
-    print(f"leg: {out / DOCUMENT}\nfigure: {figure[0]}\npage: {out / PAGE}")
+    write_atomically(out / web.PAGE, rendered(_page(found, cells)))
+    print(f"leg: {out / DOCUMENT}\nfigure: {figure[0]}\npage: {out / web.PAGE}")
 
 
 def _solved(subject: Subject, models: LegModels, stiffness: tuple[float, float], progress: Progress) -> LegBesideTable:
@@ -136,52 +133,49 @@ def _too_deep(why: str) -> InputError:
 
 def _cells(found: LegBesideTable) -> Cells:
     at = SHOWN[SHOWN <= found.displacement[-1]]
-    table_sd = found.table.standard_deviation(at)
 
-    def there(values: FloatArray) -> FloatArray:
-        return np.interp(at, found.displacement, values)
+    def there(values: FloatArray) -> tuple[str, FloatArray]:
+        return "+.3f", np.interp(at, found.displacement, values)
 
-    P, table, sd = there(found.solved.P), there(found.table_P), there(found.sd)
-    modes = [there(mode) for mode in found.solved.errors.values()]
-    rows = [
-        [
-            f"{d:g}",
-            f"{found.solved.outcome.curve(d):.3f}",
-            f"{found.plane(d):.3f}",
-            f"{P[k]:+.3f}",
-            *(f"{mode[k]:+.3f}" for mode in modes),
-            f"{sd[k]:.3f}",
-            f"{table[k]:+.3f}",
-            f"{table_sd[k]:.3f}",
-        ]
-        for k, d in enumerate(at)
-    ]
-    header = ["d (mm)", "RF3D (N)", "L RF2D (N)", "P", *found.solved.errors, "sd", "table P", "table sd"]
-    return header, rows
+    return column_cells(
+        {
+            "d (mm)": ("g", at),
+            "RF3D (N)": (".3f", found.solved.outcome.curve(at)),
+            "L RF2D (N)": (".3f", found.plane(at)),
+            "P": there(found.solved.P),
+            **{name: there(mode) for name, mode in found.solved.errors.items()},
+            "sd": (".3f", there(found.sd)[1]),
+            "table P": there(found.table_P),
+            "table sd": (".3f", found.table.standard_deviation(at)),
+        }
+    )
 
 
-def _document(found: LegBesideTable) -> dict[str, object]:
+def _document(found: LegBesideTable) -> dict[str, Any]:
     outcome = found.solved.outcome
-    return {
-        "schema": 1,
-        "subject": found.subject.id,
-        "shape": found.models.leg.source,
-        "extruded": found.models.leg.extruded,
-        "definition": DEFINITION,
-        "c10_kPa": found.c10,
-        "c20_kPa": found.c20,
-        "displacement_mm": found.displacement.tolist(),
-        "force_3d_N": outcome.curve(found.displacement).tolist(),
-        "force_2d_N": found.plane(found.displacement).tolist(),
-        "P": found.solved.P.tolist(),
-        "errors": {name: mode.tolist() for name, mode in found.solved.errors.items()},
-        "table": found.table.name,
-        "table_P": found.table_P.tolist(),
-        "table_P_sd": found.table.standard_deviation(found.displacement).tolist(),
-        "factorisations": outcome.factorisations,
-        "seconds": outcome.seconds,
-        "versions": versions(),
-    }
+    document: dict[str, Any] = json_types(
+        {
+            "schema": 1,
+            "subject": found.subject.id,
+            "shape": found.models.leg.source,
+            "extruded": found.models.leg.extruded,
+            "definition": DEFINITION,
+            "c10_kPa": found.c10,
+            "c20_kPa": found.c20,
+            "displacement_mm": found.displacement,
+            "force_3d_N": outcome.curve(found.displacement),
+            "force_2d_N": found.plane(found.displacement),
+            "P": found.solved.P,
+            "errors": found.solved.errors,
+            "table": found.table.name,
+            "table_P": found.table_P,
+            "table_P_sd": found.table.standard_deviation(found.displacement),
+            "factorisations": outcome.factorisations,
+            "seconds": outcome.seconds,
+            "versions": versions(),
+        }
+    )
+    return document
 
 
 @styled
@@ -203,19 +197,34 @@ def _draw(found: LegBesideTable, out: Path) -> list[Path]:
     return save(figure, out, "leg", svg=True)
 
 
-def _page(found: LegBesideTable, cells: Cells) -> WebPage:
+def _page(found: LegBesideTable, cells: Cells) -> web.WebPage:
     P, table, sd = (float(v[-1]) for v in (found.solved.P, found.table_P, found.sd))
     depth, leg = float(found.displacement[-1]), found.models.leg
-    more = "more" if P < 0 else "less"
     outcome = found.solved.outcome
-    return WebPage(
+    around = f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"
+    stiffness, work = f"{found.c10:g} and {found.c20:g} kPa", f"{outcome.factorisations} factorisations"
+    curves = Curves(
+        "leg",
+        f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of this leg's.",
+        found.displacement,
+        "displacement (mm)",
+        "P",
+        "",
+        [
+            Line("this leg", found.solved.P, None, _LEG_COLOUR),
+            Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed"),
+        ],
+        1.96 * found.sd,
+        "95 %",
+    )
+    return web.WebPage(
         title="How much do the cylinder's ends change the force on this leg?",
         subject=found.subject.title,
         origin="simulated",
-        headline=Headline(
+        headline=web.Headline(
             "caution" if leg.extruded or 1.96 * sd > abs(P) else "sound",
-            f"On this leg the cylinder bears {100 * abs(P):.0f} % {more} force than plane strain "
-            f"says, {depth:g} mm deep.",
+            f"On this leg the cylinder bears {100 * abs(P):.0f} % {'more' if P < 0 else 'less'} force than plane "
+            f"strain says, {depth:g} mm deep.",
             [
                 (
                     "How sure",
@@ -229,71 +238,17 @@ def _page(found: LegBesideTable, cells: Cells) -> WebPage:
         ),
         warnings=[f"The leg is {leg.source}."] if leg.extruded else [],
         known=[
-            Known(
-                f"P at {depth:g} mm",
-                f"{P:+.4f}",
-                "computed",
-                "this leg in 3D and in plane strain",
-                f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}",
-            ),
-            Known("leg", f"{leg.shape.length:.4g} mm long", "assumed" if leg.extruded else "measured", leg.source),
-            Known(
-                "C10 and C20 of the deep tissue",
-                f"{found.c10:g} and {found.c20:g} kPa",
-                "assumed",
-                "option, or legfem's usual",
-            ),
-            Known("fat, fascia and cylinder", "as the folder says", "assumed", "subject.toml"),
-            Known(
-                "work of the solve in 3D",
-                f"{outcome.factorisations} factorisations",
-                "computed",
-                f"{outcome.seconds:.0f} s",
-            ),
+            web.Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "this leg in 3D and in plane strain", around),
+            web.Known("leg", f"{leg.shape.length:.4g} mm long", "assumed" if leg.extruded else "measured", leg.source),
+            web.Known("C10 and C20 of the deep tissue", stiffness, "assumed", "option, or legfem's usual"),
+            web.Known("fat, fascia and cylinder", "as the folder says", "assumed", "subject.toml"),
+            web.Known("work of the solve in 3D", work, "computed", f"{outcome.seconds:.0f} s"),
         ],
         chapters=[
-            Chapter(
-                "This leg and the table",
-                [
-                    Curves(
-                        "leg",
-                        f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of this leg's.",
-                        found.displacement,
-                        "displacement (mm)",
-                        "P",
-                        "",
-                        [
-                            Line("this leg", found.solved.P, None, _LEG_COLOUR),
-                            Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed"),
-                        ],
-                        1.96 * found.sd,
-                        "95 %",
-                    ),
-                    WebTable("Forces, P and its errors by depth", *cells),
-                ],
-            ),
-            Chapter(
-                "How sure",
-                [
-                    Prose(
-                        "The mesh's error is Richardson's estimate from larger elements; the length's is "
-                        "what cutting a third of the leg beyond the cylinder away does; that of first "
-                        "contact is what smoothing takes off the plain ratio of forces."
-                    )
-                ],
-            ),
-            Chapter(
-                "What could not be tested",
-                [
-                    Bullets(
-                        (
-                            "Fibres, bones that give way, and a cylinder that slips.",
-                            "Other stiffnesses: an identification solves the leg at its own.",
-                        )
-                    )
-                ],
-            ),
+            web.Chapter("This leg and the table", [curves, web.WebTable("Forces, P and its errors by depth", *cells)]),
+            web.Chapter("How sure", [web.Prose(_HOW_SURE)]),
+            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
         ],
-        repeat=Repeat(command_line(), versions()),
+        repeat=web.Repeat(web.command_line(), versions()),
         data="simulated data (this leg's shape; nothing was pressed)",
     )

@@ -14,71 +14,65 @@ from legfem.legs.correction import DEFINITION, smooth_ratio
 from legfem.report import page as web
 from legfem.report.page import Curves, Dash, Line
 from legfem.report.style import FAINT, REGION_COLOURS, new_figure, panel, save, styled
+from legfem.study.cells import Cells, column_cells, row_cells
 from legfem.study.correction import page as tables
 from legfem.study.correction.calibration import GRID, Calibrated, Calibration, versions
 from legfem.study.correction.cases import CorrectionCase
 
 SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
-"""mm, of the tables' depths."""
-
-type Cells = tuple[list[str], list[list[str]]]
-"""A header and rows."""
+"""Depths of the tables, mm."""
 
 
 def correction_cells(found: Calibrated) -> Cells:
-    """Return forces, P and its errors, a row a depth."""
+    """Forces, P and its errors, a row a depth."""
     correction, reference = found.correction, found.reference
     depths = SHOWN[SHOWN <= correction.displacement[-1]]
-    smooth = smooth_ratio(reference.spatial, reference.plane, depths)
-    modes = [np.interp(depths, correction.displacement, m) for m in correction.errors.values()]
-    spread = correction.standard_deviation(depths)
-    rows = [
-        [
-            f"{depth:g}",
-            f"{reference.spatial(depth):.3f}",
-            f"{reference.plane(depth):.3f}",
-            f"{smooth[k]:+.4f}",
-            *(f"{mode[k]:+.4f}" for mode in modes),
-            f"{spread[k]:.4f}",
-        ]
-        for k, depth in enumerate(depths)
-    ]
-    return ["d (mm)", "RF3D (N)", "L RF2D (N)", "P", *correction.errors, "sd"], rows
+    modes = {name: np.interp(depths, correction.displacement, mode) for name, mode in correction.errors.items()}
+    return column_cells(
+        {
+            "d (mm)": ("g", depths),
+            "RF3D (N)": (".3f", reference.spatial(depths)),
+            "L RF2D (N)": (".3f", reference.plane(depths)),
+            "P": ("+.4f", smooth_ratio(reference.spatial, reference.plane, depths)),
+            **{name: ("+.4f", mode) for name, mode in modes.items()},
+            "sd": (".4f", correction.standard_deviation(depths)),
+        }
+    )
 
 
 def meshes_cells(found: Calibrated) -> Cells:
-    """Return P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
+    """P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
     displacement = found.correction.displacement
     depths = SHOWN[SHOWN <= displacement[-1]]
-    rows = []
-    for outcome in reversed(found.meshes):
-        values = smooth_ratio(outcome.spatial, outcome.plane, depths)
-        rows.append(
-            [
-                f"{outcome.unknowns}",
-                *(f"{p:+.4f}" for p in values),
-                f"{outcome.factorisations}",
-                f"{outcome.seconds:.0f}",
-            ]
-        )
-    error = np.interp(depths, displacement, found.correction.errors["mesh"])
-    rows.append(["limit", *(f"{p:+.4f}" for p in values + error), "", ""])
-    return ["unknowns", *(f"{depth:g} mm" for depth in depths), "tangents", "s"], rows
+    values = [smooth_ratio(outcome.spatial, outcome.plane, depths) for outcome in found.meshes]
+    limit = values[0] + np.interp(depths, displacement, found.correction.errors["mesh"])
+    rows = [
+        {
+            "unknowns": f"{one.unknowns}",
+            **_at(depths, P),
+            "tangents": f"{one.factorisations}",
+            "s": f"{one.seconds:.0f}",
+        }
+        for one, P in reversed(list(zip(found.meshes, values, strict=True)))
+    ]
+    return row_cells([*rows, {"unknowns": "limit", **_at(depths, limit), "tangents": "", "s": ""}])
 
 
 def trend_cells(name: str, curves: Mapping[str, FloatArray]) -> Cells:
-    """Return P, a row a value of what is varied."""
+    """P, a row a value of what is varied."""
     displacement = grid_of(curves)
     depths = SHOWN[SHOWN <= displacement[-1]]
-    rows = []
-    for value, curve in curves.items():
-        at = np.interp(depths, displacement, curve)
-        rows.append([value, *("-" if np.isnan(p) else f"{p:+.4f}" for p in at)])
-    return [name, *(f"{depth:g} mm" for depth in depths)], rows
+    return row_cells(
+        {name: value, **_at(depths, np.interp(depths, displacement, curve))} for value, curve in curves.items()
+    )
+
+
+def _at(depths: FloatArray, P: FloatArray) -> dict[str, str]:
+    return {f"{d:g} mm": "-" if np.isnan(p) else f"{p:+.4f}" for d, p in zip(depths, P, strict=True)}
 
 
 def grid_of(curves: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the displacements (mm) of curves of P."""
+    """Displacements (mm) of curves of P."""
     return GRID * np.arange(len(next(iter(curves.values()))))
 
 

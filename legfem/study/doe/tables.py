@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -11,13 +11,11 @@ import numpy as np
 from legfem.common.documents import json_types
 from legfem.common.units import FloatArray
 from legfem.common.versions import versions_of
+from legfem.study.cells import Cells, row_cells
 from legfem.study.doe.design import Factor, label_of
 from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import LEVEL, Anova
-
-type Cells = tuple[list[str], list[list[str]]]
-"""A table's header and rows."""
 
 TABLE_2 = (
     Factor("superficial.C10", 1.0, 30.0, "kPa", "linear"),
@@ -68,15 +66,9 @@ TABLE_3_NOTE = (
 )
 
 
-def _cells(rows: Iterable[Mapping[str, str]]) -> Cells:
-    """Header and rows of rows that name their cells alike."""
-    given = list(rows)
-    return list(given[0]) if given else ["metric"], [list(row.values()) for row in given]
-
-
 def anova_cells(result: StudyResult) -> Cells:
     """Analysis of variance, as in the paper's Table 3 and with more columns."""
-    return _cells(
+    return row_cells(
         {
             "metric": a.metric.label,
             "SSR": f"{a.anova.ssr:.3g}",
@@ -123,7 +115,7 @@ def _powers(value: float) -> str:
 
 def effects_cells(result: StudyResult) -> Cells:
     """What a statistician looks at beside the t tests: Lenth's limits, curvature, normality."""
-    return _cells(_effects_row(a) for a in result.analyses)
+    return row_cells(_effects_row(a) for a in result.analyses)
 
 
 def _effects_row(a: MetricAnalysis) -> dict[str, str]:
@@ -164,7 +156,7 @@ def numerics_cells(result: StudyResult) -> Cells | None:
                 "significant ones below it": f"{below}" if tests else "-",
             }
         )
-    return _cells(rows)
+    return row_cells(rows)
 
 
 def sobol_cells(result: StudyResult) -> Cells | None:
@@ -172,7 +164,7 @@ def sobol_cells(result: StudyResult) -> Cells | None:
     if not result.sobol:
         return None
     labels = [f.label for f in result.definition.factors]
-    return _cells(
+    return row_cells(
         {"metric": s.metric.label}
         | {name: f"{one:.3f}, {all_:.3f}" for name, one, all_ in zip(labels, s.first, s.total, strict=True)}
         | {
@@ -207,7 +199,7 @@ def information_cells(result: StudyResult) -> Cells | None:
             | {column: ", ".join(map(_half, values)) or "-" for column, values in sds.items()}
             | {"others within ranges: told from": "never" if told is None else f"{told:g} mm"}
         )
-    return _cells(rows)
+    return row_cells(rows)
 
 
 def _half(sd: float) -> str:
@@ -288,9 +280,9 @@ def _numerics(result: StudyResult) -> dict[str, Any] | None:
     metrics = {
         metric.name: {
             "unit": metric.unit,
-            "default": found.default[:, k].tolist(),
-            "refined": found.refined[:, k].tolist(),
-            "relative_error": found.relative[:, k].tolist(),
+            "default": found.default[:, k],
+            "refined": found.refined[:, k],
+            "relative_error": found.relative[:, k],
             "bound_on_a_coefficient": found.bound(result.table, metric),
         }
         for k, metric in enumerate(found.metrics)
@@ -319,19 +311,19 @@ def _information(result: StudyResult) -> dict[str, Any] | None:
         return None
     spread, vectors = found.directions(result.definition.depth)
     sds = {
-        name: {f"{depth:g} mm": found.relative_sd(depth, within_ranges=within).tolist() for depth in depths}
+        name: {f"{depth:g} mm": found.relative_sd(depth, within_ranges=within) for depth in depths}
         for name, within in (("relative_sd_all_unknown", False), ("relative_sd_others_within_ranges", True))
     }
     return {
         "parameters": list(found.names),
         "nominal_MPa_mm": list(found.nominal),
-        "displacement_mm": found.displacement.tolist(),
-        "force_N": found.force.tolist(),
-        "sensitivity_N_per_log": found.sensitivity.T.tolist(),
-        "noise_sd_N": found.noise_sd.tolist(),
+        "displacement_mm": found.displacement,
+        "force_N": found.force,
+        "sensitivity_N_per_log": found.sensitivity.T,
+        "noise_sd_N": found.noise_sd,
         **sds,
-        "eigenvectors": vectors.T.tolist(),
-        "eigenvector_relative_sd": spread.tolist(),
+        "eigenvectors": vectors.T,
+        "eigenvector_relative_sd": spread,
         "told_within_50_percent_from_mm": {name: found.told_from(name, within_ranges=True) for name in found.names},
     }
 
