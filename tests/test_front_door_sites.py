@@ -71,7 +71,7 @@ def test_sites_are_fitted_together_and_can_be_read_drawn_and_written(both, tmp_p
 
 def test_the_figure_has_a_panel_a_law_and_site(both) -> None:
     assert both.best.law == "reduced-polynomial"
-    titles = [axes.get_title() for axes in both.plot().axes]
+    titles = [axes.get_title(loc="left") for axes in both.plot().axes]
     for fit in both.fits:
         assert sum(LAW_NAMES[fit.law] in title for title in titles) == len(fit.tests)
 

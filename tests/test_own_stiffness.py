@@ -60,7 +60,7 @@ def test_a_recording_left_out_is_predicted_by_its_specimen_s_own_stiffness(tmp_p
     (predicted,) = left_out(found["reduced-polynomial"])
     assert predicted.r_squared > 0.999 and predicted.scale == pytest.approx(1.0, abs=0.01)
     words = " ".join(found.summary().split())
-    assert "by the stiffness that its specimen has in others" in words
+    assert "with the stiffness of its specimen in the other recordings" in words
     found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean", leave_out=["soft"])
     predicted = left_out(found["neo-hookean"])[0]
     # Another specimen's stiffness can't be known; its course can.

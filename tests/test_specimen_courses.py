@@ -9,11 +9,11 @@ import pytest
 from making_specimens import BAR, BRANCHES, PLANTED, compressed, crept, ramp, record, relaxing
 
 import legfem as lf
-from legfem.data import Recording, write_recording
+from legfem.data import Recording, Scales, quality_of, segment, write_recording
 from legfem.inverse.estimates import Estimate
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.contacts import Onset
-from legfem.specimens.course import course_of
+from legfem.specimens.course import course_of, read_specimen
 from legfem.specimens.details import compared, rms_percent
 from legfem.specimens.relaxation import borne, branch_ratios, clock
 from studies.lab import recording as lab
@@ -50,13 +50,13 @@ def _under_force(duration: float, newtons: float, held: float) -> Recording:
 
 
 def test_a_held_force_is_seen_as_creep_and_a_plateau_is_not() -> None:
-    creep = course_of(_under_force(2.0, 1.5, 120.0), starts_at_contact=True)
+    creep = course_of(read_specimen(_under_force(2.0, 1.5, 120.0), None, True))
     assert creep.creeps and creep.holds
     time, d = ramp(3.0, 6.0)
     foam = Recording(time, d, 2 * np.minimum(d, 1.0), "foam")
-    assert not course_of(foam, starts_at_contact=True).holds
+    assert not course_of(read_specimen(foam, None, True)).holds
     plain = Recording(time, d, compressed(PLANTED, d), "plain")
-    assert not course_of(plain, starts_at_contact=True).creeps
+    assert not course_of(read_specimen(plain, None, True)).creeps
 
 
 @pytest.mark.slow
@@ -138,7 +138,7 @@ def test_one_sample_that_overshoots_changes_nothing() -> None:
     force = relaxing(d**1.5, time)
     jumped = d.copy()
     jumped[100] += 4.0
-    plain, other = (course_of(Recording(time, x, force, "a"), None, True) for x in (d, jumped))
+    plain, other = (course_of(read_specimen(Recording(time, x, force, "a"), None, True)) for x in (d, jumped))
     assert plain.holds and plain.depth == pytest.approx(3.0)
     assert other.arrival == pytest.approx(plain.arrival)
     assert other.depth == pytest.approx(plain.depth)
@@ -150,7 +150,7 @@ def test_a_course_ends_at_the_first_return_and_begins_at_contact() -> None:
     time = np.arange(0.0, 20.0, 0.02)
     d = np.interp(time, [0, 5, 6, 11, 20], [0, 5, 5, 1.5, 1.5])
     force = 0.8 * np.maximum(d - 1.0, 0.0) ** 1.2 + np.random.default_rng(0).normal(0, 1e-3, 1000)
-    course = course_of(Recording(time, d, force, "a"))
+    course = course_of(read_specimen(Recording(time, d, force, "a")))
     assert course.in_air
     assert course.depth == pytest.approx(4.0, abs=0.15)
     assert course.arrival == pytest.approx(4.0, abs=0.15)
@@ -190,3 +190,33 @@ def test_cycles_are_predicted_as_they_were_driven(tmp_path: Path) -> None:
     print(predicted.r_squared, {n: e.value for n, e in found.estimates.items()})
     assert predicted.r_squared > 0.995
     assert found.estimates["deep.C10"].value == pytest.approx(4e-3, rel=0.1)
+
+
+def test_contact_noise_and_holds_are_judged_by_the_test_s_own_travel_and_force() -> None:
+    """A chip of 1.8 mm travel and 0.04 N: a leg's 1 mm of smoothing and 0.05 N of rise would hide all of it."""
+    time = np.arange(0.0, 60.0, 0.05)
+    d = np.interp(time, [0.0, 12.0, 36.0, 60.0], [0.0, 0.62, 0.62, 1.8])
+    force = 0.03 * np.maximum(d - 0.14, 0.0) + 4e-5 * np.random.default_rng(5).normal(size=len(time))
+    made = Recording(time, d, force, "chip")
+    trial = read_specimen(made)
+    assert trial.contact.in_air and trial.contact.displacement == pytest.approx(0.14, abs=0.01)
+    quality = quality_of(segment(made, scales=Scales.of_specimen(made)))
+    assert quality.grade == "A"
+    hold = next(part for part in quality.trial.parts if part.phase == "hold")
+    assert hold.first == pytest.approx(0.62, abs=0.01) and hold.start == pytest.approx(12.0, abs=0.5)
+    assert quality_of(segment(made)).grade == "D"
+
+
+@pytest.mark.parametrize("power", [1.0, 1.5, 2.0])
+def test_contact_is_within_its_error_whatever_power_the_force_begins_with(power: float) -> None:
+    """Under a flat punch, a ball and a cone, each after a tenth of the travel in air."""
+    departures = []
+    for travel, seed in ((1.1, 1), (4.0, 2), (9.0, 3)):
+        time = np.linspace(0.0, 8.0, 500)
+        d = travel * time / 8.0
+        pressed = np.maximum(d / travel - 0.1, 0.0) ** power
+        force = 0.7 * pressed + 4e-4 * np.random.default_rng(seed).normal(size=500)
+        contact = read_specimen(Recording(time, d, force, "a")).contact
+        expected, sd = contact.expected
+        departures.append((expected - 0.1 * travel) / max(sd, 1e-9))
+    assert np.abs(departures).max() < 3.5

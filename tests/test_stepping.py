@@ -259,7 +259,7 @@ def test_a_form_without_pressures_is_tried_next_and_its_force_is_alike(monkeypat
 
 def test_a_form_without_pressures_that_is_too_stiff_is_refused(monkeypatch):
     _UNKNOWNS.clear()
-    monkeypatch.setattr(plane_strain, "_LIKE", 1e-6)
+    monkeypatch.setattr(plane_strain, "_SAME_FORCE", 1e-6)
     report = _solved(monkeypatch, _only_without_pressures, defences=True).report
     assert report.compromise == "a contact 5 times softer", "the next attempt went on"
     assert "without pressures the force is off by" in report.earlier_attempts[2].reason

@@ -61,7 +61,7 @@ def test_a_bars_derivatives_are_those_of_its_force() -> None:
     names = ["deep.C10", "deep.C20", "deep.C30", "deep.D1"]
     exact = bar.solve(None, 4.0, names).path.sensitivities
     for name in names:
-        value = bar.estimates[name]
+        value = bar.parameters[name]
         up, down = (bar.solve({name: f * value}, 4.0).path.force for f in (1.0001, 0.9999))
         rounding = 1e-6 * np.abs(exact[name]).max()
         np.testing.assert_allclose(exact[name], (up - down) / (2e-4 * value), rtol=1e-5, atol=rounding)
