@@ -27,7 +27,7 @@ from legfem.legs.plausible_recordings import SOFTEST_KPA, STIFFEST_C20_KPA, STIF
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from studies.legs.calf import Calf, calf_section
+from studies.legs.shapes import Calf, calf_section
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 SLACK = 0.05

@@ -32,8 +32,8 @@ from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
-from studies.lab.synthesis import InstrumentNoise, record_path
-from studies.legs.calf import Calf, calf_section
+from studies.lab.recording import InstrumentNoise, record_path
+from studies.legs.shapes import Calf, calf_section
 
 DEFINITION = Path(__file__).parent / "frauziols" / "reconstruction.toml"
 PAPER_D = 28.0

@@ -17,7 +17,7 @@ from legfem.inverse.intervals import VERDICTS
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from studies.fibrous_specimens.planting import RATIOS, SETUPS, Found, Outcome, Plant, Setup, identified, plants
-from studies.lab.rate import Rate
+from studies.lab.outcomes import Rate
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 

@@ -16,10 +16,9 @@ from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.legs.details import SpatialEvidence
 from legfem.legs.elastography import HIGHEST_RATIO
-from studies.leg3d.identified import identified
 from studies.leg3d.other_code import PlantedByFelupe
 from studies.leg3d.planted import Planted
-from studies.leg3d.plants import HEADER, counted, drawn, plant_result, plant_row
+from studies.leg3d.plants import HEADER, counted, drawn, identified, plant_result, plant_row
 from studies.leg3d.real import PlantedInLeg
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +11,67 @@ import typer
 
 from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_context
-from legfem.common.progress import progress_on
+from legfem.common.errors import InputError
+from legfem.common.progress import Progress, progress_on
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
+from legfem.legs.variants import library_folder
+from studies.lab.outcomes import Rate, written
+from studies.nulls.counting import CONDITIONS, NullCounter, NullOutcome, clean_folders, count, kept, null_tasks
+
+
+def run(
+    number: int,
+    legs: int,
+    only: Sequence[str],
+    seed: int,
+    crosscheck: Path,
+    foreign: Path | None,
+    library: Path,
+    out: Path,
+    jobs: int,
+    progress: Progress,
+) -> list[str]:
+    """Diagnose so many null recordings; return lines for the terminal."""
+    folders = clean_folders(crosscheck, foreign)
+    counter = NullCounter(folders, Diagnoser(library, read_correction(REFERENCE), 1))
+    names = [condition.name for condition in CONDITIONS]
+    for name in only:
+        if name not in names:
+            raise InputError("--only", name, "is unknown", f"choose of {', '.join(names)}")
+    tasks = null_tasks(number, tuple(folder.name for folder in folders), legs, seed)
+    asked = [task for task in tasks if not only or task.condition in only]
+    count(asked, counter, out, jobs, progress)
+    found = kept(tasks, out)
+    return written(out, seed, found, page(found))
+
+
+def page(found: Sequence[NullOutcome]) -> str:
+    """Return the table of false alarms, and each of them."""
+    lines = ["| errors | legs | false alarms (95 %) | C10 within its 95 % interval | called |", "|---|---|---|---|---|"]
+    for condition in CONDITIONS:
+        mine = [outcome for outcome in found if outcome.condition == condition.name]
+        if mine:
+            lines.append(_row(condition.name, mine))
+    lines.append(_row("together", found))
+    return "\n".join(lines) + "\n"
+
+
+def _row(name: str, mine: Sequence[NullOutcome]) -> str:
+    alarms = Counter(_called(outcome) for outcome in mine if outcome.false_alarm)
+    legs = len({(outcome.condition, outcome.curve, outcome.leg) for outcome in mine})
+    return (
+        f"| {name} | {legs} | {Rate(sum(o.false_alarm for o in mine), len(mine))} | "
+        f"{Rate(sum(o.covered for o in mine), len(mine))} | "
+        + ", ".join(f"{called}: {times}" for called, times in alarms.most_common())
+        + " |"
+    )
+
+
+def _called(outcome: NullOutcome) -> str:
+    return " or ".join(" + ".join(names) for names in outcome.models) or outcome.verdict
+
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -39,11 +101,8 @@ def nulls(
     """
     resume = "run the same command again to go on; what is done is kept"
     with study_context("nulls", out, jobs, resume) as (folder, processes):
-        from legfem.legs.variants import library_folder
-        from studies.nulls import command
-
         with progress_on() as progress:
-            lines = command.run(
+            lines = run(
                 n, legs, only or (), seed, crosscheck, foreign, library or library_folder(), folder, processes, progress
             )
         for line in lines:

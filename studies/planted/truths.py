@@ -29,7 +29,7 @@ from legfem.legs.subject import Subject
 from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.settings import StepSettings
-from studies.lab.synthesis import InstrumentNoise, record_path
+from studies.lab.recording import InstrumentNoise, record_path
 
 C10_KPA = (0.1, 5.0)
 C20_KPA = (0.0, 5.0)

@@ -13,7 +13,7 @@ from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import end_without_a_solution, study_context
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
-from studies.lab.rate import Rate
+from studies.lab.outcomes import Rate
 from studies.reach.pressing import Reached, ReachTask, press_all
 
 WITHIN = 0.003

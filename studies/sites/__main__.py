@@ -16,7 +16,7 @@ from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from studies.lab.rate import Rate
+from studies.lab.outcomes import Rate
 from studies.sites.identifying import FAT, PARAMETERS, FoundLeg, Interval, identified
 from studies.sites.planted import LEAST_MM, Truth, truths
 
