@@ -45,7 +45,8 @@ def test_a_plant_is_identified_once_and_told_by_whether_it_is_held(tmp_path, mon
         calls.append(asked)
         parameters = {DEEP_C10: one(planted.c10), DEEP_C20: one(planted.c20)}
         evidence = SimpleNamespace(full_solves=3)
-        return {name: SimpleNamespace(parameters=parameters, spatial=evidence) for name in MODELS}
+        details = SimpleNamespace(spatial=evidence)
+        return {name: SimpleNamespace(estimates=parameters, details=details) for name in MODELS}
 
     monkeypatch.setattr(plants, "identified", identified)
     results = [plant_result(planted, 1, tmp_path, Silent()) for _ in range(2)]

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_context
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
@@ -18,6 +17,7 @@ from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.variants import library_folder
 from legfem.report.style import save
+from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app
 from studies.concealed.cases import make_cases
 from studies.concealed.diagnosing import run_cases
 from studies.concealed.making import Maker, make
@@ -66,7 +66,7 @@ def prove(options: ConcealedOptions, progress: Progress) -> list[str]:
     return lines
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -88,8 +88,7 @@ def concealed(
 
     Example: python -m studies.concealed --make 150 --run --score --seed 1
     """
-    resume = "run the same command again to go on; what is done is kept"
-    with study_context("concealed", out, jobs, resume) as (folder, processes):
+    with study_context("concealed", out, jobs, DONE_IS_KEPT) as (folder, processes):
         if make is None and not run and not score:
             raise InputError("concealed", "step", "none is given", "give --make N, --run or --score")
         options = ConcealedOptions(folder, library or library_folder(), make, legs, people, run, score, seed, processes)

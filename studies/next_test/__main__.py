@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 
-from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_context
-from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
+from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.jobs.pool import Workers
@@ -21,14 +20,10 @@ from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.variants import library_folder
+from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app, write_results
 from studies.concealed.diagnosing import asked, case_folders, diagnoses
 from studies.lab.outcomes import Rate
 from studies.next_test.trying import Lab, Outcome, Tried, try_case
-
-
-def tried_document(tried: Sequence[Tried]) -> dict[str, Any]:
-    """Return all cases as JSON types."""
-    return {"schema": 1, "origin": "simulated", "cases": [json_types(asdict(t)) for t in tried]}
 
 
 def page(tried: Sequence[Tried]) -> str:
@@ -99,8 +94,8 @@ class NextTestOptions:
     jobs: int
 
 
-def run(options: NextTestOptions, progress: Progress) -> list[str]:
-    """Try the ambiguous cases; return lines for the terminal.
+def run(options: NextTestOptions, progress: Progress) -> None:
+    """Try the ambiguous cases, and write and print what came of them.
 
     Raises
     ------
@@ -127,10 +122,7 @@ def run(options: NextTestOptions, progress: Progress) -> list[str]:
     )
     with Workers(try_case, lab, options.jobs) as workers:
         tried = finish(workers, folders, store, progress, "trying the next test", _line, asked)
-    path = write_document(options.out / "result.json", tried_document(tried))
-    text = page(tried)
-    write_atomically(options.out / "report.md", text)
-    return [text, f"result: {path}"]
+    write_results(options.out, {"cases": [asdict(one) for one in tried]}, page(tried))
 
 
 def _ambiguous(cases: Path, diagnoser: Diagnoser) -> list[Path]:
@@ -146,7 +138,7 @@ def _line(folder: Path, tried: Tried) -> str:
     return f"{folder.name}: {tried.proposed.line}; at random {tried.random.line}"
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -167,13 +159,10 @@ def next_test(
 
     Example: python -m studies.next_test --cases results/concealed --most 40 --seed 1
     """
-    resume = "run the same command again to go on; what is done is kept"
-    with study_context("next_test", out, jobs, resume) as (folder, processes):
+    with study_context("next_test", out, jobs, DONE_IS_KEPT) as (folder, processes):
         options = NextTestOptions(cases, folder, library or library_folder(), most, seed, processes)
         with progress_on() as progress:
-            lines = run(options, progress)
-        for line in lines:
-            typer.echo(line)
+            run(options, progress)
 
 
 if __name__ == "__main__":

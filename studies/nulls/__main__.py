@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_context
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
@@ -17,7 +17,8 @@ from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.variants import library_folder
-from studies.lab.outcomes import Rate, written
+from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app, write_results
+from studies.lab.outcomes import Rate
 from studies.nulls.counting import CONDITIONS, NullCounter, NullOutcome, clean_folders, count, kept, null_tasks
 
 
@@ -32,8 +33,8 @@ def run(
     out: Path,
     jobs: int,
     progress: Progress,
-) -> list[str]:
-    """Diagnose so many null recordings; return lines for the terminal."""
+) -> None:
+    """Diagnose so many null recordings, and write and print what was found."""
     folders = clean_folders(crosscheck, foreign)
     counter = NullCounter(folders, Diagnoser(library, read_correction(REFERENCE), 1))
     names = [condition.name for condition in CONDITIONS]
@@ -44,7 +45,7 @@ def run(
     asked = [task for task in tasks if not only or task.condition in only]
     count(asked, counter, out, jobs, progress)
     found = kept(tasks, out)
-    return written(out, seed, found, page(found))
+    write_results(out, {"seed": seed, "recordings": [asdict(outcome) for outcome in found]}, page(found))
 
 
 def page(found: Sequence[NullOutcome]) -> str:
@@ -73,7 +74,7 @@ def _called(outcome: NullOutcome) -> str:
     return " or ".join(" + ".join(names) for names in outcome.models) or outcome.verdict
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -99,14 +100,10 @@ def nulls(
 
     Example: python -m studies.nulls --n 300 --foreign ../shared/foreign
     """
-    resume = "run the same command again to go on; what is done is kept"
-    with study_context("nulls", out, jobs, resume) as (folder, processes):
+    with study_context("nulls", out, jobs, DONE_IS_KEPT) as (folder, processes):
+        known = library or library_folder()
         with progress_on() as progress:
-            lines = run(
-                n, legs, only or (), seed, crosscheck, foreign, library or library_folder(), folder, processes, progress
-            )
-        for line in lines:
-            typer.echo(line)
+            run(n, legs, only or (), seed, crosscheck, foreign, known, folder, processes, progress)
 
 
 if __name__ == "__main__":

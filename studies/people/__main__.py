@@ -13,13 +13,13 @@ import typer
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import end_without_a_solution, study_context
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.population import TABLE, Population
 from legfem.report.style import DATA_COLOUR, FAINT, REGION_COLOURS, new_figure, panel, save, styled, title
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app
 from studies.people.data import SITES, Indentations, read_indentations
 from studies.people.population import BOUNDARY_SD_MM, Drawn, draw_population
 from studies.people.prediction import (
@@ -351,7 +351,7 @@ def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
     print(f"result: {result}")
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -373,8 +373,7 @@ def people(
 
     Example: python -m studies.people --data ../shared/data/multis_in_vivo
     """
-    resume = "run the same command again to go on; solutions that are done are kept"
-    with study_context("people", out, jobs, resume) as (folder, processes):
+    with study_context("people", out, jobs, DONE_IS_KEPT) as (folder, processes):
         model = ProbeModel(poisson_ratio, "frictionless" if sliding else "rough")
         run(data, model, folder, processes, seed)
 

@@ -10,7 +10,6 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_context
 from legfem.common.documents import write_document
 from legfem.common.progress import progress_on
@@ -18,6 +17,7 @@ from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.schema import SUBJECTS
+from studies.command_line import Jobs, Out, new_app
 from studies.planted.truths import Planted, PlantedTruth, coverage, identify_truth, planted_truths
 
 
@@ -34,9 +34,10 @@ def run(number: int, seed: int, out: Path, jobs: int) -> None:
     path = write_document(out / "result.json", {**document, "cases": cases})
     Console(width=120).print(planted_table(found))
     for parameter in ("c10", "c20"):
-        share, low, high = coverage(found, parameter)
+        rate = coverage(found, parameter)
+        low, high = rate.interval
         print(
-            f"{parameter}: 95 % intervals cover {share:.1%} of {number} truths "
+            f"{parameter}: 95 % intervals cover {rate.share:.1%} of {number} truths "
             f"(95 % interval of that share: {low:.1%} to {high:.1%})"
         )
     print(f"result: {path}")
@@ -78,7 +79,7 @@ def _line(case: Planted) -> str:
     )
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()

@@ -15,7 +15,6 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import end_without_a_solution, study_context
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
@@ -24,6 +23,7 @@ from legfem.common.units import FloatArray
 from legfem.data import Recording, write_recording
 from legfem.jobs.store import Store
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
+from studies.command_line import Jobs, Out, new_app
 from studies.recordings.curves import (
     ENDS,
     FITTED_STRAIN,
@@ -288,7 +288,7 @@ def _compressed_json(found: CompressedPhantom) -> dict[str, Any]:
     }
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()

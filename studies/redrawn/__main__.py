@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
@@ -19,7 +19,8 @@ from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.variants import library_folder
-from studies.lab.outcomes import Rate, written
+from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app, write_results
+from studies.lab.outcomes import Rate
 from studies.redrawn.drawing import Redrawer, RedrawnOutcome, RedrawnTask, cases_in, diagnose_each
 
 _HEADER = (
@@ -39,8 +40,8 @@ _HEADER = (
 
 def run(
     foreign: Path, number: int, only: Sequence[str], seed: int, library: Path, out: Path, jobs: int, progress: Progress
-) -> list[str]:
-    """Diagnose so many sets of each case; return lines for the terminal."""
+) -> None:
+    """Diagnose so many sets of each case, and write and print what was found."""
     names = list(cases_in(foreign))
     for name in only:
         if name not in names:
@@ -48,7 +49,7 @@ def run(
     tasks = [RedrawnTask(name, k, seed) for k in range(number) for name in only or names]
     redrawer = Redrawer(foreign, Diagnoser(library, read_correction(REFERENCE), 1))
     found = diagnose_each(tasks, redrawer, out, jobs, progress)
-    return written(out, seed, found, page(found))
+    write_results(out, {"seed": seed, "recordings": [asdict(outcome) for outcome in found]}, page(found))
 
 
 def page(found: Sequence[RedrawnOutcome]) -> str:
@@ -85,7 +86,7 @@ def _row(case: str, there: str, mine: Sequence[RedrawnOutcome]) -> list[str]:
     ]
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -105,12 +106,8 @@ def redrawn(
 
     Example: python -m studies.redrawn --foreign ../shared/foreign --n 6
     """
-    resume = "run the same command again to go on; what is done is kept"
-    with study_context("redrawn", out, jobs, resume) as (folder, processes):
-        with progress_on() as progress:
-            lines = run(foreign, n, only or (), seed, library or library_folder(), folder, processes, progress)
-        for line in lines:
-            typer.echo(line)
+    with study_context("redrawn", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
+        run(foreign, n, only or (), seed, library or library_folder(), folder, processes, progress)
 
 
 if __name__ == "__main__":

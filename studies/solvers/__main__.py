@@ -16,12 +16,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from legfem.commands.study import Out
 from legfem.common.command_line import end_without_a_solution, study_context
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.jobs.store import Store
+from studies.command_line import DONE_IS_KEPT, Out, new_app
 from studies.solvers.case import SolverCase, SolverWork, document, run_apart
 
 Measured = dict[SolverCase, SolverWork | None]
@@ -184,7 +184,7 @@ def _line(case: SolverCase, work: SolverWork | None) -> str:
     return f"{what}: {work.unknowns} unknowns, {work.total_seconds:.0f} s, {work.peak_GiB:.1f} GiB"
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -211,8 +211,7 @@ def solvers(
 
     Example: python -m studies.solvers --size 20000 --size 60000 --ranks 1 --ranks 2
     """
-    resume = "run the same command again to go on; measured cases are kept"
-    with study_context("solvers", out, None, resume) as (folder, _):
+    with study_context("solvers", out, None, DONE_IS_KEPT) as (folder, _):
         cases = cases_of(
             sizes or ([] if tetrahedra else [20_000, 60_000, 200_000]), tetrahedra, ranks or [1], direct_up_to
         )

@@ -11,13 +11,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.variants import library_folder
+from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app
 from studies.worked.ends import run_ends
 from studies.worked.example import FIGURE, ExampleRow
 from studies.worked.stiffening import run_stiffening
@@ -131,7 +131,7 @@ class WorkedExample(StrEnum):
     END_EFFECTS = "end-effects"
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -148,8 +148,7 @@ def worked(
 
     Example: python -m studies.worked
     """
-    resume = "run the same command again to go on; solutions that are done are kept"
-    with study_context("worked", out, jobs, resume) as (folder, processes):
+    with study_context("worked", out, jobs, DONE_IS_KEPT) as (folder, processes):
         chosen = [entry.value for entry in example or WorkedExample]
         run(chosen, folder, library or library_folder(), processes)
 
