@@ -30,12 +30,14 @@ if TYPE_CHECKING:
         IdentifiedSites,
         IdentifiedSpecimen,
         LegInStocking,
+        PlannedTests,
         diagnose,
         identify,
         load_leg,
         load_sites,
         load_specimen,
         load_subject,
+        plan,
         stocking,
     )
     from legfem.common.errors import InputError
@@ -51,6 +53,7 @@ __all__ = [
     "IdentifiedSpecimen",
     "InputError",
     "LegInStocking",
+    "PlannedTests",
     "__version__",
     "diagnose",
     "identify",
@@ -58,10 +61,11 @@ __all__ = [
     "load_sites",
     "load_specimen",
     "load_subject",
+    "plan",
     "stocking",
 ]
 
-_ROOMS = ("diagnose", "identify", "stocking")
+_ROOMS = ("diagnose", "identify", "plan", "stocking")
 """Rooms that share their name with the function that one enters them by."""
 
 

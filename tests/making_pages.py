@@ -57,8 +57,8 @@ from legfem.report.plan import plan_web_page
 from legfem.report.render.html import rendered
 from legfem.report.section import Film, pressed_section
 from legfem.report.specimens import specimen_page
+from legfem.report.stocking_page import stocking_web_page
 from legfem.report.web.look import Looked, look_web_page
-from legfem.report.web.stocking import stocking_web_page
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen

@@ -45,7 +45,7 @@ def test_the_door_leads_to_all_it_names() -> None:
         lf.identity  # noqa: B018
 
 
-@pytest.mark.parametrize("name", ["identify", "diagnose", "stocking"])
+@pytest.mark.parametrize("name", ["identify", "diagnose", "plan", "stocking"])
 def test_a_room_is_entered_by_calling_it_and_stays_a_room(name: str) -> None:
     import legfem.api
 
@@ -62,17 +62,19 @@ def options_of(command: typer.Typer) -> set[str]:
 
 def test_the_command_and_the_function_take_the_same() -> None:
     """What one has the other has: the folder is the first argument, and progress is what isn't quiet."""
-    from legfem.commands import diagnose, identify, stocking
+    from legfem.commands import diagnose, identify, plan, stocking
 
-    folder = {"subject", "subject_dir", "specimen_dir"}
-    for command, call, of_python in (
-        (identify, lf.identify, {"leg", "settings", "mesh", "comm"}),
-        (stocking, lf.stocking, {"leg", "comm"}),
-        (diagnose, lf.diagnose, {"leg"}),
+    not_asked = {"subject", "subject_dir", "specimen_dir", "quiet", "as_json"}
+    for command, call, of_command, of_python in (
+        (identify, lf.identify, set(), {"settings", "mesh", "comm"}),
+        (diagnose, lf.diagnose, set(), set()),
+        # What it solves it keeps in the library; ``write`` takes the folder for results.
+        (plan, lf.plan, {"out"}, set()),
+        (stocking, lf.stocking, set(), {"comm"}),
     ):
         options, keywords = options_of(command.app), set(inspect.signature(call).parameters)
-        assert options - keywords <= {*folder, "quiet", "as_json"}
-        assert keywords - options == {*of_python, "progress"}
+        assert options - keywords == (options & not_asked) | of_command
+        assert keywords - options == {"leg", "progress", *of_python}
 
 
 def test_a_subject_is_known_by_its_id_or_its_folder(subject) -> None:
@@ -163,7 +165,7 @@ def test_an_ambiguous_diagnosis_is_written_with_the_next_tests_ranked(subject, t
     best = DesignValue(Design("hold it", ()), {("fascia-stiffness", "prestress"): 0.9}, 0.9)
     found = lf.DiagnosedLeg(subject, made, 0, 1.0, (best,))
     report = found.write(tmp_path).read_text()
-    assert "Hold it: 90 % chance of telling the candidates apart" in " ".join(report.split())
+    assert "Hold it: 90 % chance of distinguishing the candidates" in " ".join(report.split())
     (first,) = json.loads((tmp_path / "diagnosis.json").read_text())["next_experiment_ranked"]
     assert first["test"] == "hold it" and first["chance"] == 0.9
     assert "hold it" in found.summary().lower()

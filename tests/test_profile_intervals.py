@@ -9,7 +9,7 @@ import pytest
 
 from legfem.inverse.emulator import Kriging
 from legfem.inverse.intervals import quantile
-from legfem.stockings.intervals import FAR, FARTHEST, MOST, _coordinates, profile_intervals
+from legfem.stockings.estimates import FAR, FARTHEST, MOST, _coordinates, profile_intervals
 
 BOUNDS = (1e-4, 0.1)
 BEST = np.array([3e-3, 5e-3])

@@ -15,7 +15,7 @@ from legfem.geometry.slices import calf_levels
 from legfem.legs.elastography import ShearModulus
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.render.text import plain_page
-from legfem.report.web.stocking import stocking_web_page
+from legfem.report.stocking_page import stocking_web_page
 from legfem.stockings.document import stocking_document
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from making_stocking import short_leg
 from matplotlib.image import imread
 from reading_page import read
+from test_page_security import PLANTED, Elements
 
 from legfem.api.leg_in_stocking import LegInStocking
 from legfem.common.progress import Silent
@@ -18,28 +20,32 @@ from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
 from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import SKIN
+from legfem.geometry.leg_shape_from_outlines import write_shape
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
 from legfem.inverse.intervals import quantile
+from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.leg_directions import Directions, angle_round, unwrapped
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
-from legfem.report.stocking import write_stocking_report
-from legfem.report.web.stocking import stocking_web_page
-from legfem.report.web.stocking_pressures import stiffness_interval, vein_interval
-from legfem.report.web.stocking_stiffness import verdict_sentence
+from legfem.report.stocking import moved_surfaces, write_stocking_report
+from legfem.report.stocking_page import stocking_web_page
+from legfem.report.stocking_pressures import stiffness_interval, vein_interval
+from legfem.report.stocking_stiffness import verdict_sentence
 from legfem.stockings.document import stocking_document
 from legfem.stockings.equilibrium import EquilibriumSolver
+from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_estimates
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.loading import load_leg
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.notices import stocking_notices, unloaded_skin
 from legfem.stockings.pressures import PressureProbe, fat_pressures, too_low_by
 from legfem.stockings.result import StockingSettings, run_leg
-from legfem.stockings.search import SearchSettings, expected_rms, starts_agree, stiffness_estimates
+from legfem.stockings.search import SearchSettings
 from studies.legs.shapes import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
@@ -142,6 +148,38 @@ def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
     for tag in ("estimated", "computed", "assumed", "prior", "simulated"):
         assert f'<span class="tag {tag}">' in html
     assert '<span class="tag measured">' not in html
+
+
+def written_from(folder: Path, text: str) -> Elements:
+    """The page of a short leg's folder with a text wherever the folder may have one."""
+    folder.mkdir()
+    write_shape(short_leg(), folder / "bare.csv")
+    quoted = json.dumps(text)
+    (folder / "leg.toml").write_text(f"""id = "x"
+title = {quoted}
+origin = "simulated"
+bare.contours = "bare.csv"
+stocking.compression_class = "2"
+tissues = {{deep = {{C10_kPa = 3.0}}, superficial = {{C10_kPa = 2.0}}}}
+posture.heart_mm = 1200
+veins = [{{name = {quoted}, position_mm = [0.0, 0.0, 80.0]}}]
+sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 200, instrument = "PicoPress"}}]
+""")
+    shear = ShearModulus("superficial", "along", 4e-3, 1e-3, text)
+    leg = replace(load_leg(folder), elastography=(shear,))
+    found = run_leg(leg, StockingSettings(), Silent(), mesh=MESH)
+    page = Elements()
+    page.feed(rendered(stocking_web_page(found, moved_surfaces(found), command=f"run {text}")))
+    return page
+
+
+def test_markup_in_any_text_of_a_folder_is_text_in_its_page(tmp_path):
+    planted = "".join(PLANTED)
+    plain, page = written_from(tmp_path / "plain", "words"), written_from(tmp_path / "planted", planted)
+    assert page.tags == plain.tags and page.attributes == plain.attributes and page.comments == plain.comments
+    (turned,) = [content for attributes, content in page.scripts if attributes.get("id") == "turn-data"]
+    names = [marked["name"] for marked in json.loads("".join(turned))["marked"]]
+    assert [name.startswith(planted) for name in names] == [True], "the vein's name is as it was given"
 
 
 def test_a_page_of_a_state_that_was_not_found_or_a_scan_that_is_missed_says_so(result):

@@ -17,8 +17,8 @@ from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.render.text import plain_page
-from legfem.report.web.stocking import stocking_web_page
-from legfem.report.web.stocking_pressures import sensor_rows
+from legfem.report.stocking_page import stocking_web_page
+from legfem.report.stocking_pressures import sensor_rows
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.leg import Posture, StockingLeg

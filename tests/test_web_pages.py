@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from dataclasses import replace
 from html import unescape
 
@@ -18,6 +19,7 @@ from making import write_subject
 from reading_page import read
 from typer.testing import CliRunner
 
+import legfem as lf
 from legfem.commands.plan import app
 from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
@@ -25,8 +27,8 @@ from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render.html import embedded, rendered
 from legfem.report.specimens import specimen_page
+from legfem.report.stocking_pressures import by_height, inward, stretch_round
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
-from legfem.report.web.stocking_pressures import by_height, inward, stretch_round
 from legfem.report.write import PAGE_FILES
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.report import not_seen, study_web_page, to_measure
@@ -80,6 +82,20 @@ def test_the_command_of_a_plan_writes_its_page(tmp_path, monkeypatch):
     assert f"page:   {out / 'report.html'}" in done.output
     words = read((out / "report.html").read_text(encoding="utf-8")).words
     assert "12 mm" in words and (out / "report.txt").read_text()[:20] in words
+
+
+def test_a_plan_is_made_in_python_as_by_the_command(tmp_path, monkeypatch):
+    monkeypatch.setattr("legfem.legs.plan.plan_before", lambda *_: pages.ranked())
+    leg = write_subject(tmp_path / "leg")
+    found = lf.plan(leg, depth=12.0, library=tmp_path / "library")
+    frame = found.to_frame()
+    assert set(frame.columns) == {"test", "effect", "against", "chance"} and len(frame) > len(found.ranked)
+    assert found.write(tmp_path / "out").is_file()
+    assert json.loads((tmp_path / "out" / "plan.json").read_text()) == found.document()
+    bars = [bar.get_width() for bar in found.plot().axes[0].patches]
+    assert bars == [100 * one.chance for one in found.ranked]
+    with pytest.raises(lf.InputError, match=r"^depth: inf"):
+        lf.plan(leg, depth=float("inf"))
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,11 @@ A function loads what it is given by id or path, does all that the command of it
 The commands call the functions of the modules here; those of the door itself name keywords where something is wrong.
 """
 
-from legfem.api import diagnosed, identification, leg_in_stocking, loading
+from legfem.api import diagnosed, identification, leg_in_stocking, loading, planned
 from legfem.api.arguments import in_python_words
 from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg
 from legfem.api.leg_in_stocking import LegInStocking
+from legfem.api.planned import PlannedTests
 from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
 
 diagnose = in_python_words()(diagnosed.diagnose)
@@ -16,6 +17,7 @@ load_leg = in_python_words()(loading.load_leg)
 load_sites = in_python_words()(loading.load_sites)
 load_specimen = in_python_words()(loading.load_specimen)
 load_subject = in_python_words()(loading.load_subject)
+plan = in_python_words()(planned.plan)
 stocking = in_python_words()(leg_in_stocking.stocking)
 
 __all__ = [
@@ -26,11 +28,13 @@ __all__ = [
     "IdentifiedSites",
     "IdentifiedSpecimen",
     "LegInStocking",
+    "PlannedTests",
     "diagnose",
     "identify",
     "load_leg",
     "load_sites",
     "load_specimen",
     "load_subject",
+    "plan",
     "stocking",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from legfem.api.arguments import check_folder, check_whole
+from legfem.api.arguments import check_folder, check_whole, wrong
 from legfem.api.loading import Given, load_leg
 from legfem.api.results import Result, row
 from legfem.common.errors import InputError
@@ -31,7 +31,9 @@ class LegInStocking(Result):
     def summary(self) -> str:
         """Return what was found, in words."""
         from legfem.report.render.text import brief
-        from legfem.report.web.stocking import PRESSURES, STIFFNESS, stocking_web_page
+        from legfem.report.stocking_page import stocking_web_page
+        from legfem.report.stocking_pressures import PRESSURES
+        from legfem.report.stocking_stiffness import STIFFNESS
 
         return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
 
@@ -49,13 +51,14 @@ class LegInStocking(Result):
 
     def write(self, folder: Given) -> Path:
         """Write result.json, report.txt, figures and fields; return the report's path."""
+        from legfem.report.page import command_line
         from legfem.report.stocking import write_stocking_report
 
-        return write_stocking_report(self.result, Path(folder))
+        return write_stocking_report(self.result, Path(folder), command_line())
 
     def _page(self) -> WebPage:
         from legfem.report.stocking import moved_surfaces
-        from legfem.report.web.stocking import stocking_web_page
+        from legfem.report.stocking_page import stocking_web_page
 
         return stocking_web_page(self.result, moved_surfaces(self.result))
 
@@ -115,6 +118,8 @@ def stocking(
             "give an id, a folder, or what load_leg returned",
         )
     check_whole("cells", cells, 1)
+    if not 2_000 <= cells <= 5_000_000:
+        raise wrong("cells", cells, "is out of range", "give 2000 to 5000000")
     if out is not None:
         check_folder("out", out)
     kept = None if out is None else Path(out) / "equilibria"

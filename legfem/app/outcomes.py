@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-from openpyxl import Workbook
+from typing import TYPE_CHECKING, Any
 
 from legfem.app.runs import Run
+from legfem.common.documents import literal
 from legfem.common.units import kpa_to_mpa, mpa_to_mmhg
 from legfem.report.words import number
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -83,12 +84,10 @@ def sentence_of(run: Run) -> str:
     )
 
 
-def _by_law(content: Any) -> Iterator[Mapping[str, Any]]:
-    """Yield one law after another, each with what the document says of all."""
-    laws = content.get("laws", {"": {}})
-    shared = {**content, **(content["subject"] if isinstance(content.get("subject"), dict) else {})}
-    for law, own in laws.items():
-        yield {"law": law, **shared, **own}
+def _by_law(content: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """Yield one law after another, each with what the document says of all; the document itself where it has one."""
+    for own in content.get("laws", {"": {}}).values():
+        yield {**content, **own}
 
 
 def _identified(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -127,53 +126,34 @@ def _planned(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 _READ = {"result.json": _identified, "diagnosis.json": _diagnosed, "plan.json": _planned}
-HEADER = (
-    "run",
-    "of",
-    "command",
-    "state",
-    "law",
-    "data",
-    "verdict",
-    "parameter",
-    "value",
-    "ci95_low",
-    "ci95_high",
-    "unit",
-    "identifiability",
-)
 
 
-def table_of(answers: Sequence[Answer]) -> list[list[Any]]:
-    """Return a row for every number of every result, under `HEADER`; a result without numbers has one."""
-    rows: list[list[Any]] = []
+_HEADER = "run of command state law data verdict parameter value low high unit identifiability"
+
+
+def numbers_of(answers: Sequence[Answer]) -> pd.DataFrame:
+    """Return a row for every number of every result; a result without numbers has one row."""
+    import pandas as pd
+
+    rows = []
     for one in answers:
-        plain = [one.run, one.about, one.kind, one.state, one.law, one.origin, one.verdict]
-        for key, known in one.parameters.items() or [("", {})]:
+        plain = (literal(one.run), literal(one.about), one.kind, one.state, one.law, one.origin, one.verdict)
+        for key, known in (one.parameters or {"": {}}).items():
             low, high = known.get("ci95") or (None, None)
-            rows.append([*plain, key, known.get("value"), low, high, known.get("unit"), known.get("identifiability")])
-    return rows
+            rows.append((*plain, key, known.get("value"), low, high, known.get("unit"), known.get("identifiability")))
+    return pd.DataFrame(rows, columns=_HEADER.split())
 
 
 def as_csv(answers: Sequence[Answer]) -> bytes:
-    """Return the table as CSV, with a mark by which spreadsheets know its UTF-8."""
-    text = io.StringIO()
-    csv.writer(text).writerows([HEADER, *map(_texts, table_of(answers))])
-    return text.getvalue().encode("utf-8-sig")
+    """Return the numbers as CSV, with a mark by which spreadsheets know its UTF-8."""
+    return numbers_of(answers).to_csv(index=False).encode("utf-8-sig")
 
 
 def as_xlsx(answers: Sequence[Answer]) -> bytes:
-    """Return the table as a workbook."""
-    book, content = Workbook(), io.BytesIO()
-    for row in (HEADER, *map(_texts, table_of(answers))):
-        book.active.append(list(row))
-    book.save(content)
+    """Return the numbers as a workbook."""
+    content = io.BytesIO()
+    numbers_of(answers).to_excel(content, index=False)
     return content.getvalue()
-
-
-def _texts(row: Sequence[Any]) -> list[Any]:
-    """Return a row whose texts are no formula: names of inputs and runs are a user's."""
-    return [f"'{one}" if isinstance(one, str) and one[:1] in ("=", "+", "-", "@") else one for one in row]
 
 
 def files_of_results(folder: Path) -> list[Path]:

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, print_outcome
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder, tested
 from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
-from legfem.common.errors import InputError
-
-if TYPE_CHECKING:
-    from legfem.legs.subject import Subject as LoadedLeg
-    from legfem.specimens.folder import SpecimenFolder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -62,25 +57,15 @@ def diagnose(
         from legfem.api.arguments import check_whole
         from legfem.api.diagnosed import DIAGNOSIS
         from legfem.api.diagnosed import diagnose as diagnose_in_full
-        from legfem.api.loading import load_specimen, load_subject
-        from legfem.legs.schema import SUBJECTS
-        from legfem.legs.variants import library_folder
 
         check_whole("seed", seed, 0)
-        responses = library or library_folder()
-        leg: LoadedLeg | SpecimenFolder
-        if specimen_dir is None:
-            leg = load_subject(SUBJECTS.named(subject, subject_dir), site or "")
-        elif subject is None and subject_dir is None:
-            leg = load_specimen(specimen_dir)
-        else:
-            raise InputError("--subject", "--specimen-dir", "is given too", "leave one out")
-        folder = out or Path("results") / f"diagnose-{leg.id}"
-        check_out_folder(folder)
-        check_out_folder(responses)
+        if library is not None:
+            check_out_folder(library)
+        leg = tested(subject, subject_dir, specimen_dir, site)
+        folder = results_folder(out, "diagnose", leg.id)
         found = diagnose_in_full(
             leg,
-            library=responses,
+            library=library,
             correction=correction,
             seed=seed,
             out=folder,
@@ -89,5 +74,4 @@ def diagnose(
             specimens=specimens or (),
             site=site or "",
         )
-        report = found.write(folder)
-        print_outcome([report.read_text(encoding="utf-8")], folder / DIAGNOSIS, report, quiet, as_json)
+        finish(found, folder, DIAGNOSIS, quiet, as_json)

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, print_outcome
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, command_context, parallel_context, process_count
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder, tested
+from legfem.common.command_line import AsJson, Quiet, command_context, parallel_context, process_count
 from legfem.common.errors import InputError, UnsolvedError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -111,18 +111,10 @@ def run(
 
         from legfem.api.arguments import check_whole
         from legfem.api.identification import identify as identify_in_full
-        from legfem.api.loading import load_specimen, opened
-        from legfem.legs.schema import SUBJECTS
 
         check_whole("seed", seed, 0)
-        if specimen_dir is None:
-            leg = opened(SUBJECTS.named(subject, subject_dir), site or "")
-        elif subject is None and subject_dir is None:
-            leg = load_specimen(specimen_dir)
-        else:
-            raise InputError("--subject", "--specimen-dir", "is given too", "leave one out")
-        folder = out or Path("results") / f"identify-{leg.id}"
-        check_out_folder(folder)
+        leg = tested(subject, subject_dir, specimen_dir, site)
+        folder = results_folder(out, "identify", leg.id)
         found = identify_in_full(
             leg,
             law,
@@ -144,7 +136,7 @@ def run(
             progress=not quiet,
             comm=MPI.COMM_WORLD if model == "3d" else None,
         )
-        print_outcome([found.summary()], folder / "result.json", found.write(folder), quiet, as_json)
+        finish(found, folder, "result.json", quiet, as_json, found.summary())
 
 
 @contextmanager

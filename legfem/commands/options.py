@@ -1,4 +1,4 @@
-"""Options that commands share, and what they print at their end."""
+"""Options that commands share, what they name, and what is printed at the end."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from legfem.common.command_line import check_out_folder
+from legfem.common.errors import InputError
+
 if TYPE_CHECKING:
-    pass
+    from legfem.api.results import Result
+    from legfem.legs.subject import SitedLeg
+    from legfem.legs.subject import Subject as LoadedLeg
+    from legfem.specimens.folder import SpecimenFolder
 
 Subject = Annotated[str | None, typer.Option(help="Id of a subject that comes with legfem.")]
 SubjectDir = Annotated[Path | None, typer.Option(help="Folder of a subject of your own, instead.")]
@@ -18,20 +24,56 @@ SpecimenDir = Annotated[Path | None, typer.Option(help="Folder of specimens in a
 Jobs = Annotated[int | None, typer.Option(help="Processes; all cores by default.")]
 
 
-def print_outcome(texts: Sequence[str], result: Path, report: Path, quiet: bool, as_json: bool) -> None:
-    """Print what was found and where it lies.
+def tested(
+    subject: str | None, subject_dir: Path | None, specimen_dir: Path | None, site: str | None
+) -> LoadedLeg | SitedLeg | SpecimenFolder:
+    """Return the leg or the specimens that options name, one of its sites where that is named.
+
+    Raises
+    ------
+    InputError
+        If none or several are named, or anything in the folder is missing or wrong.
+    """
+    from legfem.api.loading import load_specimen, opened
+    from legfem.legs.schema import SUBJECTS
+
+    if specimen_dir is None:
+        return opened(SUBJECTS.named(subject, subject_dir), site or "")
+    if subject is None and subject_dir is None:
+        return load_specimen(specimen_dir)
+    raise InputError("--subject", "--specimen-dir", "is given too", "leave one out")
+
+
+def results_folder(out: Path | None, command: str, name: str) -> Path:
+    """Return the folder for results, ``results/COMMAND-NAME`` by default, that can be written to."""
+    folder = out or Path("results") / f"{command}-{name}"
+    check_out_folder(folder)
+    return folder
+
+
+def finish(found: Result, folder: Path, numbers: str, quiet: bool, as_json: bool, text: str | None = None) -> None:
+    """Write what was found, and print it and where it lies.
 
     Parameters
     ----------
-    texts
-        For people.
-    result
-        The JSON document.
-    report
-        ``report.txt``; the page, if there is one, stands beside it.
+    found
+        A result of the front door.
+    folder
+        For results.
+    numbers
+        Name of the JSON document in it.
     quiet, as_json
         Options of the command.
+    text
+        For people; all of ``report.txt`` without it.
     """
+    report = found.write(folder)
+    texts = [report.read_text(encoding="utf-8") if text is None else text]
+    print_outcome(texts, folder / numbers, report, quiet, as_json)
+
+
+def print_outcome(texts: Sequence[str], result: Path, report: Path, quiet: bool, as_json: bool) -> None:
+    """Print texts for people unless quiet, and the paths; or the JSON document alone."""
     from legfem.report.page import PAGE
 
     if as_json:

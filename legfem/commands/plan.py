@@ -7,11 +7,8 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, Subject, SubjectDir
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
-from legfem.common.doubts import log_doubts
-from legfem.common.errors import check_finite
-from legfem.common.progress import progress_on
+from legfem.commands.options import Jobs, Site, Subject, SubjectDir, finish, results_folder
+from legfem.common.command_line import AsJson, Quiet, parallel_context
 from legfem.legs.schema import SUBJECTS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -42,38 +39,14 @@ def plan(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:
-        from legfem.commands.options import print_outcome
-        from legfem.common.documents import write_document
-        from legfem.legs.correction import read_correction
-        from legfem.legs.correction_of_leg import REFERENCE
-        from legfem.legs.diagnosis import Diagnoser
+        from legfem.api.planned import PLAN
+        from legfem.api.planned import plan as plan_in_full
         from legfem.legs.loading import load_subject
-        from legfem.legs.plan import Expected, plan_before
-        from legfem.legs.plausibility import doubts_about
-        from legfem.legs.variants import library_folder
-        from legfem.report.diagnosis_document import versions
-        from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
-        from legfem.report.page import command_line
-        from legfem.report.plan import RANKED, SHOWN, plan_document, plan_web_page
-        from legfem.report.render.text import brief
-        from legfem.report.write import write_page
 
-        check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
-        found = load_subject(
-            SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False, site=site or ""
+        directory = SUBJECTS.named(subject, subject_dir)
+        leg = load_subject(directory, need_recordings=False, need_instrument=False, site=site or "")
+        folder = results_folder(out, "plan", leg.id)
+        found = plan_in_full(
+            leg, c10=c10, c20=c20, depth=depth, rate=rate, library=library, jobs=processes, progress=not quiet
         )
-        doubts = doubts_about(found)
-        log_doubts(doubts)
-        folder = out or Path("results") / f"plan-{found.id}"
-        check_out_folder(folder)
-        responses = library or library_folder()
-        check_out_folder(responses)
-        diagnoser = Diagnoser(responses, read_correction(REFERENCE), processes)
-        with progress_on(quiet=quiet) as progress:
-            expected = Expected(c10, c20, depth, rate)
-            ranked = plan_before(found, diagnoser, expected, progress)
-        path = write_document(folder / "plan.json", plan_document(ranked, found.id))
-        page = plan_web_page(ranked, found, expected, doubts, versions(), command_line())
-        with made_in_place(folder) as hidden:
-            write_page(page, hidden, "what each test would show", [ReportFile([path], NUMBERS)])
-        print_outcome([brief(page, (RANKED, SHOWN))], path, folder / REPORT, quiet, as_json)
+        finish(found, folder, PLAN, quiet, as_json, found.summary())

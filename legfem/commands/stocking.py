@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import FAILED, AsJson, Quiet, check_out_folder, command_context
+from legfem.commands.options import print_outcome, results_folder
+from legfem.common.command_line import FAILED, AsJson, Quiet, command_context
 from legfem.common.doubts import log_doubts
-from legfem.common.errors import InputError
-from legfem.common.progress import Silent, progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -37,34 +36,23 @@ def stocking(
     Example: python -m legfem.stocking --subject 1 --out results/leg-1
     """
     with command_context("run the same command again to go on; equilibria are kept", quiet):
-        if not 2_000 <= cells <= 5_000_000:
-            raise InputError("--cells", f"{cells}", "is out of range", "give 2000 to 5000000")
         from mpi4py import MPI
 
-        from legfem.commands.options import print_outcome
-        from legfem.report.page import command_line
-        from legfem.report.stocking import NUMBERS, write_stocking_report
+        from legfem.api.leg_in_stocking import stocking as stocking_in_full
+        from legfem.report.stocking import NUMBERS
         from legfem.stockings.loading import LEGS, load_leg
-        from legfem.stockings.result import StockingSettings, run_leg
 
-        leg = load_leg(LEGS.named(subject, subject_dir))
-        results = out or Path("results") / f"stocking-{leg.id}"
-        check_out_folder(results)
-        comm = MPI.COMM_WORLD
-        if comm.rank == 0:
+        leg, first = load_leg(LEGS.named(subject, subject_dir)), MPI.COMM_WORLD.rank == 0
+        folder = results_folder(out, "stocking", leg.id)
+        if first:
             log_doubts(leg.doubts)
-        settings = StockingSettings(cells=cells, nelder_mead=nelder_mead)
-        kept = results / "equilibria"
-        if comm.rank == 0:
-            with progress_on(quiet=quiet) as progress:
-                result = run_leg(leg, settings, progress, comm, folder=kept)
-        else:
-            result = run_leg(leg, settings, Silent(), comm, folder=kept)
-        report = write_stocking_report(result, results, command_line())
-        if comm.rank == 0:
-            text = report.read_text(encoding="utf-8")
-            print_outcome([text], results / NUMBERS, report, quiet, as_json)
-        if not result.equilibrium.converged:
-            if comm.rank == 0:
+        found = stocking_in_full(
+            leg, cells=cells, nelder_mead=nelder_mead, out=folder, progress=not quiet, comm=MPI.COMM_WORLD
+        )
+        report = found.write(folder)
+        if first:
+            print_outcome([report.read_text(encoding="utf-8")], folder / NUMBERS, report, quiet, as_json)
+        if not found.result.equilibrium.converged:
+            if first:
                 print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)
             raise typer.Exit(FAILED)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -61,3 +62,14 @@ def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], aligned
 
     rule = "|" + "|".join("-" * max(width + 2, 3) for width in widths) + "|"
     return "\n".join([line(lines[0]), rule, *map(line, lines[1:])]) + "\n"
+
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+_SIGNED = re.compile(r"[-+]\d[\d.,]*(e[-+]?\d+)?( [\w%./ ]*)?", re.IGNORECASE)
+
+
+def literal(value: Any) -> Any:
+    """Text that a spreadsheet doesn't take for a formula; numbers and what begins with one as they are."""
+    if not isinstance(value, str) or not value.startswith(_FORMULA) or _SIGNED.fullmatch(value):
+        return value
+    return f"'{value}"

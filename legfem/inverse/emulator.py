@@ -1,6 +1,12 @@
 r"""A smooth stand-in for a model, through its solved values and exact derivatives.
 
-Of :math:`\ln F(d_i)` at all grid points :math:`d_i` at once (`legfem.inverse.emulator`).
+Of :math:`\ln F(d_i)` at all grid points :math:`d_i` at once, by kriging.
+
+Gradient-enhanced kriging of many quantities at once, in any number of coordinates, about a linear
+trend, with a squared-exponential covariance whose lengths (one a coordinate) are those of the
+greatest likelihood (A. I. J. Forrester, A. Sóbester, A. J. Keane, Engineering Design via Surrogate
+Modelling, 2008, 7.2). Coordinates are to be such that a change by 1 is a large one: the logarithm
+of a stiffness.
 """
 
 from __future__ import annotations

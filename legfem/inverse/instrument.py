@@ -1,4 +1,11 @@
-"""What an instrument shows of a force: gain, zero, and where contact began."""
+r"""What the instrument shows of a force: gain, zero, and where contact began.
+
+.. math:: F_\text{read}(d) = g\, F(d - \delta) + z
+
+with the gain :math:`g`, the zero :math:`z` (N) and the contact's offset :math:`\delta` (mm):
+contact truly began there, where the recording's displacement counts from 0. Closed form on the
+model's curve, so that no solve is needed for any of the three.
+"""
 
 from __future__ import annotations
 

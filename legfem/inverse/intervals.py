@@ -1,4 +1,11 @@
-"""Confidence intervals by profile, and the verdicts that they lead to."""
+r"""Confidence intervals by profile, and the verdicts that they lead to.
+
+A profile interval is where the least sum of squares, all other parameters refitted within their
+bounds, rises by :math:`t^2 V_{kk} / (A^{-1})_{kk}`: the height at which a quadratic sum has Wald's
+half-width :math:`t \sqrt{V_{kk}}` (`legfem.inverse.least_squares`). So it may be lopsided, and
+never leaves the bounds. How many standard errors t stands for depends on how well the errors'
+sizes are known, see `quantile`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,24 @@
-r"""P(d) of one leg, from full solves of that leg in 3D at its own stiffness.
+r"""The 3D correction of the plane-strain force on the idealised leg (Eq. 3 of Frauziols et al.).
+
+.. math:: P(d) = 1 - \frac{RF_{3D}(d) / L}{RF_{2D}(d)}, \qquad RF_{3D} = (1 - P)\, L\, RF_{2D},
+
+with the cylinder's length :math:`L` and the plane-strain force per length :math:`RF_{2D}`. A
+negative P says that plane strain gives too small a force.
+
+**First contact.** At :math:`d = 0` the definition is 0/0, and as long as the contact is narrower
+than an element its forces are those of single quadrature points. The ratio is therefore taken from
+`FIRST_RATIO` on only, where a polynomial is fitted to it. Below, P goes on as
+:math:`P_s + P_s' (d^2 - s^2) / 2 s` from the value and slope at :math:`s`: smooth, and level at
+:math:`d = 0`.
+
+**Stiffness.** P depends on the law only through :math:`D_1 C_{10}` and :math:`C_{20} / C_{10}`. The
+table is over :math:`\ln C_{10}` and :math:`q = C_{20} / (C_{10} + C_{20})`, linear between its
+points and constant beyond.
+
+**Errors** are modes over d, each fully correlated and independent of the others: their outer
+products add up to the covariance that an identification puts into its intervals.
+
+**Of one leg**, from full solves of that leg in 3D at its own stiffness (`confirmed_correction`):
 
 .. math:: P(d; m) = P_1(d; m_1) + P_0(d; m) - P_0(d; m_1)
 

@@ -1,4 +1,24 @@
-"""The 3D correction of a leg's force in plane strain: by its girth and depth to the bone, with its fibres, or none."""
+r"""The 3D correction of a leg's force in plane strain: by its girth and depth to the bone, with its fibres, or none.
+
+**Sizes.** From a table over legs of several sizes:
+
+.. math:: P(d; m, g) = P(d; m, g_0) + \Delta P(d; m, g)
+
+with the calibrated `TabulatedCorrection` of the reference leg :math:`g_0` and the change tabulated
+over the leg's radius, the depth to its bone relative to that radius, and the stiffness. A leg's
+radius is its girth over :math:`2 \pi`; the depth to its bone is the distance of the bones from the
+point of first contact. A leg beyond the table takes its nearest entry, and its name says so.
+
+**Fibres** along the muscle change the force of a short cylinder:
+
+.. math:: RF_{3D}(d; r) = f(d; r)\, RF_{3D}(d; 1), \qquad r = \mu_L / \mu_T,
+
+with the shear moduli along the leg and across, :math:`\mu_T = 2 C_{10}`. In plane strain fibres
+along the leg do no work; under a cylinder that ends they bend and shear. :math:`\ln f` comes from
+3D solves of an idealised leg with fat and fascia (``python -m studies.fibres --table``), tabulated
+over the depth and :math:`\ln r`, monotone between the points. What the table's leg isn't, nor its
+mesh, changes :math:`\ln f` by a share of itself: its errors, the muscle's stiffness among them.
+"""
 
 from __future__ import annotations
 

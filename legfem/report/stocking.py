@@ -18,8 +18,8 @@ from legfem.report.stocking_figures import (
     stocking_pressure_figure,
     stocking_section_figure,
 )
+from legfem.report.stocking_page import stocking_web_page
 from legfem.report.style import save
-from legfem.report.web.stocking import stocking_web_page
 from legfem.report.write import write_page
 from legfem.stockings.document import stocking_document
 from legfem.stockings.leg_model import SURFACES

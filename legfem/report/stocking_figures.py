@@ -29,10 +29,10 @@ from legfem.report.style import (
     title,
 )
 from legfem.report.words import number
-from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.estimates import StiffnessFit, expected_rms
+from legfem.stockings.misfit import CONTOUR_NAMES, ContourMisfit
 from legfem.stockings.pressures import FatPressures, SectionPressures
 from legfem.stockings.result import StockingResult
-from legfem.stockings.search import StiffnessFit, expected_rms
 
 COLOURS = "viridis"
 BARE_COLOUR = "#D9D9D9"
@@ -335,7 +335,6 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
 
 MODEL_COLOUR, BARE_SLICE_COLOUR, ERROR_COLOUR = "#0072B2", "#E69F00", "#BDBDBD"
 SHORT = {"anterior": "ant.", "posterior": "post.", "medial": "med.", "lateral": "lat."}
-CONTOUR_NAMES = {"outer": "skin", "inner": "hull of the muscle"}
 
 
 @styled

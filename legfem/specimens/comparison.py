@@ -1,4 +1,16 @@
-"""Recordings of several specimens beside one model: each counts alike, and each may have a stiffness of its own."""
+r"""Recordings of several specimens beside one model: each counts alike, and each may have a stiffness of its own.
+
+Pieces of one tissue differ in stiffness far more than in how they stiffen and relax. The force is
+in proportion to the stiffness, so that each specimen's factor needs no search: with the weights W
+of its stations,
+
+.. math:: s_g = \frac{\sum (W m) (W f)}{\sum (W f)^2}
+
+is the least squares' for its recordings m and the model's forces f. Factors count relative to their
+geometric mean, which the law's own stiffness carries: that of a typical specimen; where specimens
+are cut along fibres and across, to that of each kind, which the fibres' ratio carries (variable
+projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
+"""
 
 from __future__ import annotations
 

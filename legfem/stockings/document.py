@@ -14,11 +14,11 @@ from legfem.common.versions import versions_of
 from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.inverse.parameter import Prior
 from legfem.legs.elastography import elastography_priors
+from legfem.stockings.estimates import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.notices import stocking_notices, unloaded_skin
 from legfem.stockings.pressures import FatPressures, too_low_by
 from legfem.stockings.result import StockingResult
 from legfem.stockings.scan_fit import by_name
-from legfem.stockings.search import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.sensors import ComparedSensor
 
 SCHEMA = "legfem.stocking/1"

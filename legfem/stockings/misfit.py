@@ -173,6 +173,8 @@ def _waves(around: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
     return np.stack(columns, axis=1), np.maximum(np.array(strength), 0.0)
 
 
+CONTOUR_NAMES = {"outer": "skin", "inner": "hull of the muscle"}
+"""The contours that are compared, in words."""
 SHIFT, TURN = 0.05, 0.001
 """Steps of finite differences by rigid motions: mm, rad."""
 

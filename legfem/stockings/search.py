@@ -9,28 +9,24 @@ intervals.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.inverse.intervals import Bound, Estimated, Identifiability, bound_of, quantile
 from legfem.inverse.least_squares import Damping, damped_gauss_newton
 from legfem.inverse.parameter import Priors
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
-from legfem.stockings.intervals import MisfitEmulator, profile_intervals
+from legfem.stockings.estimates import Method, MisfitEmulator, StiffnessFit, profile_intervals
 from legfem.stockings.leg_model import PARAMETERS
-from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
-from legfem.stockings.nuisances import RIGID, NuisanceSlopes
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.nuisances import NuisanceSlopes
 from legfem.stockings.scan_fit import (
     BOUNDS,
     ProfiledFit,
     ScanComparison,
-    Tension,
     by_name,
     compare_with_scan,
     fit_nuisances,
@@ -42,14 +38,7 @@ START = kpa_to_mpa(np.array([3.0, 3.0]))
 """C10 of muscle and fat at the start of the paper's search (MPa)."""
 SAMPLED_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
 """C10 of muscle and fat (MPa) at which the leg's response to the nuisances is computed."""
-SAME_WITHIN, SAME_WITHIN_INTERVAL = 0.02, 0.2
-"""Relative difference within which two searches agree: 2 %, or this share of the half-width of the
-95 % interval."""
-MISSED_BEYOND = 1.5
-"""Root-mean-square distance, over that which errors of the outlines make, beyond which the model
-misses the scan, so that its intervals don't hold."""
 type OnSolve = Callable[[str], None]
-type Method = Literal["nelder-mead", "weighted"]
 
 
 @dataclass(frozen=True)
@@ -79,137 +68,6 @@ class SearchSettings:
     max_steps: int = 15
     simplex_tolerance: float = 1e-2
     max_evaluations: int = 120
-
-
-@dataclass(frozen=True, eq=False)
-class StiffnessFit:
-    """Result of one search; parameters in the order of `PARAMETERS`, MPa.
-
-    Parameters
-    ----------
-    method : str
-        ``"weighted"`` or ``"nelder-mead"``.
-    parameters, start : (2,) array
-        Best values, and those it started from.
-    converged : bool
-        Whether a tolerance ended it.
-    solves : int
-        Finite-element solutions; an equilibrium takes a few.
-    cost : float
-        The paper's cost: mm2 of the weighted search, relative to the start of Nelder-Mead.
-    rms : float
-        Root-mean-square distance from the scan (mm), less rigid motions and errors of the pressure.
-    distances : (n,) array
-        Distances outside the scan (mm).
-    equilibrium : Equilibrium
-        State at the best values.
-    chi_square : float
-        Least sum of squares over the number of residuals that are no nuisances: 1 where errors are
-        as large as assumed.
-    nuisance : (k,) array, optional
-        Best nuisances, see `legfem.stockings.nuisances`.
-    tension : Tension, optional
-        Error of the fabric's tension; None where it is taken as given.
-    log_covariance : (2, 2) array, optional
-        Covariance of the parameters' logarithms; of the weighted search.
-    profile95 : (2, 2) array, optional
-        95 % intervals by profile likelihood (MPa); of the best weighted search.
-    """
-
-    method: Method
-    parameters: FloatArray
-    start: FloatArray
-    converged: bool
-    solves: int
-    cost: float
-    rms: float
-    distances: FloatArray
-    equilibrium: Equilibrium
-    chi_square: float = np.nan
-    nuisance: FloatArray | None = None
-    tension: Tension | None = None
-    log_covariance: FloatArray | None = None
-    profile95: FloatArray | None = None
-
-    @property
-    def rigid(self) -> FloatArray | None:
-        """Motion between the scans beyond their registration: three shifts (mm), three turns (rad)."""
-        return None if self.nuisance is None else self.nuisance[:RIGID]
-
-    @property
-    def interval95(self) -> FloatArray | None:
-        """95 % intervals (2, 2) of the parameters, MPa; 0 or infinity at an open end.
-
-        By profile likelihood if there is one, else by the curvature at the best values.
-        """
-        if self.profile95 is not None:
-            return self.profile95
-        if self.log_covariance is None:
-            return None
-        half = quantile(0) * np.sqrt(np.diag(self.log_covariance))
-        return self.parameters[:, None] * np.exp(np.stack([-half, half], axis=1))
-
-
-@dataclass(frozen=True)
-class StiffnessEstimate(Estimated):
-    """How well one stiffness is known (MPa); open ends of its interval are 0 and infinity.
-
-    Parameters
-    ----------
-    sound : bool
-        Whether the search ended by itself and the model meets the scan.
-    """
-
-    sound: bool = True
-
-    @property
-    def name(self) -> str:
-        """Full name, one of `PARAMETERS`."""
-        return self.parameter.name
-
-    @property
-    def at_bound(self) -> Bound:
-        """Bound of the search at which the value stands."""
-        return bound_of(self.value, self.parameter.bounds, within=1e-6)
-
-    @property
-    def identifiability(self) -> Identifiability:
-        """Verdict on the interval: weakly identifiable at best if the fit isn't sound."""
-        return self.verdict(self.sound)
-
-
-def expected_rms(accuracy: ContourAccuracy) -> float:
-    """Return the root-mean-square distance (mm) that errors of the contours alone make."""
-    return math.sqrt(2 * accuracy.smoothed_sd**2 + accuracy.model_sd**2)
-
-
-def model_misses(found: StiffnessFit, accuracy: ContourAccuracy) -> bool:
-    """Tell whether the best fit is farther from the scan than errors of the contours explain."""
-    return not found.rms <= MISSED_BEYOND * expected_rms(accuracy)
-
-
-def stiffness_estimates(found: StiffnessFit, accuracy: ContourAccuracy) -> tuple[StiffnessEstimate, ...]:
-    """Return the estimates of a search, in the order of `PARAMETERS`."""
-    intervals = np.full((len(PARAMETERS), 2), np.nan) if found.interval95 is None else found.interval95
-    covariance = found.log_covariance
-    errors = found.parameters * (np.nan if covariance is None else np.sqrt(np.diag(covariance)))
-    sound = found.converged and not model_misses(found, accuracy)
-    return tuple(
-        StiffnessEstimate(parameter, float(value), float(error), (float(low), float(high)), sound)
-        for parameter, value, error, (low, high) in zip(
-            stiffness_priors().parameters, found.parameters, errors, intervals, strict=True
-        )
-    )
-
-
-def starts_agree(searches: Sequence[StiffnessFit]) -> bool:
-    """Tell whether searches, the best first, led to the same stiffness."""
-    values = np.log([search.parameters for search in searches])
-    allowed = np.full(len(PARAMETERS), SAME_WITHIN)
-    if (covariance := searches[0].log_covariance) is not None:
-        half = quantile(0) * np.sqrt(np.diag(covariance))
-        allowed = np.maximum(allowed, SAME_WITHIN_INTERVAL * half)
-    return bool((np.ptp(values, axis=0) <= allowed).all())
 
 
 class StiffnessSearch:

@@ -19,11 +19,11 @@ from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
+from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.loading import load_leg
 from legfem.stockings.result import StockingResult, StockingSettings, run_leg
-from legfem.stockings.search import StiffnessFit
 from studies.legs.scans import SegmentationNoise, simulated_scan
 from studies.legs.shapes import ParametricLeg, parametric_leg
 

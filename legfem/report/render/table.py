@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from legfem.common.documents import literal
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.fit import Fit
 from legfem.report.folder import ReportFile
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CSV, WORKBOOK = "numbers.csv", "numbers.xlsx"
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def estimates_frame(fits: Sequence[Fit[Any]]) -> pd.DataFrame:
@@ -57,7 +57,7 @@ def write_tables(page: WebPage, folder: Path, estimates: pd.DataFrame | None = N
     known = _frame(vars(one) for one in page.known)
     first = known if estimates is None else _frame(row._asdict() for row in estimates.itertuples(index=False))
     csv, workbook = folder / CSV, folder / WORKBOOK
-    first.assign(subject=_literal(page.subject), origin=page.origin).to_csv(csv, index=False)
+    first.assign(subject=literal(page.subject), origin=page.origin).to_csv(csv, index=False)
     with pd.ExcelWriter(workbook) as writer:
         if estimates is not None:
             first.to_excel(writer, sheet_name="estimates", index=False)
@@ -69,11 +69,4 @@ def write_tables(page: WebPage, folder: Path, estimates: pd.DataFrame | None = N
 def _frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     import pandas as pd
 
-    return pd.DataFrame([{name: _literal(value) for name, value in row.items()} for row in rows])
-
-
-def _literal(value: Any) -> Any:
-    """Text that a spreadsheet doesn't take for a formula; numbers as they are."""
-    if not isinstance(value, str) or not value.startswith(_FORMULA):
-        return value
-    return value if value[1:2].isdigit() else f"'{value}"
+    return pd.DataFrame([{name: literal(value) for name, value in row.items()} for row in rows])

@@ -8,13 +8,17 @@ from legfem.common.units import mpa_to_kpa
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report import page as web
 from legfem.report.page import Block, Prose, WebTable
-from legfem.report.web.stocking_pressures import stiffness_values
+from legfem.report.stocking_pressures import stiffness_values
 from legfem.report.words import short_probability
 from legfem.stockings.discrepancy import ModelDiscrepancy
+from legfem.stockings.estimates import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.misfit import CONTOUR_NAMES
 from legfem.stockings.notices import TISSUES
 from legfem.stockings.result import StockingResult
-from legfem.stockings.search import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
+
+STIFFNESS = "Stiffness of muscle and fat"
+"""Title of the chapter."""
 
 
 def verdict_sentence(known: StiffnessEstimate) -> str:
@@ -160,9 +164,6 @@ def _agreement(result: StockingResult) -> str:
     return text
 
 
-CONTOURS = {"outer": "skin", "inner": "hull of the muscle"}
-
-
 def discrepancy_blocks(found: ModelDiscrepancy) -> list[web.Block]:
     """Return the verdict, the places that differ, and what was tried as a reason."""
     blocks: list[web.Block] = [web.Prose(discrepancy_verdict(found))]
@@ -173,7 +174,7 @@ def discrepancy_blocks(found: ModelDiscrepancy) -> list[web.Block]:
                 ["contour", "angle from +x to +y (°)", "heights z (mm)", "distance (mm)", "p"],
                 [
                     [
-                        CONTOURS[p.contour],
+                        CONTOUR_NAMES[p.contour],
                         f"{p.angle_deg:.0f}",
                         f"{p.levels[0]:.0f} to {p.levels[1]:.0f}",
                         f"{p.distance:+.2f}",

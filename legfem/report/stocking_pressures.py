@@ -17,6 +17,8 @@ from legfem.stockings.notices import TISSUES, unloaded_skin
 from legfem.stockings.pressures import FatPressures, TissuePressures, too_low_by
 from legfem.stockings.result import StockingResult
 
+PRESSURES = "Pressures on the skin and inside"
+"""Title of the chapter."""
 ORIGINS = {
     "measured": "measured data",
     "simulated": "simulated data (the scans were computed by a model; no leg was scanned)",
