@@ -29,12 +29,13 @@ from legfem.legs.schema import SUBJECTS
 from legfem.legs.variants import LegVariants, solved_responses
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.report import SolveReport
+from studies.command_line import new_app
 from studies.reconstruct import read_definition, test_of
 
 SUBJECT = "3"
 SENSITIVITIES = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @dataclass(frozen=True)

@@ -11,18 +11,17 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-import typer
 from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_context
 from legfem.common.documents import write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.legs.correction import smooth_ratio
 from legfem.study.correction.calibration import run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app
 
 REACH = 30.0
 """mm."""
@@ -32,7 +31,7 @@ STIFFENING = (0.0, 0.8)
 FINER = 2.0
 """Of the finer grid of tetrahedra."""
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -41,10 +40,9 @@ def command(out: Out = None, jobs: Jobs = None) -> None:
 
     Example: python -m studies.correction_checks, or mpirun -n 4 python -m studies.correction_checks
     """
-    resume = "run the same command again to go on; solved models are kept"
     comm = MPI.COMM_WORLD
     with (
-        study_context("correction-checks", out, jobs, resume) as (folder, processes),
+        study_context("correction-checks", out, jobs, DONE_IS_KEPT) as (folder, processes),
         progress_on(quiet=comm.rank > 0) as progress,
     ):
         processes = processes if comm.size == 1 else 1

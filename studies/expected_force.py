@@ -27,9 +27,10 @@ from legfem.legs.plausible_recordings import SOFTEST_KPA, STIFFEST_C20_KPA, STIF
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from studies.legs.calf import Calf, calf_section
+from studies.command_line import new_app
+from studies.legs.shapes import Calf, calf_section
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 SLACK = 0.05
 """Of the logarithm, that a leg may lie beyond an envelope."""
 type Leg = tuple[LegSection, Indenter, float, float, float, float]

@@ -21,6 +21,7 @@ from legfem.legs.schema import SUBJECTS
 from legfem.meshing.exchange import write_mesh
 from legfem.meshing.gmsh_mesh import quality_of_file
 from legfem.stockings.loading import LEGS
+from studies.command_line import new_app
 
 MANIFEST = "meshes.json"
 PAGE = "README.md"
@@ -86,7 +87,7 @@ REFERENCES = (
     Reference("stocking-1", "leg 1 of the stockings, bare", "stocking", "1"),
 )
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 def make(reference: Reference, folder: Path) -> dict[str, Any]:

@@ -15,7 +15,6 @@ import numpy as np
 import typer
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from legfem.commands.study import Jobs
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
@@ -32,8 +31,9 @@ from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
-from studies.lab.synthesis import InstrumentNoise, record_path
-from studies.legs.calf import Calf, calf_section
+from studies.command_line import Jobs, new_app
+from studies.lab.recording import InstrumentNoise, record_path
+from studies.legs.shapes import Calf, calf_section
 
 DEFINITION = Path(__file__).parent / "frauziols" / "reconstruction.toml"
 PAPER_D = 28.0
@@ -170,7 +170,7 @@ def _write(out: Path, definition: Reconstruction, test: PlaneStrainIndentation, 
     )
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()

@@ -27,7 +27,7 @@ from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
 from legfem.solve.newton import NewtonOutcome, NewtonSolver
 from legfem.solve.settings import NewtonSettings, StepSettings
-from studies.legs.calf import Calf, calf_section
+from studies.legs.shapes import Calf, calf_section
 from studies.reconstruct import DEFINITION
 
 FORMULATIONS = ("displacement", "mixed")

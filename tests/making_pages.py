@@ -76,7 +76,7 @@ from legfem.study.doe.report import study_web_page
 from legfem.study.doe.runs import Workshop, simulate
 from legfem.study.doe.simulator import Record
 from legfem.study.doe.study import StudyResult, study
-from studies.legs.parametric_leg import round_leg
+from studies.legs.shapes import round_leg
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
 DEPTH = 4.0

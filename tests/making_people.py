@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from studies.people.data import Indentations, geometric_means
-from studies.people.losses import Losses
-from studies.people.probe import HIGHEST, LOWEST, STRAINS
-from studies.people.response import ProbeResponse
+from studies.people.probe import HIGHEST, LOWEST, STRAINS, Losses, ProbeResponse
 
 MEDIANS = np.log(np.array([[4e-3, 2e-3], [8e-3, 3e-3]]))
 """Superficial and deep C10 (MPa) at two sites."""

@@ -11,7 +11,7 @@ from legfem.common.errors import InputError
 from legfem.legs.mechanisms import mechanisms
 from studies.concealed.cases import SealedCase, make_cases
 from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
-from studies.concealed.seal import read_sealed, write_sealed
+from studies.concealed.making import read_sealed, write_sealed
 
 
 def test_cases_depend_on_the_seed_alone():

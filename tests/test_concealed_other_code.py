@@ -9,8 +9,8 @@ import pytest
 
 from legfem.legs.loading import load_subject
 from studies.concealed.cases import make_cases
-from studies.concealed.other_code import OtherCase, OtherCode
-from studies.concealed.other_tissue import DeepTissue
+from studies.other_code.plane_leg import OtherCase, OtherCode
+from studies.other_code.pressing import DeepTissue
 
 CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
 

@@ -10,10 +10,8 @@ import pytest
 
 from legfem.inverse.explain import PRIOR_NONE, PRIOR_SINGLE
 from studies.concealed.cases import make_cases
-from studies.concealed.page import cases_page, figure, page, scored_document
-from studies.concealed.reliability import Explained, at_base_rates
-from studies.concealed.scoring import Scored
-from studies.concealed.summary import reliability, summarise
+from studies.concealed.page import cases_page, figure, page, reliability, scored_document, summarise
+from studies.concealed.scoring import Explained, Scored, at_base_rates
 
 
 def scored(number, names, *models, kind="single", twin_of=None, size=9.0, sure=0.95, **changed):

@@ -13,9 +13,8 @@ from legfem.common.errors import InputError
 from legfem.data import segment_all
 from legfem.inverse.observations import observe
 from studies.concealed.cases import make_cases
-from studies.concealed.change import change_at_stations, recorded, recorded_change
-from studies.concealed.making import key_of_case
-from studies.concealed.metric import Metric
+from studies.concealed.diagnosing import Metric
+from studies.concealed.making import change_at_stations, key_of_case, recorded, recorded_change
 from studies.concealed.scoring import _changes
 from studies.lab.recording import INSTRUMENT, Course
 

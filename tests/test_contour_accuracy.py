@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.leg_shape_from_outlines import smoothed
 from legfem.stockings.misfit import ContourAccuracy
-from studies.legs.parametric_leg import round_leg
+from studies.legs.shapes import round_leg
 
 
 def test_without_smoothing_the_errors_are_the_segmentation_s():

@@ -29,7 +29,7 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from legfem.stockings.leg_model import LegModel3D
-from studies.legs.parametric_leg import round_leg
+from studies.legs.shapes import round_leg
 
 LAW = NeoHookean(5e-3, 0.2)
 STEPS = StepSettings(first=0.5, largest=0.5)

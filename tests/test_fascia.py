@@ -13,7 +13,7 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
 from legfem.mechanics.terms.fascia import face_strain, free_volume_ratio
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
-from studies.legs.parametric_leg import round_leg
+from studies.legs.shapes import round_leg
 
 STIFFNESS = 0.2
 """N/mm."""

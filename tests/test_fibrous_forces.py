@@ -18,7 +18,7 @@ from legfem.mechanics.terms import Fibres
 from legfem.specimens.fibre_directions import AXES
 from legfem.specimens.sizes import FibrousTest
 from legfem.specimens.tissues import SpecimenTissue
-from studies.fibrous_specimens.other_muscle import BULK, OtherMuscle, pulled_bar
+from studies.other_code.pressing import BULK, OtherMuscle, pulled_bar
 
 
 @pytest.mark.parametrize("direction", ["load", "across"])

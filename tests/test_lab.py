@@ -9,10 +9,18 @@ import pytest
 from scipy.stats import kurtosis
 
 from legfem.legs.loading import load_subject
-from studies.lab.conditions import CONTOURS_MM, GAINS, drawn_errors, drawn_misstatement
-from studies.lab.rate import Rate
+from studies.lab.outcomes import Rate
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, flicker, record
-from studies.lab.stated import LEAST_FAT_MM, Misstated, misstated, outlines_off
+from studies.lab.stated import (
+    CONTOURS_MM,
+    GAINS,
+    LEAST_FAT_MM,
+    Misstated,
+    drawn_errors,
+    drawn_misstatement,
+    misstated,
+    outlines_off,
+)
 
 LEG = Path(__file__).parent / "data" / "crosscheck" / "neo-hookean"
 TIME = np.linspace(0.0, 50.0, 501)

@@ -11,7 +11,7 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import NewtonSettings
-from studies.legs.parametric_leg import round_leg
+from studies.legs.shapes import round_leg
 
 
 def test_lagged_factors_lead_to_the_same_state_with_fewer_factorisations():

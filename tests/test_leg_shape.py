@@ -23,7 +23,7 @@ from legfem.geometry.leg_shape import (
 from legfem.geometry.leg_shape_from_outlines import read_shape, smoothed, write_shape
 from legfem.geometry.leg_shape_motion import displaced, rigidly_moved, without_layer
 from legfem.geometry.leg_surface import PartSurface
-from studies.legs.parametric_leg import round_leg
+from studies.legs.shapes import round_leg
 
 
 def cone(slope: float = 0.1) -> LegShape:

@@ -12,10 +12,19 @@ import pytest
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from studies.nulls import counting
-from studies.nulls.command import page
-from studies.nulls.conditions import CONDITIONS, NullTask, condition_named, null_tasks
-from studies.nulls.counting import NullCounter, NullOutcome, count, kept
-from studies.nulls.curves import clean_curve, clean_folders
+from studies.nulls.__main__ import page
+from studies.nulls.counting import (
+    CONDITIONS,
+    NullCounter,
+    NullOutcome,
+    NullTask,
+    clean_curve,
+    clean_folders,
+    condition_named,
+    count,
+    kept,
+    null_tasks,
+)
 
 CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
 OUTCOME = NullOutcome(

@@ -10,7 +10,7 @@ import shapely
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, fat_thickness_around, horizontal_curvature, largest_girth, perimeter
-from studies.legs.parametric_leg import ParametricLeg, parametric_leg, read_legs
+from studies.legs.shapes import ParametricLeg, parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 

@@ -14,10 +14,16 @@ from making_people import MEDIANS, losses, people
 
 from legfem.common.errors import InputError
 from studies.people.data import Indentations, read_indentations
-from studies.people.losses import Losses, allowed
 from studies.people.population import draw_population
-from studies.people.prediction import predict_left_out
-from studies.people.springs import least_share, least_share_value, least_squares, left_out, mean_error
+from studies.people.prediction import (
+    least_share,
+    least_share_value,
+    least_squares,
+    left_out,
+    mean_error,
+    predict_left_out,
+)
+from studies.people.probe import Losses, allowed
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "multis_in_vivo"
 
@@ -198,7 +204,7 @@ def test_a_person_left_out_tells_nothing_of_the_prediction(made, drawn):
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the data of MULTIS aren't here")
 def test_real_people_are_predicted_better_than_by_springs(tmp_path, monkeypatch):
-    from studies.people import command
+    from studies.people import __main__ as command
     from studies.people.probe import ProbeModel
 
     monkeypatch.setattr(command, "POINTS", 100)

@@ -17,7 +17,7 @@ from legfem.common.command_line import command_context
 from legfem.common.progress import Silent
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from studies.solvers.apart import run_apart
+from studies.solvers.case import run_apart
 
 HERE = Path(__file__).parent
 
@@ -179,7 +179,7 @@ def test_commands_apart_end_with_the_one_that_started_them(tmp_path: Path, sent:
     told = tmp_path / "pid"
     inner = f"""if True:
         import os, pathlib, time
-        from studies.solvers.apart import end_with_starter
+        from studies.solvers.case import end_with_starter
         end_with_starter()
         pathlib.Path({str(told)!r} + ".new").write_text(str(os.getpid()))
         pathlib.Path({str(told)!r} + ".new").rename({str(told)!r})
@@ -187,7 +187,7 @@ def test_commands_apart_end_with_the_one_that_started_them(tmp_path: Path, sent:
     """
     outer = f"""if True:
         import os, sys
-        from studies.solvers.apart import run_apart
+        from studies.solvers.case import run_apart
         run_apart([sys.executable, "-c", {inner!r}], os.environ)
     """
     parent = subprocess.Popen([sys.executable, "-c", outer], stderr=subprocess.DEVNULL)

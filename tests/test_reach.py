@@ -14,8 +14,7 @@ from legfem.geometry.section import girth, minimal_fat_thickness
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.solve.path import ForceCurve
 from studies.reach import __main__ as command
-from studies.reach.drawn_leg import drawn_leg
-from studies.reach.pressing import Reached, ReachTask, differences
+from studies.reach.pressing import Reached, ReachTask, differences, drawn_leg
 
 
 def test_legs_are_drawn_within_their_ranges_and_alike_for_one_seed():

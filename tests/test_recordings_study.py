@@ -14,14 +14,19 @@ from legfem.data import Instrument, Recording, segment_all
 from legfem.inverse.observations import observe
 from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation, spectrum
 from legfem.specimens.folder import load_specimen
-from studies.recordings.command import full_name
+from studies.recordings.__main__ import full_name, write_specimen_folders
 from studies.recordings.curves import DEEPEST, STIFFENING_SHARES, THICKNESSES, ElasticCurves, LayerCurves, layer_curves
 from studies.recordings.data import MeatTest, phantom_kinds, read_meat, read_phantoms
-from studies.recordings.drop import ForceDrop, find_drops
-from studies.recordings.folders import write_specimen_folders
 from studies.recordings.indentation import Assumed, air_found, study_indentation, try_indentation, with_air
-from studies.recordings.motion import held_depth, loaded_and_held, motion_of, without_end_of_hold
-from studies.recordings.responses import SpecimenResponses
+from studies.recordings.motion import (
+    ForceDrop,
+    SpecimenResponses,
+    find_drops,
+    held_depth,
+    loaded_and_held,
+    motion_of,
+    without_end_of_hold,
+)
 
 DATA = Path(os.environ.get("LEGFEM_DATA", SHARED / "data"))
 needs_data = pytest.mark.skipif(not (DATA / "meat_indentation").is_dir(), reason="needs the recordings: LEGFEM_DATA")

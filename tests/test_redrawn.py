@@ -13,9 +13,8 @@ import pytest
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from studies.redrawn import drawing
-from studies.redrawn.command import page, run
-from studies.redrawn.drawing import Redrawer, RedrawnOutcome, RedrawnTask, diagnose_each
-from studies.redrawn.foreign import foreign_case
+from studies.redrawn.__main__ import page, run
+from studies.redrawn.drawing import Redrawer, RedrawnOutcome, RedrawnTask, diagnose_each, foreign_case
 
 CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
 OUTCOME = RedrawnOutcome(

@@ -18,7 +18,7 @@ from legfem.geometry.leg_shape import LegShape, shape_of_contours
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg, settings_for_cells
-from studies.legs.parametric_leg import round_leg
+from studies.legs.shapes import round_leg
 
 
 def measure(leg: LegMesh, tag: int) -> float:

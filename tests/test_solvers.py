@@ -11,8 +11,8 @@ from mpi4py import MPI
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.jobs.store import Store
 from legfem.meshing.idealised_leg import IdealisedLeg, mesh_leg
+from studies.solvers.__main__ import cases_of, run, sentences, solvers_table
 from studies.solvers.case import SolverCase, SolverWork, document, measure, mesh_of_size
-from studies.solvers.command import cases_of, run, sentences, solvers_table
 
 SMALL = SolverCase(3000, "iterative")
 

@@ -16,15 +16,15 @@ from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.stockings.result import StockingSettings
-from studies.concealed import running, scoring
-from studies.planted import command as planted
+from studies.concealed import diagnosing as running
+from studies.concealed import scoring
+from studies.planted import __main__ as planted
 from studies.planted.truths import Planted, PlantedTruth
-from studies.solvers import command as solvers
+from studies.solvers import __main__ as solvers
 from studies.solvers.case import SolverCase, SolverWork
 from studies.stockings import command as stockings
 from studies.stockings.claims import Pressures, Variant
-from studies.stockings.recovery import Recovery
-from studies.stockings.truth import NOISE, TRUTHS
+from studies.stockings.truth import NOISE, TRUTHS, Recovery
 
 
 @dataclass

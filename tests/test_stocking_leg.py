@@ -16,7 +16,7 @@ from legfem.geometry.leg_shape_from_outlines import write_shape
 from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.stockings.leg import GAP, default_veins
 from legfem.stockings.loading import LEGS, load_leg
-from studies.legs.parametric_leg import parametric_leg, read_legs
+from studies.legs.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS as SHAPES
 
 

@@ -17,7 +17,7 @@ from legfem.stockings.fabric import Stocking
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.loading import LEAST_LENGTH_MM, check_scans_differ, doubts_about_leg
 from legfem.stockings.misfit import ContourAccuracy
-from studies.legs.parametric_leg import parametric_leg, read_legs
+from studies.legs.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 TOML = Path("leg.toml")

@@ -46,7 +46,7 @@ from legfem.stockings.notices import stocking_notices, unloaded_skin
 from legfem.stockings.pressures import PressureProbe, fat_pressures, too_low_by
 from legfem.stockings.result import StockingSettings, run_leg
 from legfem.stockings.search import SearchSettings
-from studies.legs.parametric_leg import parametric_leg, read_legs, round_leg
+from studies.legs.shapes import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 MESH = SolidMeshSettings(skin_size=12, inside_size=16, bone_size=10, layer_elements=0.4, turn_elements=10)

@@ -10,13 +10,13 @@ from typer.testing import CliRunner
 
 from legfem.common.errors import UnsolvedError
 from legfem.solve.newton import NewtonOutcome, NewtonSolver
-from studies.people import command as people
+from studies.people import __main__ as people
 from studies.people.__main__ import app as people_app
 from studies.people.probe import SolvedPoint
-from studies.recordings import command as recordings
+from studies.recordings import __main__ as recordings
 from studies.recordings.__main__ import app as recordings_app
 from studies.recordings.indentation import Row
-from studies.solvers import command as solvers
+from studies.solvers import __main__ as solvers
 from studies.solvers.__main__ import app as solvers_app
 
 

@@ -32,7 +32,7 @@ from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.write import PAGE_FILES
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.report import not_seen, study_web_page, to_measure
-from studies.legs.parametric_leg import round_leg
+from studies.legs.shapes import round_leg
 
 MOST_BYTES = 2_000_000
 LEGS_IN_3D = ("stocking", "identification-3d")

@@ -18,11 +18,9 @@ from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
 from legfem.study.correction.cases import CorrectionCase
 from studies.lab.recording import INSTRUMENT
-from studies.worked.__main__ import app
-from studies.worked.ends import DEPTH_MM, PLANE, SPATIAL, recorded
+from studies.worked.__main__ import QUANTITIES, app, cells, page
+from studies.worked.ends import DEPTH_MM, NOT_OFFERED, PLANE, SPATIAL, PlaneLegVariants, offered, recorded
 from studies.worked.example import WorkedTruth, row_of
-from studies.worked.page import QUANTITIES, cells, page
-from studies.worked.plane_leg import NOT_OFFERED, PlaneLegVariants, offered
 from studies.worked.stiffening import protocol_named
 
 CURVE = ForceCurve(np.linspace(0, 20, 41), np.linspace(0, 20, 41) ** 1.5 / 4)

@@ -22,7 +22,6 @@ from legfem.common.errors import check_finite
 
 Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
-Library = Annotated[Path | None, typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default.")]
 
 
 app = typer.Typer(

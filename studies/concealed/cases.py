@@ -1,16 +1,21 @@
-"""The cases: which leg, which tissue, which protocol, and what is concealed in them."""
+"""The cases: which leg, what is stated of it, which tissue, which protocol, and what is concealed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 
 from legfem.inverse.predictor import LawName
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import Subject
 from legfem.solve.protocol import Protocol
 from studies.concealed.forms import FORMS, NAMED, OUTSIDE, drawn_values
+from studies.lab.stated import drawn_misstatement, misstated
 
 DEPTH_MM, SLOW, FAST, HOLD_S, TRIALS = 20.0, 0.4, 1.0, 60.0, 3
 SUBJECTS_OF_LEGS: tuple[tuple[str, LawName], ...] = (
@@ -211,3 +216,29 @@ def _stiffness(law: str, generator: np.random.Generator) -> tuple[float, float]:
     """Return C10 and C20 of a person, kPa."""
     c10 = float(np.exp(generator.uniform(*np.log(C10_KPA))))
     return c10, 0.0 if law == "neo-hookean" else c10 * float(generator.uniform(*RATIO))
+
+
+@dataclass(frozen=True, eq=False)
+class SealedLeg:
+    """A leg twice over."""
+
+    true: Subject
+    stated: Subject
+    """With the same tissues as in every folder, which aren't the true leg's."""
+
+
+def sealed_leg(number: int, seed: int) -> SealedLeg:
+    """Return a leg of the study with the base model's law."""
+    name, law = SUBJECTS_OF_LEGS[number % len(SUBJECTS_OF_LEGS)]
+    usual = with_deep_law(load_subject(SUBJECTS.find(name), need_recordings=False), law)
+    generator = np.random.default_rng([seed, 21, number])
+    drawn = misstated(usual, drawn_misstatement(generator), generator)
+    return SealedLeg(replace(usual, tissues=drawn.tissues), replace(drawn, tissues=usual.tissues))
+
+
+def with_deep_law(subject: Subject, law: str) -> Subject:
+    """Return the subject with another law of the deep tissue, its volumetric part fitting."""
+    deep = subject.tissues["deep"]
+    second = deep.D1 if law == "reduced-polynomial" else None
+    tissue = replace(deep, law=law, C20=None, D2=second)  # type: ignore[arg-type]
+    return replace(subject, tissues=MappingProxyType({**subject.tissues, "deep": tissue}))

@@ -1,25 +1,101 @@
-"""Making sealed cases: one subject folder each, and its key."""
+"""Making sealed cases: one subject folder each, its key, and what the concealed effects change of what is recorded."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import secrets
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from legfem.common.documents import write_atomically
+import numpy as np
+
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.data import Recording
+from legfem.common.units import FloatArray
+from legfem.data import Recording, segment
+from legfem.inverse.observations import Observations
+from legfem.inverse.stations import read_at
 from legfem.jobs.pool import Workers
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.subject import Subject
-from studies.concealed.cases import SealedCase
-from studies.concealed.change import recorded, recorded_change
-from studies.concealed.legs import sealed_leg
-from studies.concealed.seal import write_sealed
+from studies.concealed.cases import SealedCase, sealed_leg
 from studies.concealed.truth import SealedTruth, Truths
-from studies.lab.recording import INSTRUMENT
+from studies.lab.recording import INSTRUMENT, Course, record
+from studies.lab.stated import drawn_errors
+
+
+def recorded(courses: Sequence[Course], noise_seed: int) -> list[Recording]:
+    """Return what a lab records of trials, its errors drawn by a seed."""
+    generator = np.random.default_rng(noise_seed)
+    return record(courses, drawn_errors(generator), generator)
+
+
+def recorded_change(courses: Sequence[Course], others: Sequence[Course], noise_seed: int) -> list[list[float]]:
+    """Return how far a lab's readings of trials are from those it would have of others (N).
+
+    Both by the same air, gains, zeros and noise, sample by sample.
+    """
+    pairs = zip(recorded(courses, noise_seed), recorded(others, noise_seed), strict=True)
+    return [[float(v) for v in one.force - other.force] for one, other in pairs]
+
+
+def change_at_stations(
+    recordings: Sequence[Recording], changes: Sequence[Sequence[float]], observed: Observations
+) -> FloatArray:
+    """Return what changes of the recordings are at a diagnosis' stations (n,), N.
+
+    Trials are cut at the first contacts that the diagnosis found, so that a change is looked up
+    where it was recorded, however wrong these are.
+    """
+    parts = []
+    for k, (recording, change) in enumerate(zip(recordings, changes, strict=True)):
+        less = replace(recording, force=recording.force - np.asarray(change))
+        trial = segment(less, starts_at_contact=True).touching(observed.contacts[k])
+        parts.append(read_at(trial, observed.protocols[observed.protocol_of[k]]).force)
+    return np.asarray(observed.force - np.concatenate(parts))
+
+
+def write_sealed(path: Path, content: Mapping[str, Any], seed: int) -> None:
+    """Write a key's salted hash and its enciphered content."""
+    text = json.dumps(content, sort_keys=True).encode()
+    salt = secrets.token_hex(16)
+    write_document(
+        path,
+        {
+            "sha256": hashlib.sha256(salt.encode() + text).hexdigest(),
+            "salt": salt,
+            "content": _enciphered(text, seed, salt).hex(),
+        },
+    )
+
+
+def read_sealed(path: Path, seed: int) -> dict[str, Any]:
+    """Open a key.
+
+    Raises
+    ------
+    InputError
+        If it isn't there, the seed is another, or its content isn't what was sealed.
+    """
+    try:
+        sealed = json.loads(path.read_text())
+        salt = sealed["salt"]
+        text = _enciphered(bytes.fromhex(sealed["content"]), seed, salt)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(path, "key", f"can't be read ({error})", "make the cases again") from None
+    if hashlib.sha256(salt.encode() + text).hexdigest() != sealed["sha256"]:
+        raise InputError(path, "--seed", "does not open this key", "give the seed the cases were made with")
+    return dict(json.loads(text))
+
+
+def _enciphered(text: bytes, seed: int, salt: str) -> bytes:
+    blocks = (hashlib.sha256(f"{seed}/{salt}/{k}".encode()).digest() for k in range(len(text) // 32 + 1))
+    return bytes(a ^ b for a, b in zip(text, b"".join(blocks), strict=False))
 
 
 @dataclass(eq=False)

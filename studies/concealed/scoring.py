@@ -1,9 +1,10 @@
-"""Opening the keys, and what the diagnoses were worth."""
+"""Opening the keys, what the diagnoses were worth, and whether their probabilities are true."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,73 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.inverse.explain import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.loading import load_subject
-from studies.concealed.cases import SealedCase
-from studies.concealed.change import change_at_stations
-from studies.concealed.metric import Metric
-from studies.concealed.reliability import Explained
-from studies.concealed.running import asked, case_folders, diagnoses, metric_file
-from studies.concealed.seal import read_sealed
+from studies.concealed.cases import SHARES, SealedCase
+from studies.concealed.diagnosing import Metric, asked, case_folders, diagnoses, metric_file
+from studies.concealed.forms import NAMED, OUTSIDE
+from studies.concealed.making import change_at_stations, read_sealed
+from studies.lab.outcomes import Rate
+
+BINS = (0.0, 0.4, 0.6, 0.8, 1.0)
+_HAVE_A_NAME = SHARES["outside"] * len(NAMED) / len(OUTSIDE)
+"""Effects outside the library's forms that are one of its mechanisms all the same."""
+
+
+@dataclass(frozen=True)
+class Explained:
+    """One explanation that a diagnosis weighs."""
+
+    names: tuple[str, ...]
+    unknown: bool
+    probability: float
+
+    @property
+    def nothing_shows(self) -> bool:
+        """Whether it is that nothing was left out, or nothing that shows."""
+        return not self.names and not self.unknown
+
+    @property
+    def base_rate(self) -> float:
+        """How often the study conceals such a thing, over how often the diagnosis expects it."""
+        if self.unknown:
+            return (SHARES["outside"] - _HAVE_A_NAME) / PRIOR_UNKNOWN
+        rates = (
+            SHARES["none"] / PRIOR_NONE,
+            (SHARES["single"] + _HAVE_A_NAME) / PRIOR_SINGLE,
+            SHARES["pair"] / PRIOR_PAIR,
+        )
+        return rates[len(self.names)]
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """Statements of like probability: how often they are right."""
+
+    low: float
+    high: float
+    stated: float
+    """Mean of their probabilities; NaN of nothing."""
+    right: Rate
+
+
+def reliability_of(statements: Sequence[tuple[float, bool]]) -> tuple[Reliability, ...]:
+    """Return how often statements are right, by the probabilities that they are made with."""
+    found = []
+    for low, high in pairwise(BINS):
+        mine = [(p, right) for p, right in statements if low < min(p, 1.0) <= high]
+        mean = float(np.mean([p for p, _ in mine])) if mine else float("nan")
+        found.append(Reliability(low, high, mean, Rate(sum(right for _, right in mine), len(mine))))
+    return tuple(found)
+
+
+def at_base_rates(explanations: Sequence[Explained]) -> tuple[FloatArray, int]:
+    """Return probabilities with the study's shares for priors, and the place of the largest."""
+    weights = np.array([e.probability * e.base_rate for e in explanations])
+    weights /= weights.sum()
+    return weights, int(np.argmax(weights))
+
 
 VISIBLE = 4.0
 """Size of an effect over all errors from which it should be seen.

@@ -167,7 +167,7 @@ class Truths:
         return self._solved(case, effects, Protocol.ramp(DEPTH_MM, ELASTIC_RATE))
 
     def _solved(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse | None:
-        modules = ("studies.concealed.other_code" if case.code == "felupe" else "legfem.legs.variants",)
+        modules = ("studies.other_code.plane_leg" if case.code == "felupe" else "legfem.legs.variants",)
         store = Store(self.folder, ForceCourse, _leg_of(self.leg), modules)
         asked = [
             case.code,
@@ -211,7 +211,7 @@ class Truths:
         return LegVariants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings)
 
     def _by_other_code(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse:
-        from studies.concealed.other_code import OtherCode
+        from studies.other_code.plane_leg import OtherCode
 
         curve = OtherCode(self.leg, _other_case(case, effects)).solve(DEPTH_MM, _OTHER_STEP_MM)
         if not curve.reached:
@@ -222,7 +222,7 @@ class Truths:
 
 
 def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
-    from studies.concealed.other_code import OtherCase
+    from studies.other_code.plane_leg import OtherCase
 
     def strength(name: str) -> float | None:
         return effects.get(name, {}).get("strength")

@@ -10,9 +10,8 @@ import numpy as np
 import typer
 from matplotlib.figure import Figure
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_context
-from legfem.common.documents import markdown_table, write_atomically, write_document
+from legfem.common.documents import markdown_table, write_atomically
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
@@ -23,6 +22,7 @@ from legfem.legs.correction_of_leg import TABLE
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.report.style import save
 from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
 from studies.fibres import concealed
 from studies.fibres.table import tabulate
 
@@ -33,7 +33,7 @@ RATIOS = (1.0, 2.0, 3.0, 5.0)
 AT_MM = np.array([2.0, 5.0, 10.0, 15.0])
 _COARSE = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 def case_of(ratio: float, coarse: bool = False) -> CorrectionCase:
@@ -111,8 +111,7 @@ def fibres(
 
     Example: python -m studies.fibres --coarse
     """
-    resume = "run the same command again to go on; solutions that are done are kept"
-    with study_context("fibres", out, jobs, resume) as (folder, processes), progress_on() as progress:
+    with study_context("fibres", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
         if table:
             write_table(folder, processes, progress)
             return
@@ -134,21 +133,9 @@ def fibres(
                 for ratio, (P, force) in found.items()
             ],
         )
-        write_document(
-            folder / "result.json",
-            {
-                "schema": 1,
-                "origin": "simulated",
-                "displacement_mm": AT_MM.tolist(),
-                "ratios": [
-                    {"ratio": ratio, "P": P.tolist(), "force_N": force.tolist()} for ratio, (P, force) in found.items()
-                ],
-            },
-        )
+        ratios = [{"ratio": ratio, "P": P, "force_N": force} for ratio, (P, force) in found.items()]
+        write_results(folder, {"displacement_mm": AT_MM, "ratios": ratios}, rows)
         save(figure_of(found), folder, "fibres")
-        typer.echo(rows)
-        write_atomically(folder / "report.md", rows)
-        typer.echo(f"report: {folder / 'report.md'}")
 
 
 if __name__ == "__main__":

@@ -9,17 +9,17 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_context
-from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
+from legfem.common.documents import markdown_table
 from legfem.common.progress import progress_on
 from legfem.inverse.intervals import VERDICTS
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
 from studies.fibrous_specimens.planting import RATIOS, SETUPS, Found, Outcome, Plant, Setup, identified, plants
-from studies.lab.rate import Rate
+from studies.lab.outcomes import Rate
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -33,19 +33,12 @@ def fibrous_specimens(
 
     Example: python -m studies.fibrous_specimens --n 30
     """
-    resume = "run the same command again to go on; tissues that are done are kept"
-    with study_context("fibrous-specimens", out, jobs, resume) as (folder, processes):
+    with study_context("fibrous-specimens", out, jobs, DONE_IS_KEPT) as (folder, processes):
         modules = ("studies.fibrous_specimens.planting",)
         store = Store(folder / "tissues", Outcome, modules=modules)
         with progress_on() as progress, Workers(identified, folder, processes) as workers:
             found = finish(workers, plants(n, seed), store, progress, "pulling and identifying", _line)
-        document = {"schema": 1, "origin": "simulated", "seed": seed}
-        cases = [json_types(asdict(one)) for one in found]
-        write_document(folder / "result.json", {**document, "tissues": cases})
-        text = page(found)
-        write_atomically(folder / "report.md", text)
-        typer.echo(text)
-        typer.echo(f"report: {folder / 'report.md'}")
+        write_results(folder, {"seed": seed, "tissues": [asdict(one) for one in found]}, page(found))
 
 
 def page(found: Sequence[Outcome]) -> str:

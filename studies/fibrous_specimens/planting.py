@@ -16,9 +16,9 @@ from legfem.specimens.fibre_directions import Direction
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.problem import fit_specimens
 from legfem.specimens.tissues import ONE
-from studies.fibrous_specimens.other_muscle import OtherMuscle, pulled_bar
-from studies.lab.conditions import GAINS
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
+from studies.lab.stated import GAINS
+from studies.other_code.pressing import OtherMuscle, pulled_bar
 from studies.sites.identifying import Interval
 
 RATIOS = (1.0, 2.0, 3.0)

@@ -1,16 +1,13 @@
-"""How a lab records a leg's true course: air, gains, zeros, and instruments that err.
-
-The diagnosis takes gains, zeros and first contacts to be normal and slow errors to be correlated
-exponentially. Here gains are uniform or heavy-tailed, zeros and air uniform, the load cell's slow
-error is flicker noise (its power falls as 1/f), white noise is heavy-tailed, the encoder rounds.
-"""
+"""How a lab records a true course: air, gains, zeros, instruments with errors; from a path, or another code's file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from scipy.signal import lfilter
 
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording
@@ -138,3 +135,95 @@ def flicker(count: int, generator: np.random.Generator) -> FloatArray:
     # The period is longer than the recording, whose ends then needn't meet.
     at = np.arange(count) / (1.3 * count)
     return np.asarray(np.cos(2 * np.pi * np.outer(at, waves) + phases) @ size)
+
+
+@dataclass(frozen=True)
+class InstrumentNoise:
+    """Errors of both channels: one part white, one that wanders along the path.
+
+    Each channel's variance is the instrument's; a data sheet's accuracy covers wander (hysteresis,
+    linearity) more than jitter.
+
+    Parameters
+    ----------
+    instrument : Instrument
+        Standard deviations of a reading.
+    slow_share : float
+        Share of the variance that wanders.
+    correlation_mm : float
+        Displacement over which the wander's correlation falls to 1/e.
+    """
+
+    instrument: Instrument
+    slow_share: float = 0.5
+    correlation_mm: float = 4.0
+
+
+def record_path(
+    displacement: FloatArray,
+    force: FloatArray,
+    rate: float,
+    sampling: float,
+    noise: InstrumentNoise,
+    generator: np.random.Generator,
+    trial: str,
+) -> Recording:
+    """Return the recording of a path walked at constant speed.
+
+    Parameters
+    ----------
+    displacement, force
+        The true path, (n,), mm and N, in the order in which it is walked.
+    rate
+        mm/s.
+    sampling
+        Hz.
+    noise
+        Of the instruments.
+    generator
+        Of the noise.
+    trial
+        Name.
+    """
+    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(displacement)))])
+    time = np.arange(0.0, walked[-1] / rate + 0.5 / sampling, 1 / sampling)
+    at = np.minimum(time * rate, walked[-1])
+    decay = np.exp(-rate / sampling / noise.correlation_mm)
+
+    def error(sd: float) -> FloatArray:
+        white = generator.normal(size=time.size) * np.sqrt(1 - noise.slow_share)
+        drive = generator.normal(size=time.size) * np.sqrt(1 - decay**2)
+        drive[0] = generator.normal()
+        wander = lfilter([1.0], [1.0, -decay], drive) * np.sqrt(noise.slow_share)
+        return sd * (white + wander)
+
+    return Recording(
+        time=time,
+        displacement=np.interp(at, walked, displacement) + error(noise.instrument.displacement_sd),
+        force=np.interp(at, walked, force) + error(noise.instrument.force_sd),
+        trial=trial,
+    )
+
+
+RATE_MM_PER_S = 0.4
+"""Of files without a column of times."""
+
+
+def clean_courses(path: Path) -> tuple[Course, ...]:
+    """Return each trial's course from first touch on.
+
+    Columns are displacement_mm and force_N, with time_s and trial where there are several.
+    """
+    names = path.read_text(encoding="utf-8").splitlines()[0].split(",")
+    values = dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
+    at, force = values["displacement_mm"], values["force_N"]
+    time = values.get("time_s", at / RATE_MM_PER_S)
+    trial = values.get("trial", np.ones(len(at)))
+    return tuple(
+        _touching(time[mine], at[mine], force[mine]) for mine in (trial == number for number in np.unique(trial))
+    )
+
+
+def _touching(time: np.ndarray, at: np.ndarray, force: np.ndarray) -> Course:
+    first = max(int(np.argmax(force > 0.0)) - 1, 0)
+    return Course(time[first:] - time[first], at[first:] - at[first], force[first:])

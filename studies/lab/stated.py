@@ -1,4 +1,4 @@
-"""What a lab states of a leg, which isn't quite the leg that was pressed."""
+"""What a lab states of a leg, which isn't quite the leg that was pressed, and all its errors drawn together."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import BONES, LegSection, minimal_fat_thickness
 from legfem.legs.subject import LegAccuracy, Subject
+from studies.lab.recording import LabErrors
 
 AIM_MM, DIRECTION_DEG, FACTOR = 2.0, 3.0, 1.5
 STATED_ACCURACY = LegAccuracy(contour_sd=0.5, aim_sd=2.0, direction_sd=3.0)
@@ -98,3 +99,22 @@ def _off(contour: FloatArray, size: float, generator: np.random.Generator) -> Fl
     off = sum(generator.normal() * np.cos(k * angle + generator.uniform(0, 2 * np.pi)) / (1 + k / 4) for k in _WAVES)
     off = np.asarray(off)
     return np.asarray(contour + (size * off / np.sqrt(np.mean(off**2)))[:, None] * normal)
+
+
+GAINS, CONTOURS_MM, AIR_MM = (0.003, 0.03), (0.3, 1.0), 4.0
+
+
+def drawn_errors(generator: np.random.Generator) -> LabErrors:
+    """Return errors of a lab's recordings."""
+    return LabErrors(
+        gain_sd=float(np.exp(generator.uniform(*np.log(GAINS)))),
+        air=AIR_MM,
+        heavy=bool(generator.random() < 0.5),
+        same_travel=bool(generator.random() < 0.5),
+    )
+
+
+def drawn_misstatement(generator: np.random.Generator) -> Misstated:
+    """Return errors of what a lab states of a leg."""
+    contour = float(generator.uniform(*CONTOURS_MM))
+    return Misstated(contour, AIM_MM, DIRECTION_DEG, FACTOR)

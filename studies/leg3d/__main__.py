@@ -9,20 +9,20 @@ from typing import Annotated
 import typer
 
 from legfem.common.command_line import study_context
-from legfem.common.documents import markdown_table, write_atomically, write_document
+from legfem.common.documents import markdown_table, write_atomically
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.legs.details import SpatialEvidence
 from legfem.legs.elastography import HIGHEST_RATIO
-from studies.leg3d.identified import identified
+from studies.command_line import new_app, write_results
 from studies.leg3d.other_code import PlantedByFelupe
 from studies.leg3d.planted import Planted
-from studies.leg3d.plants import HEADER, counted, drawn, plant_result, plant_row
+from studies.leg3d.plants import HEADER, counted, drawn, identified, plant_result, plant_row
 from studies.leg3d.real import PlantedInLeg
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/leg3d by default.")]
 
 
@@ -123,23 +123,17 @@ def leg3d(
             f"Full solves in 3D: {evidence.full_solves}, rougher ones: {evidence.rough_solves}.",
             "Greatest error of P by cause: " + ", ".join(errors) + ".",
         ]
-        write_document(
-            folder / "result.json",
-            {
-                "schema": 1,
-                "origin": "simulated",
-                "c10_kPa": c10,
-                "c20_kPa": c20,
-                "fibre_ratio": fibres,
-                "code": code.value,
-                "seed": seed,
-                "rows": rows,
-                "confirmations": steps,
-                "errors": errors,
-            },
-        )
-        write_atomically(folder / "report.md", "\n".join(lines) + "\n")
-        typer.echo("\n".join(lines))
+        document = {
+            "c10_kPa": c10,
+            "c20_kPa": c20,
+            "fibre_ratio": fibres,
+            "code": code.value,
+            "seed": seed,
+            "rows": rows,
+            "confirmations": steps,
+            "errors": errors,
+        }
+        write_results(folder, document, "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -11,11 +11,12 @@ from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.solve.path import ForceCurve
+from studies.command_line import new_app
 from studies.leg3d.fascia import SHOWN, layer
 from studies.leg3d.other_code import OtherLeg
 from studies.leg3d.planted import Planted
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()

@@ -21,9 +21,10 @@ from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membra
 from legfem.geometry.leg_shape_motion import without_layer
 from legfem.mechanics.materials import Hyperelastic, NeoHookean
 from legfem.mechanics.terms import Fascia
+from studies.command_line import new_app
 from studies.leg3d.planted import CYLINDER, LEG, MESH, Planted, round_shape
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 SHOWN = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 """mm."""
 CONTACT = 4.5

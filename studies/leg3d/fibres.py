@@ -27,6 +27,7 @@ from legfem.legs.loading import load_sites
 from legfem.legs.model_3d import start_of_ratio
 from legfem.legs.site_test import measured_curve
 from legfem.meshing.solid_leg import SolidMeshSettings
+from studies.command_line import new_app
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted
 
@@ -47,7 +48,7 @@ ELEMENTS = {"rough": ROUGH, "default": SolidLegSettings()}
 """Of the identification."""
 TESTS = {"along": ("along",), "along and across": tuple(WAYS)}
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,10 @@ from legfem.legs.placement import spatial_leg
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fascia
 from legfem.meshing.idealised_leg import LegMeshSettings
+from studies.command_line import new_app
 from studies.leg3d.planted import CYLINDER, LEG, Planted, round_shape
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 SHOWN = np.array([1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 """mm."""
 

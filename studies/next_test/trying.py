@@ -1,15 +1,8 @@
-"""One ambiguous case: what is proposed, what is drawn, and what both end in.
-
-The leg does in the new test what its sealed truth says (another discretisation or another code),
-and the same lab records it: its scatter between trials and its air are drawn as those of the case
-were, anew for every trial. The old recordings and the new ones are diagnosed together; weighed are
-the mechanisms of the explanations that were left, alone and in pairs, nothing and something
-unknown: what the first diagnosis had ruled out isn't sought again. Where effects are measured by
-themselves the old recordings are diagnosed anew with these readings, among all mechanisms.
-"""
+"""One ambiguous case: what is proposed, what a lab reads that measures an effect by itself, and what both end."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +13,7 @@ import numpy as np
 from legfem.common.progress import Silent
 from legfem.data import Recording
 from legfem.inverse.library_build import build_library
+from legfem.inverse.mechanism import null_of, prior_of
 from legfem.inverse.plan import Design, DesignValue, DirectReadings
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
@@ -27,17 +21,80 @@ from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, diagnose_b
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Mechanism
 from legfem.legs.plan import plan_after
-from legfem.legs.subject import Subject
+from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.legs.variants import solved_responses
 from legfem.solve.protocol import Protocol
-from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
-from studies.concealed.legs import SealedLeg, sealed_leg
-from studies.concealed.making import write_case
-from studies.concealed.seal import read_sealed
+from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase, SealedLeg, sealed_leg
+from studies.concealed.making import read_sealed, write_case
 from studies.concealed.truth import Truths
-from studies.lab.conditions import drawn_errors
 from studies.lab.recording import record
-from studies.next_test.reading import can_be_read, readings_of
+from studies.lab.stated import drawn_errors
+
+_NO_STRENGTH = ("contact-slip", "leg-movement")
+"""Whose concealed forms have no number that is the mechanism's."""
+_TAILS = 3.0
+"""Degrees of freedom of a reading's error."""
+_USUAL_N = 10.0
+"""Force at which a hardening support is read."""
+
+
+def can_be_read(mechanism: Mechanism, case: SealedCase) -> bool:
+    """Tell whether the study knows what a lab would read."""
+    return mechanism.measured_sd is not None and not (mechanism.name in _NO_STRENGTH and mechanism.name in case.names)
+
+
+def true_strength(mechanism: Mechanism, case: SealedCase, leg: SealedLeg) -> float:
+    """Return a mechanism's strength in a case, in its unit: what the leg is, over what is stated.
+
+    Parameters
+    ----------
+    mechanism
+        Which.
+    case
+        The case.
+    leg
+        Its leg: fat, fascia and direction aren't as they are stated without any effect, too.
+    """
+    strength = null_of(mechanism.parameters[0])
+    effects = {name: dict(values) for name, values in case.effects}
+    if mechanism.name in effects:
+        strength = _of_form(mechanism.name, effects[mechanism.name], case)
+    tissue = {"superficial-stiffness": "superficial", "fascia-stiffness": "fascia"}
+    if mechanism.name in tissue:
+        true, stated = (one.tissues[tissue[mechanism.name]].C10 for one in (leg.true, leg.stated))
+        assert true is not None and stated is not None
+        strength *= true / stated
+    if mechanism.name == "indenter-tilt":
+        strength += leg.true.indenter.direction_deg - leg.stated.indenter.direction_deg
+    return mechanism.parameters[0].inside(strength)
+
+
+def _of_form(name: str, values: dict[str, float], case: SealedCase) -> float:
+    strength = values["strength"]
+    if name == "support-compliance" and case.code == "legfem":
+        return strength / (1.0 + values["hardening"] * _USUAL_N)
+    if name == "force-drift":
+        duration = case.protocol_of_trials.duration
+        return strength * (1.0 - math.exp(-duration / values["time"])) / duration
+    return strength
+
+
+def readings_of(
+    mechanisms: Sequence[Mechanism], case: SealedCase, leg: SealedLeg, generator: np.random.Generator
+) -> list[MeasuredEffect]:
+    """Return what a lab reads of mechanisms."""
+    found = []
+    for mechanism in mechanisms:
+        assert mechanism.measured_sd is not None
+        first, stated = mechanism.parameters[0], mechanism.measured_sd
+        wider = generator.uniform(0.5, 2.0) * math.sqrt((_TAILS - 2) / _TAILS)
+        error = stated * wider * float(generator.standard_t(_TAILS))
+        true, factor = true_strength(mechanism, case, leg), prior_of(first).scale == "log"
+        value = first.inside(true * math.exp(error) if factor else true + error)
+        sd = stated * value if factor else stated
+        found.append(MeasuredEffect(mechanism.name, value, sd, "read in the study (simulated)"))
+    return found
+
 
 _SLACK_MM = 2.0
 """By which a recorded depth may be beyond the drive's: where first contact is found too early."""

@@ -2,16 +2,79 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_context
-from legfem.common.progress import progress_on
+from legfem.common.errors import InputError
+from legfem.common.progress import Progress, progress_on
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
+from legfem.legs.variants import library_folder
+from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app, write_results
+from studies.lab.outcomes import Rate
+from studies.nulls.counting import CONDITIONS, NullCounter, NullOutcome, clean_folders, count, kept, null_tasks
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+def run(
+    number: int,
+    legs: int,
+    only: Sequence[str],
+    seed: int,
+    crosscheck: Path,
+    foreign: Path | None,
+    library: Path,
+    out: Path,
+    jobs: int,
+    progress: Progress,
+) -> None:
+    """Diagnose so many null recordings, and write and print what was found."""
+    folders = clean_folders(crosscheck, foreign)
+    counter = NullCounter(folders, Diagnoser(library, read_correction(REFERENCE), 1))
+    names = [condition.name for condition in CONDITIONS]
+    for name in only:
+        if name not in names:
+            raise InputError("--only", name, "is unknown", f"choose of {', '.join(names)}")
+    tasks = null_tasks(number, tuple(folder.name for folder in folders), legs, seed)
+    asked = [task for task in tasks if not only or task.condition in only]
+    count(asked, counter, out, jobs, progress)
+    found = kept(tasks, out)
+    write_results(out, {"seed": seed, "recordings": [asdict(outcome) for outcome in found]}, page(found))
+
+
+def page(found: Sequence[NullOutcome]) -> str:
+    """Return the table of false alarms, and each of them."""
+    lines = ["| errors | legs | false alarms (95 %) | C10 within its 95 % interval | called |", "|---|---|---|---|---|"]
+    for condition in CONDITIONS:
+        mine = [outcome for outcome in found if outcome.condition == condition.name]
+        if mine:
+            lines.append(_row(condition.name, mine))
+    lines.append(_row("together", found))
+    return "\n".join(lines) + "\n"
+
+
+def _row(name: str, mine: Sequence[NullOutcome]) -> str:
+    alarms = Counter(_called(outcome) for outcome in mine if outcome.false_alarm)
+    legs = len({(outcome.condition, outcome.curve, outcome.leg) for outcome in mine})
+    return (
+        f"| {name} | {legs} | {Rate(sum(o.false_alarm for o in mine), len(mine))} | "
+        f"{Rate(sum(o.covered for o in mine), len(mine))} | "
+        + ", ".join(f"{called}: {times}" for called, times in alarms.most_common())
+        + " |"
+    )
+
+
+def _called(outcome: NullOutcome) -> str:
+    return " or ".join(" + ".join(names) for names in outcome.models) or outcome.verdict
+
+
+app = new_app()
 
 
 @app.command()
@@ -37,17 +100,10 @@ def nulls(
 
     Example: python -m studies.nulls --n 300 --foreign ../shared/foreign
     """
-    resume = "run the same command again to go on; what is done is kept"
-    with study_context("nulls", out, jobs, resume) as (folder, processes):
-        from legfem.legs.variants import library_folder
-        from studies.nulls import command
-
+    with study_context("nulls", out, jobs, DONE_IS_KEPT) as (folder, processes):
+        known = library or library_folder()
         with progress_on() as progress:
-            lines = command.run(
-                n, legs, only or (), seed, crosscheck, foreign, library or library_folder(), folder, processes, progress
-            )
-        for line in lines:
-            typer.echo(line)
+            run(n, legs, only or (), seed, crosscheck, foreign, known, folder, processes, progress)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Diagnosing null recordings, each kept as soon as it is done."""
+"""Diagnosing null recordings: clean curves of another code, what they err by, each kept as soon as it is done."""
 
 from __future__ import annotations
 
@@ -10,17 +10,156 @@ from pathlib import Path
 
 import numpy as np
 
+from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.diagnosis import Diagnoser
+from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
-from studies.lab.conditions import drawn_errors, drawn_misstatement
 from studies.lab.outcomes import said_line
-from studies.lab.recording import INSTRUMENT, record
-from studies.lab.stated import misstated
-from studies.nulls.conditions import NullTask, condition_named
-from studies.nulls.curves import TRIALS, CleanCurve, clean_curve
+from studies.lab.recording import INSTRUMENT, Course, LabErrors, clean_courses, record
+from studies.lab.stated import Misstated, drawn_errors, drawn_misstatement, misstated
+
+_NONE, _EXACT = LabErrors(), Misstated()
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One kind of errors.
+
+    Parameters
+    ----------
+    name
+        What the page calls it.
+    recording
+        Errors of the recordings; None draws all of them.
+    stated
+        Errors of what is stated of the leg; None draws all of them.
+    """
+
+    name: str
+    recording: LabErrors | None = _NONE
+    stated: Misstated | None = _EXACT
+
+    @property
+    def exact(self) -> bool:
+        """Whether the leg is stated as it is, so that one library serves all recordings."""
+        return self.stated == _EXACT
+
+
+CONDITIONS = (
+    Condition("instruments alone"),
+    *(Condition(f"scatter {100 * g:g} %", LabErrors(gain_sd=g)) for g in (0.003, 0.01, 0.03)),
+    *(Condition(f"air to {a:g} mm", LabErrors(air=a)) for a in (1.0, 2.0, 4.0)),
+    *(Condition(f"outlines {c:g} mm", stated=Misstated(contour=c)) for c in (0.3, 0.6, 1.0)),
+    Condition("all", None, None),
+)
+ALL = CONDITIONS[-1]
+
+
+@dataclass(frozen=True)
+class NullTask:
+    """One set of recordings."""
+
+    condition: str
+    curve: str
+    """Name of the clean curve."""
+    leg: int
+    """Number of the misstated leg; 0 where the leg is stated as it is."""
+    turn: int
+    """Number of the set within its condition."""
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """Of its condition, curve and leg, whose recordings share a library."""
+        return f"{self.condition}/{self.curve}/{self.leg}"
+
+
+def condition_named(name: str) -> Condition:
+    """Return a condition."""
+    return next(c for c in CONDITIONS if c.name == name)
+
+
+def null_tasks(number: int, curves: tuple[str, ...], legs: int, seed: int) -> list[NullTask]:
+    """Return so many sets of recordings, conditions and curves in turn.
+
+    Parameters
+    ----------
+    number
+        Of sets; those with all errors are three times as many as those of another condition.
+    curves
+        Names of the clean curves.
+    legs
+        Misstated legs of a condition (four times as many where all errors are drawn).
+    seed
+        Of all draws.
+    """
+    turns = (*CONDITIONS, ALL, ALL)
+    tasks = []
+    counts = dict.fromkeys((c.name for c in CONDITIONS), 0)
+    for k in range(number):
+        condition = turns[k % len(turns)]
+        turn = counts[condition.name]
+        counts[condition.name] += 1
+        if condition.exact:
+            tasks.append(NullTask(condition.name, curves[turn % len(curves)], 0, turn, seed))
+            continue
+        leg = turn % (4 * legs if condition == ALL else legs)
+        # Levels of outline error begin with different curves.
+        curve = curves[(leg + CONDITIONS.index(condition)) % len(curves)]
+        tasks.append(NullTask(condition.name, curve, leg + 1, turn, seed))
+    return tasks
+
+
+TRIALS = 3
+C10_KPA = {"neo-hookean": 1.50, "reduced-polynomial": 0.72, "case-30": 1.45, "case-06": 1.25}
+"""By the folder; `clean.csv` lies in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class CleanCurve:
+    """A leg, its true course, and its true stiffness (kPa)."""
+
+    subject: Subject
+    course: Course
+    c10: float
+
+
+def clean_curve(folder: Path) -> CleanCurve:
+    """Return what another code computed.
+
+    Raises
+    ------
+    InputError
+        If there is no such curve.
+    """
+    path = folder / "clean.csv"
+    if not path.is_file() or folder.name not in C10_KPA:
+        raise InputError(
+            path, "clean curve", "is none of a leg without effect", f"give folders of {', '.join(C10_KPA)}"
+        )
+    subject = load_subject(folder, need_recordings=False)
+    return CleanCurve(subject, clean_courses(path)[0], C10_KPA[folder.name])
+
+
+def clean_folders(crosscheck: Path, foreign: Path | None) -> list[Path]:
+    """Return the folders of clean curves that are there.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    asked = [crosscheck / name for name in ("neo-hookean", "reduced-polynomial")]
+    if foreign is not None:
+        asked += [foreign / name for name in ("case-30", "case-06")]
+    found = [folder for folder in asked if folder.is_dir()]
+    if not found:
+        raise InputError(crosscheck, "clean curves", "there are none", "give --crosscheck FOLDER")
+    return found
+
 
 MODULES = ("legfem.legs.diagnosis", "studies.nulls.counting")
 

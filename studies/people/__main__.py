@@ -2,15 +2,356 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
+import pandas as pd
 import typer
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_context
+from legfem.common.command_line import end_without_a_solution, study_context
+from legfem.common.documents import markdown_table, write_atomically, write_document
+from legfem.common.progress import progress_on
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.inverse.population import TABLE, Population
+from legfem.report.style import DATA_COLOUR, FAINT, REGION_COLOURS, new_figure, panel, save, styled, title
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app
+from studies.people.data import SITES, Indentations, read_indentations
+from studies.people.population import BOUNDARY_SD_MM, Drawn, draw_population
+from studies.people.prediction import (
+    GROUP,
+    Predicted,
+    constant_left_out,
+    least_share,
+    least_squares,
+    left_out,
+    mean_error,
+    predict_left_out,
+)
+from studies.people.probe import Losses, ProbeModel, ProbeResponse, points, solve_points, solved_for
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+_TISSUES = (("superficial", "skin and fat"), ("deep", "muscle"))
+
+
+@styled
+def draw_stiffness(rows: Indentations, log_C10: FloatArray, site: str) -> Figure:
+    """Draw C10 of both tissues of everyone at a site, of draws (k, n, 2) of its logarithm."""
+    figure = new_figure(9, 3.8)
+    own = rows.site == rows.sites.index(site)
+    title(
+        figure,
+        f"Stiffness at the {SITES[site]}, each person with a 95 % interval",
+        f"{len(rows.people)} people",
+        "measured",
+    )
+    for k, (axes, (region, name)) in enumerate(zip(figure.subplots(1, 2), _TISSUES, strict=True)):
+        low, middle, high = mpa_to_kpa(np.exp(np.quantile(log_C10[:, own, k], (0.025, 0.5, 0.975), axis=0)))
+        order = np.argsort(middle)
+        at = np.arange(len(order))
+        axes.vlines(at, low[order], high[order], color=REGION_COLOURS[region], lw=2.5)
+        axes.plot(at, middle[order], ".", color=DATA_COLOUR, ms=4)
+        axes.set(yscale="log", xlabel="people, by their median", ylabel="C10 (kPa)")
+        panel(axes, "AB"[k], name)
+    return figure
+
+
+@styled
+def draw_predicted(rows: Indentations, compliance: FloatArray, predicted: Predicted) -> Figure:
+    """Draw compliance as measured against that of mechanics and of springs, all left out."""
+    figure = new_figure(9, 4.6)
+    title(
+        figure, "Compliance of people left out of the fit, by thickness alone", f"{len(rows.people)} people", "measured"
+    )
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    _against(left, rows, compliance, predicted.best)
+    panel(left, "A", "mechanics")
+    _against(right, rows, compliance, left_out(rows, compliance, least_squares))
+    panel(right, "B", "two linear springs by site")
+    right.legend(fontsize=8, markerscale=1.5)
+    return figure
+
+
+def _against(axes: Axes, rows: Indentations, compliance: FloatArray, predicted: FloatArray) -> None:
+    ends = np.quantile(compliance, (0.0, 1.0))
+    axes.plot(ends, ends, color=FAINT, lw=0.8)
+    for k, site in enumerate(rows.sites):
+        own = rows.site == k
+        axes.plot(predicted[own], compliance[own], "osv^Dp*X"[k], ms=3, alpha=0.7, label=SITES[site])
+    axes.set(xscale="log", yscale="log", xlabel="predicted (mm/MPa)", ylabel="measured (mm/MPa)")
+
+
+POINTS, CHECKED = 200, 30
+SWEEPS, KEPT, THIN = 500, 300, 3
+CALF = "LL_P"
+TISSUES = ("superficial", "deep")
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """All that the study found."""
+
+    model: ProbeModel
+    rows: Indentations
+    outside: int
+    """Rows left out, for their thicknesses weren't solved for."""
+    failed: int
+    """Points that weren't solved."""
+    emulator_error: tuple[float, float]
+    """Root mean square at points it hasn't seen: of the force, relative; of the superficial
+    strain over that of both."""
+    drawn: Drawn
+    predicted: Predicted
+    errors: dict[str, FloatArray]
+    """Mean absolute relative error of the compliance by site, of people left out, by method."""
+
+
+def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: int) -> Found:
+    """Solve the probe, fit the population, and predict everyone from the others."""
+    with progress_on() as progress:
+        progress.stage("the probe on two layers", POINTS + CHECKED)
+        asked = np.vstack([points(POINTS, 1), points(CHECKED, 2)])
+        solved = solve_points(model, asked, folder / "solves", jobs, progress)
+        if all(one.problem for one in solved):
+            write_atomically(folder / "report.md", f"No point was solved: {solved[0].problem}\n")
+            end_without_a_solution("people")
+        response = ProbeResponse.through(asked[:POINTS], solved[:POINTS])
+        force_error, share_error = response.error(asked[POINTS:], solved[POINTS:])
+        inside = solved_for(rows)
+        losses = Losses.of(rows.where(inside), response)
+        used = losses.rows
+        fits = []
+        for with_thickness in (True, False):
+            progress.stage("the population, and people left out", -(-len(used.people) // GROUP))
+            drawn = draw_population(
+                losses, KEPT, SWEEPS, np.random.default_rng(seed), thin=THIN, with_thickness=with_thickness
+            )
+            start = drawn.states[-1]
+            fits.append(
+                (drawn, predict_left_out(losses, used.compliance, start, seed, progress.advance, with_thickness))
+            )
+    (drawn, predicted), (_, alike) = fits
+    compliance = used.compliance
+    by_method = {
+        "mechanics": predicted.best,
+        "mechanics, stiffness alike at any thickness": alike.best,
+        "mechanics, no site told either": alike.without_site,
+        "two springs": left_out(used, compliance, least_squares),
+        "two springs, least relative error": left_out(used, compliance, least_share),
+        "one number, no thickness": constant_left_out(used, compliance),
+    }
+    return Found(
+        model,
+        used,
+        int((~inside).sum()),
+        sum(bool(one.problem) for one in solved),
+        (float(np.sqrt(np.mean(force_error**2))), float(np.sqrt(np.mean(share_error**2)))),
+        drawn,
+        predicted,
+        {name: mean_error(used, compliance, made) for name, made in by_method.items()},
+    )
+
+
+def population_of(found: Found) -> dict[str, Any]:
+    """Return medians (kPa), spreads and correlation of people, at each site and over all."""
+    drawn, sites = found.drawn, found.rows.sites
+    spread = drawn["spread"].mean(axis=0)
+
+    def entry(centre: FloatArray, covariance: FloatArray) -> dict[str, Any]:
+        # What a new person is: how people differ, and how well their middle is known.
+        whole = covariance + np.cov(centre.T)
+        sd = np.sqrt(np.diag(whole))
+        return {
+            **{
+                name: {
+                    "C10_median_kPa": float(mpa_to_kpa(np.exp(centre[:, k].mean()))),
+                    "log_sd": float(sd[k]),
+                    "log_sd_of_the_median": float(centre[:, k].std()),
+                }
+                for k, name in enumerate(TISSUES)
+            },
+            "correlation": float(whole[0, 1] / (sd[0] * sd[1])),
+        }
+
+    return {
+        "all sites": entry(drawn["mean"], spread + drawn["between_sites"].mean(axis=0)),
+        **{site: entry(drawn["site"][:, k], spread) for k, site in enumerate(sites)},
+    }
+
+
+def table_of(found: Found) -> Population:
+    """Return the population as `legfem.inverse.population` ships it."""
+    return Population(
+        schema_version=1,
+        source=f"{len(found.rows.people)} people of MULTIS (doi 10.18735/S5R97F), by python -m studies.people",
+        people=len(found.rows.people),
+        poisson_ratio=found.model.poisson_ratio,
+        sites=population_of(found),
+    )
+
+
+def spreads_of(found: Found) -> dict[str, dict[str, float]]:
+    """Return standard deviations of ln C10 between sites, people, and within a person."""
+    return {
+        name: dict(zip(TISSUES, np.sqrt(np.diag(found.drawn[field].mean(axis=0))).tolist(), strict=True))
+        for name, field in (
+            ("sites", "between_sites"),
+            ("people, at all sites alike", "between_people"),
+            ("a person's sites", "within"),
+        )
+    }
+
+
+def people_table(found: Found) -> pd.DataFrame:
+    """Return everyone's stiffness (kPa) with its 95 % interval, a row a person and site."""
+    rows = found.rows
+    low, middle, high = mpa_to_kpa(np.exp(np.quantile(found.drawn["theta"], (0.025, 0.5, 0.975), axis=0)))
+    table = {
+        "person": [rows.people[k] for k in rows.person],
+        "site": [rows.sites[k] for k in rows.site],
+        "superficial_mm": rows.superficial,
+        "deep_mm": rows.deep,
+    }
+    for k, name in enumerate(TISSUES):
+        table |= {f"{name}_C10_kPa": middle[:, k], f"{name}_C10_low_kPa": low[:, k], f"{name}_C10_high_kPa": high[:, k]}
+    return pd.DataFrame(table).sort_values(["site", "person"])
+
+
+def own_table(found: Found, site: str, every: int = 5) -> str:
+    """Return some people's stiffness at a site, by that of the muscle, in Markdown."""
+    table = people_table(found)
+    table = table[table["site"] == site].sort_values("deep_C10_kPa")[::every]
+
+    def cell(row: Any, name: str) -> str:
+        middle, low, high = (row[f"{name}_C10{end}_kPa"] for end in ("", "_low", "_high"))
+        return f"{middle:.2g} ({low:.2g} to {high:.2g})"
+
+    return markdown_table(
+        ["person", "skin and fat (mm)", "muscle (mm)", "fat: C10 (kPa)", "muscle: C10 (kPa)"],
+        [
+            [
+                row["person"],
+                f"{row['superficial_mm']:.1f}",
+                f"{row['deep_mm']:.1f}",
+                cell(row, "superficial"),
+                cell(row, "deep"),
+            ]
+            for _, row in table.iterrows()
+        ],
+    )
+
+
+def errors_table(found: Found) -> str:
+    """Return the table of prediction errors, in Markdown."""
+    names = [*(SITES[site] for site in found.rows.sites), "mean of sites"]
+    columns = [[*errors, errors.mean()] for errors in found.errors.values()]
+    lines = [[name, *(f"{100 * column[k]:.1f}" for column in columns)] for k, name in enumerate(names)]
+    return markdown_table(["error, %", *found.errors], lines)
+
+
+def population_table(found: Found) -> str:
+    """Return the population's table, in Markdown."""
+    lines = []
+    for site, entry in population_of(found).items():
+        line = [SITES.get(site, site)]
+        for name in TISSUES:
+            median, sd, own = (entry[name][key] for key in ("C10_median_kPa", "log_sd", "log_sd_of_the_median"))
+            line += [
+                f"{median:.2f} ({median * np.exp(-1.96 * own):.2f} to {median * np.exp(1.96 * own):.2f})",
+                f"{sd:.2f}",
+                f"{median * np.exp(-1.96 * sd):.2g} to {median * np.exp(1.96 * sd):.2g}",
+            ]
+        lines.append(line)
+    header = ["site"]
+    for name in ("fat", "muscle"):
+        header += [f"{name}: median C10 (kPa)", "sd of ln C10", "95 % of people (kPa)"]
+    return markdown_table(header, lines)
+
+
+def unpredictable(found: Found) -> dict[str, float]:
+    """Return how well thickness predicts at all."""
+    rows, predicted = found.rows, found.predicted
+    compliance = rows.compliance
+    off, own = np.log(compliance / predicted.best), np.log(compliance)
+    left = [np.var(off[rows.site == k]) for k in range(len(rows.sites))]
+    all_of = [np.var(own[rows.site == k]) for k in range(len(rows.sites))]
+    read = (BOUNDARY_SD_MM / (rows.superficial_loss + rows.deep_loss)) ** 2
+    within = (compliance > predicted.low) & (compliance < predicted.high)
+    return {
+        "expected_of_the_population_percent": 100 * float(predicted.expected_error.mean()),
+        "share_of_variance_not_of_thickness": float(np.mean(left) / np.mean(all_of)),
+        "share_of_variance_of_reading_images": float(np.median(read) / np.mean(all_of)),
+        "share_within_90_percent_intervals": float(within.mean()),
+    }
+
+
+def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
+    """Study the people; print tables, and write result, table and figures."""
+    started = time.process_time()
+    rows = read_indentations(data)
+    out.mkdir(parents=True, exist_ok=True)
+    found = find(rows, model, out, jobs, seed)
+    used, told = found.rows, unpredictable(found)
+    text = "\n".join(
+        [
+            f"{len(used)} rows of {len(used.people)} people; {found.outside} lie outside of what was "
+            f"solved, {found.failed} of {POINTS + CHECKED} points weren't solved; emulator's error "
+            f"{100 * found.emulator_error[0]:.2f} % of the force, {found.emulator_error[1]:.3f} of "
+            "the superficial strain's ratio",
+            "",
+            errors_table(found),
+            "; ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in told.items()),
+            "",
+            population_table(found),
+            "\n".join(
+                f"sd of ln C10 between {name}: fat {sd['superficial']:.2f}, muscle {sd['deep']:.2f}"
+                for name, sd in spreads_of(found).items()
+            ),
+            "",
+            "C10 goes with the power of thickness (mean of sites; rows by thickness, columns by C10): "
+            + np.array2string(found.drawn["mean_slope"].mean(axis=0), precision=2)
+            + " +- "
+            + np.array2string(found.drawn["mean_slope"].std(axis=0), precision=2),
+            "",
+            own_table(found, CALF) if CALF in used.sites else "",
+        ]
+    )
+    print(text)
+    write_atomically(out / "report.md", text + "\n")
+    write_atomically(out / "people.csv", people_table(found).to_csv(index=False, float_format="%.4g"))
+    if CALF in used.sites:
+        save(draw_stiffness(used, found.drawn["theta"], CALF), out, "stiffness")
+    save(draw_predicted(used, used.compliance, found.predicted), out, "predicted")
+    write_document(out / TABLE.name, table_of(found).model_dump())
+    result = write_document(
+        out / "result.json",
+        {
+            "schema": 1,
+            "origin": "measured",
+            "model": {"poisson_ratio": model.poisson_ratio, "face": model.face},
+            "rows": len(used),
+            "people": len(used.people),
+            "emulator_error": {"force": found.emulator_error[0], "share": found.emulator_error[1]},
+            "error_percent": {
+                name: {
+                    **{site: 100 * float(one) for site, one in zip(used.sites, errors, strict=True)},
+                    "mean": 100 * float(errors.mean()),
+                }
+                for name, errors in found.errors.items()
+            },
+            "unpredictable": told,
+            "population": population_of(found),
+            "log_sd": spreads_of(found),
+            "cpu_s": time.process_time() - started,
+        },
+    )
+    print(f"result: {result}")
+
+
+app = new_app()
 
 
 @app.command()
@@ -32,11 +373,7 @@ def people(
 
     Example: python -m studies.people --data ../shared/data/multis_in_vivo
     """
-    resume = "run the same command again to go on; solutions that are done are kept"
-    with study_context("people", out, jobs, resume) as (folder, processes):
-        from studies.people.command import run
-        from studies.people.probe import ProbeModel
-
+    with study_context("people", out, jobs, DONE_IS_KEPT) as (folder, processes):
         model = ProbeModel(poisson_ratio, "frictionless" if sliding else "rough")
         run(data, model, folder, processes, seed)
 

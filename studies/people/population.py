@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from studies.people.data import Indentations
-from studies.people.losses import Losses, allowed
+from studies.people.probe import Losses, allowed
 
 BOUNDARY_SD_MM = 0.2
 """Of a boundary's motion in the images: two observers' changes of a layer's thickness, which has

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from scipy.stats import binomtest, qmc
+from scipy.stats import qmc
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
@@ -29,7 +29,8 @@ from legfem.legs.subject import Subject
 from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.settings import StepSettings
-from studies.lab.synthesis import InstrumentNoise, record_path
+from studies.lab.outcomes import Rate
+from studies.lab.recording import InstrumentNoise, record_path
 
 C10_KPA = (0.1, 5.0)
 C20_KPA = (0.0, 5.0)
@@ -156,8 +157,6 @@ def _outcome(truth: PlantedTruth, result: Fit[LegDetails]) -> Planted:
     )
 
 
-def coverage(found: list[Planted], parameter: str) -> tuple[float, float, float]:
-    """Return the share of covered truths and its 95 % interval (Clopper and Pearson)."""
-    covered = sum(getattr(case, f"{parameter}_covered") for case in found)
-    interval = binomtest(covered, len(found)).proportion_ci(0.95)
-    return covered / len(found), float(interval.low), float(interval.high)
+def coverage(found: list[Planted], parameter: str) -> Rate:
+    """Share of the truths that a parameter's intervals cover."""
+    return Rate(sum(getattr(case, f"{parameter}_covered") for case in found), len(found))

@@ -9,16 +9,16 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import end_without_a_solution, study_context
-from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
+from legfem.common.documents import markdown_table
 from legfem.common.progress import progress_on
-from studies.lab.rate import Rate
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
+from studies.lab.outcomes import Rate
 from studies.reach.pressing import Reached, ReachTask, press_all
 
 WITHIN = 0.003
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -35,24 +35,12 @@ def reach(
 
     Example: python -m studies.reach --n 20
     """
-    resume = "run the same command again to go on; legs that are done are kept"
-    with study_context("reach", out, jobs, resume) as (folder, processes):
+    with study_context("reach", out, jobs, DONE_IS_KEPT) as (folder, processes):
         tasks = [ReachTask(k, seed, compare > 0 and k % compare == 0) for k in range(n)]
         with progress_on() as progress:
             found = press_all(tasks, folder, processes, progress)
-        write_document(
-            folder / "result.json",
-            {
-                "schema": 1,
-                "origin": "simulated",
-                "seed": seed,
-                "legs": [{"number": task.number, **json_types(asdict(outcome))} for task, outcome in found],
-            },
-        )
-        text = page(found)
-        write_atomically(folder / "report.md", text)
-        typer.echo(text)
-        typer.echo(f"report: {folder / 'report.md'}")
+        legs = [{"number": task.number, **asdict(outcome)} for task, outcome in found]
+        write_results(folder, {"seed": seed, "legs": legs}, page(found))
         if not any(outcome.complete for _, outcome in found):
             end_without_a_solution("reach")
 

@@ -2,15 +2,293 @@
 
 from __future__ import annotations
 
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 import typer
+from rich.console import Console
+from rich.table import Table
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import end_without_a_solution, study_context
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.errors import InputError
+from legfem.common.progress import progress_on
+from legfem.common.units import FloatArray
+from legfem.data import Recording, write_recording
+from legfem.jobs.store import Store
+from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
+from studies.command_line import Jobs, Out, new_app
+from studies.recordings.curves import (
+    ENDS,
+    FITTED_STRAIN,
+    CompressedPhantom,
+    LayerCurves,
+    each_in_turn,
+    elastic_curves,
+    layer_curves,
+    study_kind,
+)
+from studies.recordings.data import MeatTest, Phantom, phantom_kinds, read_meat, read_phantoms
+from studies.recordings.indentation import HELD_OUT_S, Assumed, Indented, Row, try_indentation
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+BEFORE, AFTER, SAME = "#D55E00", "#0072B2", "#E69F00"
+
+
+@styled
+def draw_indented(found: Indented, path: Path) -> list[Path]:
+    """Draw force against time, and the residuals, of one indentation."""
+    figure = new_figure(10, 4)
+    left, right = figure.subplots(1, 2)
+    seen = found.whole
+    at = found.motion.at_stations(seen)
+    time, force = found.samples
+    end = float(found.motion.time[-1])
+    kinds = found.test.material.replace("_", " ")
+    named = ", ".join(found.best.names) or "nothing"
+    figure.suptitle(f"{found.test.name}, {kinds}: measured data, named {named}", x=0.01, ha="left", fontsize=11)
+    panel(left, "A", "force")
+    left.plot(time, force, ".", ms=3, color=DATA_COLOUR, label="recording")
+    for prediction, colour, label in (
+        (found.before, BEFORE, "elastic"),
+        (found.alone, SAME, "explained"),
+        (found.after, AFTER, "explained, with the errors seen"),
+    ):
+        left.plot(at, prediction, color=colour, label=label)
+        right.plot(at, seen.force - prediction, color=colour)
+    for drop in found.drops:
+        when = np.interp(drop.end_mm - seen.contacts[0].displacement, seen.displacement, at)
+        for axes in (left, right):
+            axes.axvline(when, color="#CC79A7", lw=1, ls="--")
+        left.annotate("force drop", (when, float(force.max())), color="#CC79A7", fontsize=8)
+    for axes in (left, right):
+        axes.axvspan(end - HELD_OUT_S, end, color="#EEEEEE")
+        axes.set_xlabel("time since first contact (s)")
+    left.set_ylabel("force (N)")
+    left.legend(fontsize=8)
+    panel(right, "B", "recording less model; grey: held out")
+    right.axhline(0, color=FAINT, lw=0.8)
+    right.set_ylabel("N")
+    return save(figure, path.parent, path.stem)
+
+
+@styled
+def draw_compressed(found: CompressedPhantom, path: Path) -> list[Path]:
+    """Draw force against compression, and the residuals, of one phantom."""
+    figure = new_figure(10, 4)
+    left, right = figure.subplots(1, 2)
+    figure.suptitle(
+        f"{found.phantom.recording.trial}: measured data, neo-Hookean with two kinds of ends",
+        x=0.01,
+        ha="left",
+        fontsize=11,
+    )
+    left.plot(found.displacement, found.force, ".", color=DATA_COLOUR, label="recording")
+    for one, colour in zip(found.fits, (BEFORE, AFTER), strict=True):
+        label = f"{one.ends} ends, C10 = {one.c10:.2f} kPa"
+        left.plot(found.displacement, one.prediction, color=colour, label=label)
+        right.plot(found.displacement, found.force - one.prediction, color=colour)
+    panel(left, "A", "force")
+    left.set_ylabel("force (N)")
+    left.legend(fontsize=8)
+    panel(right, "B", "recording less model; grey: held out")
+    right.axhline(0, color=FAINT, lw=0.8)
+    right.set_ylabel("N")
+    for axes in (left, right):
+        axes.axvspan(FITTED_STRAIN * found.phantom.height, float(found.displacement[-1]), color="#EEEEEE")
+        axes.set_xlabel("compression (mm)")
+    return save(figure, path.parent, path.stem)
+
+
+DRAWN = ("230331|RDG1 1A", "230331|RDG1 1B", "230403|230403-FF1A", "230515|230515-P002-9")
+RELAXES = "viscoelasticity"
+
+
+def run(data: Path, tests: Sequence[str], assumed: Assumed, out: Path, jobs: int) -> bool:
+    """Study the recordings; print the tables and write result and figures.
+
+    Returns whether any indentation came to a result.
+    """
+    started = time.perf_counter()
+    meat = read_meat(data)
+    chosen = [full_name(name, list(meat)) for name in tests] or list(meat)
+    kinds = phantom_kinds(data)
+    out.mkdir(parents=True, exist_ok=True)
+    solves = out / "solves"
+    phantoms: dict[str, tuple[CompressedPhantom, ...]] = {}
+    rows: list[Row] = []
+    with progress_on() as progress:
+        progress.stage("the layer's elastic force")
+        layers = layer_curves(assumed.ball_radius, assumed.layer_radius, solves, jobs, progress.advance)
+        progress.stage("indentations", len(chosen))
+        store = Store(out / "tests", Row, assumed, ["studies.recordings.indentation"])
+        work = partial(_study, layers=layers, store=store, out=out)
+        for row in each_in_turn(work, [meat[name] for name in chosen], jobs):
+            rows.append(row)
+            progress.advance(row.test)
+        progress.stage("phantoms", len(kinds))
+        for kind in kinds:
+            samples = read_phantoms(data, kind)
+            phantoms[kind] = study_kind(samples, elastic_curves(samples[0], solves, jobs))
+            draw_compressed(phantoms[kind][0], out / kind)
+            progress.advance(kind)
+    console = Console(width=170)
+    told = [row for row in rows if not row.problem]
+    console.print(_indented_table(told))
+    for row in rows:
+        if row.problem:
+            print(f"{row.test}: {row.problem}")
+    summary = {
+        "beef": _summary([row for row in told if row.is_beef]),
+        "silicone": _summary([row for row in told if not row.is_beef]),
+    }
+    for kind, numbers in summary.items():
+        print(f"{kind}: " + ", ".join(f"{key} {value:.4g}" for key, value in numbers.items()))
+    console.print(_compressed_table(phantoms))
+    document = {
+        "schema": 2,
+        "origin": "measured",
+        "unit": {"force": "N", "C10": "kPa", "length": "mm", "time": "s"},
+        "assumed": {"ball_radius_mm": assumed.ball_radius, "layer_radius_mm": assumed.layer_radius},
+        "summary": summary,
+        "indentations": [asdict(row) for row in rows],
+        "phantoms": [_compressed_json(c) for found in phantoms.values() for c in found],
+        "wall_s": time.perf_counter() - started,
+    }
+    print(f"result: {write_document(out / 'result.json', document)}")
+    return bool(told)
+
+
+def full_name(name: str, names: Sequence[str]) -> str:
+    """Return a test's name with its day, which may be left out where one test alone has it."""
+    found = [full for full in names if name in (full, full.partition("|")[2])]
+    if len(found) != 1:
+        problem = "is no test of the data" if not found else f"is the name of {len(found)} tests"
+        raise InputError("--test", name, problem, f"choose from {', '.join(found or names)}")
+    return found[0]
+
+
+def _study(test: MeatTest, layers: LayerCurves, store: Store[Row], out: Path) -> Row:
+    def draw(found: Indented) -> None:
+        if test.name in DRAWN:
+            draw_indented(found, out / test.name.replace(" ", "-").replace("|", "-"))
+
+    return store.get_or_make(test.name, lambda: try_indentation(test, layers, draw))
+
+
+def _summary(rows: Sequence[Row]) -> dict[str, float]:
+    if not rows:
+        return {}
+    errors = np.array([[r.elastic_rmse, r.alone_rmse, r.after_rmse, r.line_rmse] for r in rows])
+    elastic, alone, after, line = np.median(errors, axis=0)
+    wrong = np.abs([r.air_error for r in rows if r.air_error is not None])
+    leading = [r.explanations[0][0] for r in rows]
+    return {
+        "tests": len(rows),
+        "relaxation_first": float(np.mean([r.named_first == RELAXES for r in rows])),
+        "relaxation_in_the_explanation": float(np.mean([RELAXES in names for names in leading])),
+        "held_out_rmse_median_elastic_N": float(elastic),
+        "held_out_rmse_median_parameters_alone_N": float(alone),
+        "held_out_rmse_median_N": float(after),
+        "line_rmse_median_N": float(line),
+        "ratio_of_medians": float(after / line),
+        "air_tests": len(wrong),
+        "air_found_within_median_mm": float(np.median(wrong)) if len(wrong) else float("nan"),
+        "air_found_within_95_percent_mm": (float(np.quantile(wrong, 0.95)) if len(wrong) else float("nan")),
+    }
+
+
+def _indented_table(rows: Sequence[Row]) -> Table:
+    table = Table(title="Indentations: a ball on a layer (measured data)")
+    for name in (
+        "test",
+        "contact mm",
+        "F end/peak",
+        "C10 elastic kPa",
+        "explained by",
+        "%",
+        "C10 kPa",
+        "ratio; time s; spread",
+        "held-out RMSE N: elastic",
+        "parameters alone",
+        "explained",
+        "line in ln t",
+    ):
+        table.add_column(name, justify="left" if name == "test" else "right", overflow="fold")
+    for row in rows:
+        names, probability = row.explanations[0]
+        table.add_row(
+            row.test,
+            f"{row.first_contact:.2f}",
+            f"{row.relaxed:.2f}",
+            f"{row.c10_elastic:.2f}",
+            "\n".join(names) + (" in part" if row.in_part else "") or "nothing",
+            f"{100 * probability:.0f}",
+            f"{row.c10:.2f}",
+            "; ".join(f"{value:.2g}" for value in row.relaxation) or "-",
+            *(f"{rmse:.4f}" for rmse in (row.elastic_rmse, row.alone_rmse, row.after_rmse, row.line_rmse)),
+        )
+    return table
+
+
+def _compressed_table(found: dict[str, tuple[CompressedPhantom, ...]]) -> Table:
+    table = Table(title="Phantoms: cylinders between plates, to 40 % strain (measured data)")
+    for name in (
+        "kind",
+        "samples",
+        "C10 kPa, sliding",
+        "C10 kPa, bonded",
+        "RMSE/peak, sliding",
+        "bonded",
+        "better with bonded ends",
+        "beyond 30 %, sliding",
+        "bonded",
+        "next sample, sliding",
+        "bonded",
+    ):
+        table.add_column(name, justify="right")
+    for kind, samples in found.items():
+        fits = [[c.with_ends(ends) for c in samples] for ends in ENDS]
+        peaks = np.array([c.force.max() for c in samples])
+        c10 = [np.array([f.c10 for f in own]) for own in fits]
+        table.add_row(
+            kind,
+            str(len(samples)),
+            *(f"{np.mean(c):.2f} ± {np.std(c, ddof=1):.2f}" for c in c10),
+            *(_percent([f.rmse for f in own], peaks) for own in fits),
+            f"{sum(c.better.ends == 'bonded' for c in samples)} of {len(samples)}",
+            *(_percent([f.beyond_rmse for f in own], peaks) for own in fits),
+            *(_percent([f.next_rmse for f in own], peaks) for own in fits),
+        )
+    return table
+
+
+def _percent(errors: Sequence[float], peaks: FloatArray) -> str:
+    return f"{100 * np.mean(np.array(errors) / peaks):.2f} %"
+
+
+def _compressed_json(found: CompressedPhantom) -> dict[str, Any]:
+    return {
+        "sample": found.phantom.recording.trial,
+        "peak_N": float(found.force.max()),
+        "ends": {
+            one.ends: {
+                "C10_kPa": one.c10,
+                "rmse_N": one.rmse,
+                "beyond_rmse_N": one.beyond_rmse,
+                "next_sample_rmse_N": one.next_rmse,
+            }
+            for one in found.fits
+        },
+    }
+
+
+app = new_app()
 
 
 @app.command()
@@ -32,19 +310,78 @@ def recordings(
     Example: python -m studies.recordings --data ../shared/data
     """
     with study_context("recordings", out, jobs) as (folder, processes):
-        from studies.recordings import command
-        from studies.recordings.indentation import Assumed
-
         assumed = Assumed(ball_radius, layer_radius)
         if specimen_folders is not None:
-            from studies.recordings.folders import write_specimen_folders
-
             for made in write_specimen_folders(data, specimen_folders, assumed):
                 print(made)
             return
-        if not command.run(data, test or [], assumed, folder, processes):
+        if not run(data, test or [], assumed, folder, processes):
             end_without_a_solution("recordings")
 
 
 if __name__ == "__main__":
     app(prog_name="python -m studies.recordings")
+
+
+_HEAD = """\
+id = {id}
+title = {title}
+origin = "measured"
+
+{test}
+"""
+
+
+_SPECIMEN = """\
+[[specimen]]
+name = {name}
+recordings = {recordings}
+{sizes}
+"""
+
+
+def write_specimen_folders(data: Path, out: Path, assumed: Assumed) -> list[Path]:
+    """Write a folder a material and kind of phantom; return them.
+
+    Indentations stand in a folder a material, phantoms in a folder a kind; see
+    `studies.recordings.data` for what is read.
+    """
+    made = []
+    meat = list(read_meat(data).values())
+    for material in dict.fromkeys(test.material for test in meat):
+        own = [test for test in meat if test.material == material]
+        made.append(_meat_folder(own, out / material, assumed))
+    for kind in phantom_kinds(data):
+        made.append(_phantom_folder(read_phantoms(data, kind), out / kind))
+    return made
+
+
+def _meat_folder(tests: Sequence[MeatTest], out: Path, assumed: Assumed) -> Path:
+    ball = f"[ball]\nball_diameter_mm = {2 * assumed.ball_radius}\ndiameter_mm = {2 * assumed.layer_radius}"
+    blocks = [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=ball)]
+    for test in tests:
+        name = test.name.replace("|", "-").replace("/", "-")
+        file = _written(test.recording, out, name)
+        sizes = f"thickness_mm = {test.thickness}"
+        blocks.append(_SPECIMEN.format(name=json.dumps(name), recordings=json.dumps([file]), sizes=sizes))
+    return _finished(out, blocks)
+
+
+def _phantom_folder(phantoms: Sequence[Phantom], out: Path) -> Path:
+    first = phantoms[0]
+    plates = f'[plates]\ndiameter_mm = {2 * first.radius}\nheight_mm = {first.height}\nends = "bonded"'
+    for phantom in phantoms:
+        _written(phantom.recording, out, phantom.recording.trial)
+    return _finished(out, [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=plates)])
+
+
+def _written(recording: Recording, out: Path, name: str) -> str:
+    file = f"recordings/{name}.csv"
+    (out / "recordings").mkdir(parents=True, exist_ok=True)
+    write_recording(recording, out / file)
+    return file
+
+
+def _finished(out: Path, blocks: Sequence[str]) -> Path:
+    write_atomically(out / "specimen.toml", "\n".join(blocks))
+    return out

@@ -1,13 +1,4 @@
-r"""The elastic force of specimens, for any stiffness: few solutions serve all tests.
-
-Of one incompressible tissue the force of a rough ball of radius R on a bonded layer of thickness H
-is
-
-.. math:: F = C_{10} R^2 \varphi(d / R, H / R, C_{20} / C_{10}),
-
-so that solutions at several thicknesses and ratios tell it for all of them, and how it changes with
-the ball's size, which is not stated. A solution that stops short counts as far as it came.
-"""
+"""The elastic force of specimens for any stiffness, and a phantom compressed between plates with it."""
 
 from __future__ import annotations
 
@@ -17,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -26,6 +18,7 @@ from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer, Cylind
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.solve.protocol import Protocol
+from studies.recordings.data import Phantom
 
 REFERENCE_KPA = 10.0
 BULK_RATIO = 1000.0
@@ -192,3 +185,93 @@ def each_in_turn[Task, Outcome](work: Callable[[Task], Outcome], tasks: Sequence
     """Yield the outcomes in the tasks' order, from processes that take one after the other."""
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         yield from pool.map(work, tasks)
+
+
+Ends = Literal["sliding", "bonded"]
+ENDS: tuple[Ends, ...] = ("sliding", "bonded")
+GREATEST_STRAIN = 0.4
+FITTED_STRAIN = 0.3
+"""What is beyond is held out."""
+
+
+@dataclass(frozen=True, eq=False)
+class WithEnds:
+    """One sample's fit with one kind of ends."""
+
+    ends: Ends
+    c10: float
+    """kPa."""
+    prediction: FloatArray
+    """(n,), N."""
+    rmse: float
+    """N, up to the strain fitted."""
+    beyond_rmse: float
+    """N, beyond it."""
+    next_rmse: float
+    """N, of the next sample of the kind by this one's C10."""
+
+
+@dataclass(frozen=True, eq=False)
+class CompressedPhantom:
+    """What was found in one sample; arrays are (n,), mm and N."""
+
+    phantom: Phantom
+    displacement: FloatArray
+    force: FloatArray
+    fits: tuple[WithEnds, ...]
+
+    @property
+    def better(self) -> WithEnds:
+        """The ends that fit better."""
+        return min(self.fits, key=lambda f: f.rmse)
+
+    def with_ends(self, ends: Ends) -> WithEnds:
+        """Return the fit with given ends."""
+        return next(f for f in self.fits if f.ends == ends)
+
+
+def elastic_curves(phantom: Phantom, folder: Path, jobs: int) -> dict[Ends, CubicSpline]:
+    """Return the force (N at C10 = 1 kPa) by displacement (mm) with both kinds of ends."""
+    depth = (GREATEST_STRAIN + 0.02) * phantom.height
+    tests = [CylinderBetweenPlates(phantom.radius, phantom.height, ends) for ends in ENDS]
+    curves = each_apart(partial(cylinder_curve, depth=depth, folder=folder), tests, jobs)
+    return dict(zip(ENDS, curves, strict=True))
+
+
+def study_kind(phantoms: Sequence[Phantom], curves: dict[Ends, CubicSpline]) -> tuple[CompressedPhantom, ...]:
+    """Fit every sample of a kind with both kinds of ends."""
+    seen = [_loading(phantom) for phantom in phantoms]
+    following = [*seen[1:], seen[0]]
+    return tuple(
+        CompressedPhantom(
+            phantom, *own, tuple(_fitted(ends, curve, phantom.height, own, after) for ends, curve in curves.items())
+        )
+        for phantom, own, after in zip(phantoms, seen, following, strict=True)
+    )
+
+
+def _loading(phantom: Phantom) -> tuple[FloatArray, FloatArray]:
+    d = phantom.recording.displacement
+    end = int(np.argmax(d > GREATEST_STRAIN * phantom.height)) or len(d)
+    kept = slice(0, end)
+    return d[kept], phantom.recording.force[kept]
+
+
+def _fitted(
+    ends: Ends,
+    curve: CubicSpline,
+    height: float,
+    own: tuple[FloatArray, FloatArray],
+    after: tuple[FloatArray, FloatArray],
+) -> WithEnds:
+    d, force = own
+    unit = curve(np.maximum(d, 0.0))
+    near = d <= FITTED_STRAIN * height
+    c10 = float(force[near] @ unit[near] / (unit[near] @ unit[near]))
+    left = force - c10 * unit
+    other = after[1] - c10 * curve(np.maximum(after[0], 0.0))
+    return WithEnds(ends, c10, c10 * unit, _rms(left[near]), _rms(left[~near]), _rms(other))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,4 +1,4 @@
-"""Reading the two public sets of recordings."""
+"""Reading the two public sets of recordings, and writing them as folders of specimens."""
 
 from __future__ import annotations
 

@@ -29,9 +29,16 @@ from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
 from legfem.specimens.rig import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest
-from studies.recordings.drop import Drop, ForceDrop, find_drops
-from studies.recordings.motion import Motion, loaded_and_held, motion_of, without_end_of_hold
-from studies.recordings.responses import SpecimenResponses
+from studies.recordings.motion import (
+    Drop,
+    ForceDrop,
+    Motion,
+    SpecimenResponses,
+    find_drops,
+    loaded_and_held,
+    motion_of,
+    without_end_of_hold,
+)
 
 SHAPE_SD, SHAPE_NODES = 0.25, 6
 """Of the elastic force at so many depths, relative to that at the greatest: the indenter's shape

@@ -1,16 +1,24 @@
-"""How a specimen was pressed, as recorded: the drive slows down before it stops."""
+"""How a specimen was pressed, as recorded; sudden losses of force; what it answers, for the diagnosis."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment
 from legfem.data.segmentation import AIR, HOLD
+from legfem.data.smoothing import sample_noise
+from legfem.inverse.mechanism import strength
 from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Parameter
+from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
+from studies.recordings.curves import ElasticCurves
 
 _HELD_WITHIN_MM = 0.02
 _BACK_SHARE = 0.02
@@ -98,3 +106,160 @@ def motion_of(recording: Recording, observed: Observations) -> Motion:
     held = recording.time[labels == HOLD]
     stops = held[0] if len(held) else time[-1]
     return Motion(np.concatenate([[0.0], time - begins]), np.concatenate([[0.0], d]), float(stops - begins))
+
+
+_LEAST_SHARE = 0.05
+"""Of the peak force: less isn't called a drop."""
+_NOISES = 8.0
+_BEFORE = 8
+"""Samples whose straight line tells what was to come."""
+
+
+@dataclass(frozen=True)
+class Drop:
+    """A jump of the force in loading."""
+
+    start_mm: float
+    end_mm: float
+    start_s: float
+    end_s: float
+    size_N: float
+    """Of the loss, against the line through the samples before."""
+
+
+def find_drops(recording: Recording) -> tuple[Drop, ...]:
+    """Find where the force falls although the indenter goes in.
+
+    Falling stretches of the loading are measured against the straight line through the eight
+    samples before them; those that lose more than 5 % of the peak force and eight standard
+    deviations of the force's noise are drops.
+    """
+    d, force = recording.displacement, recording.force
+    last = int(np.argmax(force))
+    moving = np.diff(d[: last + 1]) > 0.3 * np.median(np.diff(d[: last + 1]))
+    falling = np.diff(force[: last + 1]) < 0
+    limit = max(_LEAST_SHARE * float(np.ptp(force)), _NOISES * sample_noise(force))
+    edges = np.flatnonzero(np.diff((falling & moving).astype(int), prepend=0, append=0))
+    found = []
+    for start, end in edges.reshape(-1, 2):
+        if start < _BEFORE:
+            continue
+        before = slice(start - _BEFORE + 1, start + 1)
+        line = np.polyfit(d[before], force[before], 1)
+        size = float(np.polyval(line, d[end]) - force[end])
+        if size > limit:
+            found.append(
+                Drop(float(d[start]), float(d[end]), float(recording.time[start]), float(recording.time[end]), size)
+            )
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class ForceDrop(Mechanism):
+    """A step of the force at a known displacement of the loading, which stays."""
+
+    at_mm: float = 0.0
+    """After first contact."""
+    name: ClassVar[str] = "force-drop"
+    statement: ClassVar[str] = (
+        "the force fell suddenly while the indenter went in: the specimen slipped, tore or settled"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("size", "N", "force lost", 0.05, (0.0, 10.0), "five per cent of the peak"),
+    )
+    next_experiment: ClassVar[str] = "film the specimen's edge, and repeat at a fresh place"
+
+    def added_force(self, values: Values, observed: Observations) -> FloatArray:
+        """Return the loss, from the drop on."""
+        later = (observed.phase != "loading") | (observed.displacement > self.at_mm)
+        return -values["size"] * later.astype(float)
+
+
+C10_BOUNDS_KPA = 0.02, 200.0
+C20_BOUNDS_KPA = 0.0, 200.0
+_LEAST_N = 1e-9
+_KEPT = 50
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenResponses:
+    """Responses of one specimen; see `legfem.inverse.predictor.Responses`.
+
+    Parameters
+    ----------
+    curves
+        Elastic.
+    motion
+        As recorded; without it nothing relaxes.
+    """
+
+    curves: ElasticCurves
+    motion: Motion | None = None
+    _weights: dict[int, FloatArray] = field(default_factory=dict, repr=False)
+    _known: dict[tuple[float, int], FloatArray] = field(default_factory=dict, repr=False)
+    _observed: list[Observations] = field(default_factory=list, repr=False)
+    """Kept alive, so that their identities stay theirs."""
+
+    @property
+    def grid(self) -> FloatArray:
+        """Displacements of the elastic curves, mm."""
+        return self.curves.grid
+
+    @property
+    def c10_bounds(self) -> tuple[float, float]:
+        """Stiffness C10 that it holds for, kPa."""
+        return C10_BOUNDS_KPA
+
+    @property
+    def c20_bounds(self) -> tuple[float, float]:
+        """Stiffness C20 that it holds for, kPa."""
+        return C20_BOUNDS_KPA
+
+    def curve(self, c10: float, c20: float) -> FloatArray:
+        """Return the elastic force at the grid, N."""
+        return self.curves.at(c10, c20)
+
+    def relative_change(
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
+    ) -> FloatArray:
+        """Return what relaxation adds to the elastic force, over that force; (n,)."""
+        if not isinstance(mechanism, TissueRelaxation) or self.motion is None:
+            raise TypeError(f"no response to {mechanism.name}")
+        c10, c20 = at
+        share = c20 / (c10 + c20)
+        return np.asarray(mechanism.shares(values) @ self._per_ratio(share, observed))
+
+    def _per_ratio(self, share: float, observed: Observations) -> FloatArray:
+        """Return what every branch of ratio one adds, over the elastic force; (branches, n)."""
+        key = share, id(observed)
+        if key not in self._known:
+            assert self.motion is not None
+            times = self.motion.at_stations(observed)
+            elastic = self._elastic(share)
+            if id(observed) not in self._weights:
+                self._weights[id(observed)] = _remembered(self.motion.time, times)
+                self._observed.append(observed)
+            weights = self._weights[id(observed)]
+            at = np.interp(times, self.motion.time, self.motion.displacement)
+            added = weights @ np.diff(elastic(self.motion.displacement))
+            if len(self._known) > _KEPT:
+                self._known.clear()
+            self._known[key] = added / np.maximum(elastic(at), _LEAST_N)
+        return self._known[key]
+
+    def _elastic(self, share: float) -> CubicSpline:
+        """Return the elastic force (N) with C10 + C20 of 1 kPa, by displacement (mm)."""
+        grid = np.concatenate([[0.0], self.grid])
+        return CubicSpline(grid, np.concatenate([[0.0], self.curve(1.0 - share, share)]))
+
+
+def _remembered(waypoints: FloatArray, times: FloatArray) -> FloatArray:
+    """Return the share (branches, n, w - 1) of each step's rise that a branch still bears."""
+    start, end = waypoints[:-1], waypoints[1:]
+    until = np.clip(times[:, None], start, end)
+    tau = np.array(TIMES_S)[:, None, None]
+
+    def faded(since: FloatArray) -> FloatArray:
+        return np.exp(-np.maximum(times[:, None] - since, 0.0) / tau)
+
+    return np.asarray(tau * (faded(until) - faded(start)) / (end - start))

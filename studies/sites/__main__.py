@@ -9,18 +9,18 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from legfem.commands.study import Jobs, Out
 from legfem.common.command_line import study_context
-from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
+from legfem.common.documents import markdown_table
 from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from studies.lab.rate import Rate
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
+from studies.lab.outcomes import Rate
 from studies.sites.identifying import FAT, PARAMETERS, FoundLeg, Interval, identified
 from studies.sites.planted import LEAST_MM, Truth, truths
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()
@@ -37,18 +37,12 @@ def sites(
 
     Example: python -m studies.sites --n 6
     """
-    resume = "run the same command again to go on; solves that are done are kept"
-    with study_context("sites", out, jobs, resume) as (folder, processes):
+    with study_context("sites", out, jobs, DONE_IS_KEPT) as (folder, processes):
         store = Store(folder / "legs", FoundLeg, modules=("studies.sites.identifying",))
         with progress_on() as progress, Workers(identified, folder, processes) as workers:
             found = finish(workers, truths(n, seed, depth), store, progress, "recording and identifying", _line)
-        document = {"schema": 1, "origin": "simulated", "unit": "kPa", "seed": seed}
-        cases = [json_types(asdict(one)) for one in found]
-        write_document(folder / "result.json", {**document, "legs": cases})
-        text = page(found)
-        write_atomically(folder / "report.md", text)
-        typer.echo(text)
-        typer.echo(f"report: {folder / 'report.md'}")
+        document = {"unit": "kPa", "seed": seed, "legs": [asdict(one) for one in found]}
+        write_results(folder, document, page(found))
 
 
 def page(found: Sequence[FoundLeg]) -> str:

@@ -20,9 +20,9 @@ from legfem.jobs.store import Store
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import SitedLeg, Subject, TissueParameters
 from legfem.solve.path import ForceCurve
-from studies.concealed.other_code import OtherCase, OtherCode
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
-from studies.legs.calf import Calf, calf_section
+from studies.legs.shapes import Calf, calf_section
+from studies.other_code.plane_leg import OtherCase, OtherCode
 from studies.planted.truths import TRUTH_SETTINGS
 
 RATE_MM_PER_S, TRIALS = 0.5, 3

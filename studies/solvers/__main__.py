@@ -2,14 +2,189 @@
 
 from __future__ import annotations
 
+import json
+import os
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from statistics import median
 from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
-from legfem.commands.study import Out
 from legfem.common.command_line import end_without_a_solution, study_context
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.errors import InputError
+from legfem.common.progress import progress_on
+from legfem.jobs.store import Store
+from studies.command_line import DONE_IS_KEPT, Out, new_app
+from studies.solvers.case import SolverCase, SolverWork, document, run_apart
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+Measured = dict[SolverCase, SolverWork | None]
+"""None where the process ended without a result: killed, most often for its memory."""
+
+
+def cases_of(sizes: Sequence[int], tetrahedra: int, ranks: Sequence[int], direct_up_to: int) -> list[SolverCase]:
+    """Return the cases of a study, the smallest first."""
+    pairs = [
+        SolverCase(size, solver, ranks=number)
+        for size in sorted(sizes)
+        for solver in ("direct", "iterative")
+        for number in ranks
+        if solver == "iterative" or size <= direct_up_to
+    ]
+    linear = [SolverCase(tetrahedra, "iterative", "tetrahedra", ranks=number) for number in ranks]
+    return pairs + (linear if tetrahedra else [])
+
+
+def run(cases: Sequence[SolverCase], out: Path) -> bool:
+    """Measure cases one after the other, each in processes of its own, and write the table.
+
+    Returns whether any came to a result.
+
+    Raises
+    ------
+    InputError
+        If there are ranks to start and no mpirun.
+    """
+    if any(case.ranks > 1 for case in cases) and shutil.which("mpirun") is None:
+        raise InputError("--ranks", "mpirun", "is not there", "measure on 1 rank")
+    store = Store(out / "cases", SolverWork, modules=("studies.solvers.case",))
+    measured: Measured = {}
+    with progress_on() as progress:
+        progress.stage("load steps", len(cases))
+        for case in cases:
+            work = store.get(case) or measured_apart(case, out)
+            if work is not None:
+                store.put(case, work)
+            measured[case] = work
+            progress.advance(_line(case, work))
+    found = [document(case, work) for case, work in measured.items() if work is not None]
+    path = write_document(out / "result.json", {"schema": 1, "cases": found})
+    console = Console(width=125, record=True)
+    console.print(solvers_table(measured))
+    for line in sentences(measured):
+        console.print(line, highlight=False)
+    write_atomically(out / "report.txt", console.export_text())
+    print(f"result: {path}\nreport: {out / 'report.txt'}")
+    return bool(found)
+
+
+def measured_apart(case: SolverCase, out: Path) -> SolverWork | None:
+    """Measure a case in fresh processes; None if they end without a result."""
+    given, result = out / ".case.json", out / ".work.json"
+    write_document(given, asdict(case))
+    result.unlink(missing_ok=True)
+    command = [sys.executable, "-m", "studies.solvers.case", str(given), str(result)]
+    if case.ranks > 1:
+        command = ["mpirun", "-n", str(case.ranks), *command]
+    # Another run's environment would keep mpirun from starting.
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX"))}
+    try:
+        status = run_apart(command, {**inherited, "OMP_NUM_THREADS": "1"})
+    finally:
+        given.unlink(missing_ok=True)
+    if status or not result.is_file():
+        return None
+    work = SolverWork(**json.loads(result.read_text())["work"])
+    result.unlink()
+    return work
+
+
+def solvers_table(measured: Measured) -> Table:
+    """Return a row a case."""
+    table = Table(title="One load step of the idealised leg; seconds of the processor")
+    for name in (
+        "cells",
+        "solver",
+        "ranks",
+        "unknowns",
+        "non-\nzeros (M)",
+        "tan-\ngents",
+        "s a factor-\nisation or\nsolve",
+        "iterations:\nmedian\n(most)",
+        "s the\nstep",
+        "by the\nclock",
+        "peak\n(GiB)",
+        "before\nsolving",
+    ):
+        table.add_column(name, justify="right")
+    for case, work in measured.items():
+        if work is None:
+            table.add_row(case.cells, case.solver, str(case.ranks), f"about {case.size}", "ended")
+            continue
+        iterates = case.solver == "iterative"
+        counts = f"{median(work.iterations):.0f} ({max(work.iterations)})" if iterates else "-"
+        table.add_row(
+            f"{work.cells} {case.cells[:5]}.",
+            case.solver,
+            str(case.ranks),
+            f"{work.unknowns}",
+            f"{work.nonzeros / 1e6:.1f}",
+            f"{work.tangents}{'' if work.complete else ' (stopped)'}",
+            f"{work.linear_seconds:.2f}",
+            counts,
+            f"{work.total_seconds:.1f}",
+            f"{work.wall_seconds:.1f}",
+            f"{work.peak_GiB:.2f}",
+            f"{work.start_GiB:.2f}",
+        )
+    return table
+
+
+def sentences(measured: Measured) -> list[str]:
+    """Return what follows from the table."""
+    swept = {case: work for case, work in measured.items() if work is not None and case.cells == "hexahedra"}
+    lines = []
+    for ranks in sorted({case.ranks for case in swept}):
+        rows = sorted(
+            (work.unknowns, median(work.iterations), max(work.iterations))
+            for case, work in swept.items()
+            if case.solver == "iterative" and case.ranks == ranks
+        )
+        if len(rows) > 1:
+            (small, few, most_few), (large, many, most_many) = rows[0], rows[-1]
+            lines.append(
+                f"{ranks} ranks: from {small} to {large} unknowns the iterations of a linear solve "
+                f"grow {many / few:.2f}-fold (median), {most_many / most_few:.2f}-fold (most)"
+            )
+    lines += _crossing(swept)
+    for case, work in swept.items():
+        alone = swept.get(SolverCase(case.size, case.solver, case.cells, 1, case.step))
+        if case.ranks > 1 and alone is not None:
+            lines.append(
+                f"{case.solver}, {work.unknowns} unknowns: {case.ranks} ranks take "
+                f"{alone.total_seconds / work.total_seconds:.2f} times less processor time a rank "
+                f"than one, {alone.wall_seconds / work.wall_seconds:.2f} times less by the clock"
+            )
+    return lines
+
+
+def _crossing(swept: Mapping[SolverCase, SolverWork]) -> list[str]:
+    lines = []
+    for case, work in swept.items():
+        other = swept.get(SolverCase(case.size, "iterative", case.cells, case.ranks, case.step))
+        if case.solver == "direct" and other is not None:
+            lines.append(
+                f"{work.unknowns} unknowns, {case.ranks} ranks: the step takes factors "
+                f"{work.total_seconds / other.total_seconds:.2f} times the iterations' processor "
+                f"time and {work.peak_GiB / other.peak_GiB:.2f} times their memory"
+            )
+    return lines
+
+
+def _line(case: SolverCase, work: SolverWork | None) -> str:
+    what = f"{case.solver}, {case.cells}, {case.ranks} ranks"
+    if work is None:
+        return f"{what}, about {case.size}: ended without a result"
+    return f"{what}: {work.unknowns} unknowns, {work.total_seconds:.0f} s, {work.peak_GiB:.1f} GiB"
+
+
+app = new_app()
 
 
 @app.command()
@@ -36,16 +211,11 @@ def solvers(
 
     Example: python -m studies.solvers --size 20000 --size 60000 --ranks 1 --ranks 2
     """
-    resume = "run the same command again to go on; measured cases are kept"
-    with study_context("solvers", out, None, resume) as (folder, _):
-        from dataclasses import replace
-
-        from studies.solvers import command as solvers_command
-
-        cases = solvers_command.cases_of(
+    with study_context("solvers", out, None, DONE_IS_KEPT) as (folder, _):
+        cases = cases_of(
             sizes or ([] if tetrahedra else [20_000, 60_000, 200_000]), tetrahedra, ranks or [1], direct_up_to
         )
-        if not solvers_command.run([replace(case, step=step) for case in cases], folder):
+        if not run([replace(case, step=step) for case in cases], folder):
             end_without_a_solution("solvers")
 
 

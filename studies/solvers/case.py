@@ -1,15 +1,15 @@
-"""One load step of the idealised leg, and what its linear solver took.
-
-Run as a module, it does one case in a process of its own, so that the memory is that case's own:
-``mpirun -n 2 python -m studies.solvers.case CASE.json OUT.json``.
-"""
+"""One load step of the idealised leg in a process of its own, and what its linear solver took."""
 
 from __future__ import annotations
 
 import json
+import os
 import resource
+import subprocess
 import sys
+import threading
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -25,7 +25,37 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.idealised_leg import Cells, IdealisedLeg, LegMeshSettings, grid_counts
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import StepSettings
-from studies.solvers.apart import end_with_starter
+
+_APART = "LEGFEM_APART"
+
+
+def run_apart(command: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run a command to its end and return its exit status; Ctrl-C and errors end it.
+
+    The command reads from a pipe that this process alone holds, however it ends. In its first rank
+    `end_with_starter` sees when the pipe is closed.
+    """
+    process = subprocess.Popen(command, env={**environment, _APART: "1"}, stdin=subprocess.PIPE, text=True)
+    try:
+        return process.wait()
+    except BaseException:
+        process.terminate()
+        process.wait()
+        raise
+    finally:
+        if process.stdin is not None:
+            process.stdin.close()
+
+
+def end_with_starter() -> None:
+    """Let this process end once the one whose `run_apart` started it has; mpirun ends the rest."""
+    if os.environ.get(_APART) and not os.environ.get("OMPI_COMM_WORLD_RANK", "0").strip("0"):
+        threading.Thread(target=_end_at_close, daemon=True).start()
+
+
+def _end_at_close() -> None:
+    sys.stdin.buffer.read()
+    os._exit(1)
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.study import Jobs
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
+from studies.command_line import Jobs, new_app
 
 
 class Part(StrEnum):
@@ -21,7 +21,7 @@ class Part(StrEnum):
     SIZES = "sizes"
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app()
 
 
 @app.command()

@@ -20,8 +20,7 @@ from legfem.legs.mechanisms import Solution
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.variants import LegVariants
 from legfem.solve.protocol import Protocol
-from studies.concealed.cases import DEPTH_MM, FAST, HOLD_S, SLOW, TRIALS, ProtocolName
-from studies.concealed.legs import with_deep_law
+from studies.concealed.cases import DEPTH_MM, FAST, HOLD_S, SLOW, TRIALS, ProtocolName, with_deep_law
 from studies.concealed.truth import TRUTH_SETTINGS
 from studies.lab.recording import INSTRUMENT, SAMPLING_HZ, Course, LabErrors, record
 from studies.worked.example import ExampleRow, WorkedTruth, diagnosed
