@@ -144,8 +144,7 @@ class ChannelFit:
     @property
     def r_squared(self) -> float:
         """Share of the readings' variance that is predicted."""
-        values = self.channel.values
-        return 1 - float(np.sum(self.residual**2) / np.sum((values - values.mean()) ** 2))
+        return r_squared(float(np.sum(self.residual**2)), self.channel.values)
 
 
 class Measured(Protocol):
@@ -322,6 +321,11 @@ def fit_with[C: Comparison](
     return [problem.assessed(found) for found in searches.find(laws)]
 
 
+def r_squared(squares: float, values: FloatArray) -> float:
+    """Coefficient of determination of a sum of squared differences from values (n,)."""
+    return 1 - float(squares / np.sum((values - values.mean()) ** 2))
+
+
 def goodness_of(
     found: Found[Any], covariance: FloatArray, expected: FloatArray | None = None, lost: int = 0
 ) -> Goodness:
@@ -385,7 +389,7 @@ def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
         value=value,
         points=len(measured),
         per_length=per_length,
-        r_squared=1 - value / float(np.sum((measured - measured.mean()) ** 2)),
+        r_squared=r_squared(value, measured),
         minimised=minimised + (", and the priors' squared departures" if len(law.priors) else ""),
         minimised_value=best.objective,
         minimised_unit="N2" if weighting == "paper" else "1",

@@ -272,6 +272,19 @@ class Solution:
     null_in_series: float = 0.0
     """Compliance (mm/N) of springs that this one is in series with."""
 
+    def values(self, deep: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:
+        """Return what to solve the model with, by full name.
+
+        Parameters
+        ----------
+        deep
+            The deep tissue's numbers, ``deep.C10`` and so on (MPa).
+        nominal
+            Those of the model as it is made, which factors multiply where ``deep`` doesn't have them.
+        """
+        scaled = {name: factor * deep.get(name, nominal[name]) for name, factor in self.scaled.items()}
+        return {**deep, **scaled, **self.parameters}
+
 
 @dataclass(frozen=True)
 class TissueMechanism(Mechanism):

@@ -109,11 +109,8 @@ class LegVariants:
         from legfem.experiments.plane_strain import LateralPlacement
 
         model = self.model(solution.variant)
-        values = dict(deep)
+        values = solution.values(deep, model.model.parameters)
         at = placement or LateralPlacement()
-        for name, factor in solution.scaled.items():
-            values[name] = factor * values.get(name, model.model.parameters[name])
-        values |= solution.parameters
         solved = model.solve(
             values, protocol, sensitivities, placement=replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
         )

@@ -18,7 +18,7 @@ from legfem.legs.subject import Subject
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
-from legfem.report.diagnosis_document import Recorded, kind_of, r_squared, versions
+from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_headline import TITLE, capital, headline
 from legfem.report.diagnosis_numbers import known_of
 from legfem.report.diagnosis_sentences import next_experiments, percent, verdict_sentence
@@ -210,7 +210,7 @@ def _looks(found: Diagnosis) -> str:
     ends = ", the cylinder's ends included" if found.with_ends else ""
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
-        f"R2 = {r_squared(found.base.fit, found):.5f}. Probabilities weigh all explanations "
+        f"R2 = {r_squared_of(found.base.fit, found):.5f}. Probabilities weigh all explanations "
         "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
         "nothing is taken to be as probable as one missing mechanism, and two half as probable. “Nothing detectable” "
         "is nothing at all, or an effect that is too small for these recordings to detect."

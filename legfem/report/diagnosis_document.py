@@ -14,6 +14,7 @@ from legfem.common.versions import versions_of
 from legfem.data.recording import Origin
 from legfem.inverse.cross_validation import HeldOut
 from legfem.inverse.explanation import Explanation
+from legfem.inverse.fit import r_squared
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
@@ -94,7 +95,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 "cylinder_ends": found.with_ends,
                 "p_value": found.assessment.p_value,
                 "lack_of_fit_p_value": found.assessment.lack_of_fit,
-                "r_squared": r_squared(base.fit, found),
+                "r_squared": r_squared_of(base.fit, found),
                 "held_out_rmse_N": found.base_held_out.rmse,
                 "held_out_noise_N": found.base_held_out.noise,
                 "held_out": found.base_held_out.how,
@@ -161,10 +162,9 @@ def versions() -> dict[str, str]:
     return versions_of("legfem", "dolfinx", "python")
 
 
-def r_squared(fitted: LinearisedFit, found: Diagnosis) -> float:
+def r_squared_of(fitted: LinearisedFit, found: Diagnosis) -> float:
     """Return the coefficient of determination over all observations."""
-    force = found.observed.force
-    return 1.0 - float(np.sum(fitted.residual**2) / np.sum((force - force.mean()) ** 2))
+    return r_squared(float(np.sum(fitted.residual**2)), found.observed.force)
 
 
 def mismatches(found: Diagnosis) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.inverse.fit import Fit, TestFit
+from legfem.inverse.fit import Fit, TestFit, r_squared
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
@@ -72,8 +72,7 @@ class SampleFit:
     def r_squared(self) -> float:
         """Share of the samples' variance that is predicted."""
         left = self._differences
-        force = self.course.samples.force[: len(left)]
-        return 1 - float(np.sum(left**2) / np.sum((force - force.mean()) ** 2))
+        return r_squared(float(np.sum(left**2)), self.course.samples.force[: len(left)])
 
     @property
     def scale(self) -> float:

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
@@ -96,11 +97,7 @@ class SpecimenProblem:
 
     def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> SpecimenComparison:
         """Forces beside the recordings, from where their contact seems to be: nothing after that is air."""
-        fitted = [
-            _from_seeming_contact(one, self.folder.returns)
-            for one in self.prepared.recordings
-            if one.name not in self.held_out
-        ]
+        fitted = _fitted(self.folder, self.prepared, self.held_out)
         return comparison_of(fitted, self.forward, self.folder, self._seeks_ratio)
 
     def refined(self, search: Search[SpecimenComparison]) -> SpecimenComparison | None:
@@ -212,7 +209,7 @@ class SpecimenProblem:
         self, result: Fit[SpecimenDetails], found: Found[SpecimenComparison], notes: Sequence[str]
     ) -> tuple[str, ...]:
         """One sentence each, the gravest first."""
-        texts = [f"DOUBTFUL INPUT: {doubt}" for doubt in result.doubts]
+        texts = doubt_lines(result.doubts)
         if not result.log.converged:
             texts.append("The search ended before it converged: rerun with another --seed.")
         texts += of_compromise(result.log.compromise)
@@ -289,8 +286,7 @@ def _problem(
     folder: SpecimenFolder, name: LawName, prepared: Prepared, held_out: frozenset[str], asked: Asked
 ) -> SpecimenProblem:
     tissues = [one.of_law(name) for one in folder.tissues]
-    fitted = [_from_seeming_contact(one, folder.returns) for one in prepared.recordings if one.name not in held_out]
-    if not shows_quickening([one.course.rate for one in fitted]):
+    if not shows_quickening([one.course.rate for one in _fitted(folder, prepared, held_out)]):
         asked = _without(QUICKENING, asked)
     law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
     return SpecimenProblem(folder, law, prepared, held_out)
@@ -301,6 +297,11 @@ def _without(name: str, asked: Asked) -> Asked:
     if name in asked.names or name in asked.priors or name in asked.fixed:
         return asked
     return replace(asked, fixed={**asked.fixed, name: READINGS[name].null})
+
+
+def _fitted(folder: SpecimenFolder, prepared: Prepared, held_out: frozenset[str]) -> list[SpecimenRecording]:
+    """Recordings that are fitted, each from where its contact seems to be."""
+    return [_from_seeming_contact(one, folder.returns) for one in prepared.recordings if one.name not in held_out]
 
 
 def _from_seeming_contact(one: SpecimenRecording, returns: bool) -> SpecimenRecording:

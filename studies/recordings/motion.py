@@ -20,7 +20,6 @@ from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
 from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
 from studies.recordings.curves import ElasticCurves
 
-_HELD_WITHIN_MM = 0.02
 _BACK_SHARE = 0.02
 """Of the depth: by how much the indenter is drawn back when the hold is over."""
 

@@ -104,10 +104,7 @@ class PlaneLegVariants:
             raise ValueError("the idealised leg in plane strain is elastic and is loaded once")
         if solution.parameters or solution.tilt_deg:
             raise ValueError(f"the idealised leg has no {solution}")
-        values = dict(deep)
-        for name, factor in solution.scaled.items():
-            values[name] = factor * values.get(name, self.model.parameters[name])
-        solved = self.model.solve(values, depth, sensitivities)
+        solved = self.model.solve(solution.values(deep, self.model.parameters), depth, sensitivities)
         return solved.path if solved.report.complete else Stopped(str(solved.report))
 
     def parameters(self, variant: str) -> dict[str, float]:

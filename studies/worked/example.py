@@ -10,7 +10,7 @@ from typing import Any
 
 from legfem.common.documents import write_document
 from legfem.inverse.verdict import Diagnosis
-from legfem.report.diagnosis_document import Recorded, document, r_squared
+from legfem.report.diagnosis_document import Recorded, document, r_squared_of
 from legfem.report.diagnosis_folder import write_diagnosis_report
 from legfem.report.recording_figure import recording_figure
 
@@ -85,7 +85,7 @@ def row_of(name: str, truth: WorkedTruth, found: Diagnosis, seconds: float) -> E
         tuple(model.names for model in found.models),
         base.value("C10"),
         base.interval("C10"),
-        r_squared(base.fit, found),
+        r_squared_of(base.fit, found),
         base.probability,
         best.value("C10") if best else None,
         found.intervals["C10"] if best else None,
