@@ -13,7 +13,7 @@ from legfem.common.units import FloatArray
 from legfem.data.segmentation import LOADING
 from legfem.inverse.emulator import Emulator, Samples
 from legfem.inverse.library import Library, NuisanceChanges, Table, coordinates, unchanged
-from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, null_of
+from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import BodyModels, Displaced, NotKeptError, SolvedResponses
 from legfem.inverse.stations import Stations
@@ -32,6 +32,7 @@ class Task:
     point: Stiffness
     mechanism: TissueMechanism | None = None
     strength: float = 0.0
+    node: Values | None = None
     stations: Stations | None = None
     geometry: Displaced | None = None
     material: bool = False
@@ -65,6 +66,8 @@ def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Map
     mechanism = task.mechanism
     if mechanism is None:
         return solved.elastic(task.point)
+    if task.node is not None:
+        return {"change": coarse.elastic_change(mechanism.solution(task.node), task.point)}
     if mechanism.derivatives:
         return {"change": coarse.by_derivatives(mechanism, task.stations, task.point)}
     values = {p.name: null_of(p) for p in mechanism.parameters}
@@ -112,7 +115,7 @@ def tasks_for(
         for at in (where if m.strengths else [centre])
         for strength in (m.strengths or (0.0,))
     ]
-    return tasks
+    return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]
 
 
 def outcomes_of(
@@ -306,7 +309,7 @@ def _table(
     rows: dict[float, list[Mapping[str, FloatArray] | None]] = {}
     for task, outcome in zip(tasks, outcomes, strict=True):
         own = "" if task.stations is None else task.stations.key
-        if task.mechanism is mechanism and own == key:
+        if task.mechanism is mechanism and own == key and task.node is None:
             # Where no force is left there is no ratio to tabulate.
             left = outcome is not None and not (ratios and np.any(outcome["change"] <= -1.0))
             rows.setdefault(task.point[0], []).append(outcome if left else None)
@@ -316,5 +319,19 @@ def _table(
     if not whole:
         return None
     values = np.array([np.vstack(changes) for changes in whole.values()])
+    solved = [o for t, o in zip(tasks, outcomes, strict=True) if t.mechanism is mechanism and t.node is not None]
+    if not mechanism.along_path and mechanism.nodes:
+        values = np.concatenate([values, _missed_at_nodes(mechanism, solved, values[0])[None]], axis=1)
     logs = np.log(list(whole))
     return Table(logs, np.log1p(values) if ratios else values)
+
+
+def _missed_at_nodes(
+    mechanism: TissueMechanism, solved: Sequence[Mapping[str, FloatArray] | None], rows: FloatArray
+) -> FloatArray:
+    """Return what the derivatives (k, m) miss of the changes at the nodes; nothing where a solution stopped."""
+    missed = []
+    for node, outcome in zip(mechanism.nodes, solved, strict=True):
+        by_rows = mechanism.shares(node)[: len(rows)] @ rows
+        missed.append(np.zeros(rows.shape[1]) if outcome is None else outcome["change"] - by_rows)
+    return np.array(missed)
