@@ -19,7 +19,7 @@ from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, 
 from legfem.legs.elastography import elastography_priors
 from legfem.legs.plausibility import doubts_about, poisson_ratio
 from legfem.legs.site_test import SiteTest
-from legfem.legs.subject import Subject
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 
 _DISAGREES = 2.0
@@ -27,6 +27,11 @@ _DISAGREES = 2.0
 _EXTRUDED = (
     "The leg in 3D is the measured section, extruded: how the leg's girth changes along {what} is left out. Give a "
     "scan, surfaces or contours at several levels as [section]."
+)
+_TYPICAL = (
+    "The leg's outlines are a typical calf's of the measured girth and fat thickness: the intervals include "
+    f"{100 * TYPICAL_FORCE_SD:g} % of the force (one standard deviation) for its shape. Outlines of this leg from MRI, "
+    "CT or ultrasound remove that error."
 )
 _NO_FIBRES = (
     "The 3D correction takes muscle to be alike in all directions. Where its shear modulus along "
@@ -52,6 +57,8 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
     if log.failed_solves:
         texts.append(_failed(fit))
     texts += far_from_priors(fit.estimates)
+    if details.subject.typical_shape:
+        texts.append(_TYPICAL)
     if isinstance(details.spatial, SpatialSites):
         texts += of_elastography(details.subject, fit.estimates)
         return (*texts, *_in_3d(fit, details.spatial))
