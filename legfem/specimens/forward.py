@@ -153,10 +153,15 @@ class SpecimenForward(Picklable):
             report.compromise,
         )
 
+    @property
+    def code(self) -> str:
+        """Hash of the code that it runs, with that of its kinds of tests."""
+        kinds = {type(kind_in(sizes)).__module__ for sizes in self.tests}
+        return code_fingerprint(type(self).__module__, *sorted(kinds))
+
     def fingerprint(self) -> Mapping[str, Any]:
         """Return tests, depths, law and code."""
-        own = {type(kind_in(sizes)).__module__ for sizes in self.tests}
-        return {"model": "specimens", **super().fingerprint(), "kinds": code_fingerprint(*sorted(own))}
+        return {"model": "specimens", **super().fingerprint(), "code": self.code}
 
 
 def _at_poissons_ratio(curve: ForceCurve, values: Values, tied: Sequence[str]) -> ForceCurve:
