@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, Self
 from legfem.common.doubts import Doubt, PhysicalRange
 from legfem.common.input_files import FileTable
 from legfem.data import Instrument, Recording, Segmentation
-from legfem.data.reader import Channels, read_samples
+from legfem.data.reader import SourceColumns, read_samples
 from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer
 from legfem.experiments.experiment import Solved
 from legfem.mechanics.contact import ContactSettings
@@ -133,7 +133,13 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
         return f"{force:.3g} N"
 
     def read(
-        self, path: Path, channels: Channels | None, body: Body, errors: Instrument | None, at_contact: bool, name: str
+        self,
+        path: Path,
+        channels: SourceColumns | None,
+        body: Body,
+        errors: Instrument | None,
+        at_contact: bool,
+        name: str,
     ) -> Segmentation:
         """Read a file of a recording.
 
