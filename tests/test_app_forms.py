@@ -23,7 +23,7 @@ from legfem.app.description import (
 from legfem.common.errors import InputError
 from legfem.common.input_files import checked
 from legfem.data.folder import RESOURCES
-from legfem.data.reader import Channel, Channels
+from legfem.data.reader import SourceColumn, SourceColumns
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SubjectFile, subject_entry
 from legfem.mechanics.materials import ReducedPolynomial
@@ -72,7 +72,7 @@ def test_what_is_typed_is_read_as_the_key_wants_it():
 
 
 def test_chosen_columns_are_what_the_folder_then_reads_by(tmp_path):
-    channels = Channels(Channel("Zeit", "s"), Channel("Weg", "mm", -1), Channel("Kraft", "N", -1))
+    channels = SourceColumns(SourceColumn("Zeit", "s"), SourceColumn("Weg", "mm", -1), SourceColumn("Kraft", "N", -1))
     path = tmp_path / "subject.toml"
     text = (SUBJECT / "subject.toml").read_text()
     path.write_text(with_channels(text, channels))

@@ -21,7 +21,7 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, checked
 from legfem.data import seen_instrument
 from legfem.data.formats import recording_files
-from legfem.data.reader import Channels, read_samples
+from legfem.data.reader import SourceColumns, read_samples
 from legfem.geometry.indenter import IndenterShape
 from legfem.legs.folder import plain_id, subject_text
 from legfem.legs.schema import SUBJECTS, SubjectFile, site_names, subject_entry
@@ -102,7 +102,7 @@ def with_settings(text: str, changed: Mapping[tuple[str, ...], Value]) -> str:
     return tomlkit.dumps(document)
 
 
-def with_channels(text: str, channels: Channels | None) -> str:
+def with_channels(text: str, channels: SourceColumns | None) -> str:
     """Return the file's text with the columns of its recordings, or without any."""
     keys: dict[tuple[str, ...], Value] = {}
     names = ("time", "displacement", "force")

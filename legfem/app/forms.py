@@ -30,7 +30,7 @@ from legfem.app.runs import Run, seen
 from legfem.app.workspace import DESCRIPTIONS, description_of, files_of, may_be_recording
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.data.reader import QUANTITIES, Channel, Channels
+from legfem.data.reader import QUANTITIES, SourceColumn, SourceColumns
 from legfem.legs.schema import SUBJECTS
 
 _TABLES = {
@@ -348,11 +348,11 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
                 sign = ui.select(_SIGNS, value=known.get("sign", 1), label=f"{quantity}: direction")
             chosen[quantity] = column, unit, sign
 
-    def channel(quantity: str) -> Channel:
+    def channel(quantity: str) -> SourceColumn:
         column, unit, sign = chosen[quantity]
         if not column.value or not unit.value:
             raise InputError("columns", quantity, "has no column or no unit", "choose a column, give its unit")
-        return Channel(column.value, unit.value.strip(), 1 if sign is None else int(sign.value))
+        return SourceColumn(column.value, unit.value.strip(), 1 if sign is None else int(sign.value))
 
     def save(use: bool) -> None:
         described = description_of(folder)
@@ -366,7 +366,7 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
             if use:
                 time, displacement, force = map(channel, QUANTITIES)
                 several = len(sheets) > 1
-                channels = Channels(time, displacement, force, sheet.value if several else None)
+                channels = SourceColumns(time, displacement, force, sheet.value if several else None)
             text = with_channels(path.read_text(encoding="utf-8-sig"), channels)
         except InputError as error:
             ui.notify(str(error), type="negative", multi_line=True)

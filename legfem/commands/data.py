@@ -57,7 +57,7 @@ def look(
         from legfem.data.formats import read_sheets
         from legfem.data.formats.sheet import Quantity
         from legfem.data.quality import quality_of
-        from legfem.data.reader import OWN_CHANNELS, Proposal, propose, read_own, recording_of
+        from legfem.data.reader import OWN_COLUMNS, Proposal, propose, read_own, recording_of
         from legfem.report.look import LOOK, channels_toml, draw_look, look_document, look_text, recordings_toml
         from legfem.report.page import PAGE, command_line
         from legfem.report.render.html import rendered
@@ -84,7 +84,7 @@ def look(
             recording = read_own(path)
             layout = ""
             if recording is not None:
-                proposal = Proposal(OWN_CHANNELS, ("legfem's own columns",))
+                proposal = Proposal(OWN_COLUMNS, ("legfem's own columns",))
             else:
                 sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
                 if not sheets:

@@ -23,7 +23,7 @@ TRIAL = "{trial}"
 """In the name of a file: the name of the trial that it belongs to."""
 
 
-class ChannelEntry(FileTable):
+class RecordedChannelEntry(FileTable):
     """``[channels.NAME]``: where a channel is found, and how accurate it is; what isn't given is usual."""
 
     file: Text | None = None
@@ -40,7 +40,7 @@ class ChannelEntry(FileTable):
     lag_s: NotNegative | None = None
 
     @model_validator(mode="after")
-    def _file_within(self) -> ChannelEntry:
+    def _file_within(self) -> RecordedChannelEntry:
         if self.file is not None and (PurePath(self.file).is_absolute() or ".." in PurePath(self.file).parts):
             raise trouble("file", f"{self.file!r} leaves the folder", "name one within it")
         if self.column is not None and self.file is None:
@@ -79,7 +79,7 @@ class ChannelEntry(FileTable):
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
-_FIELDS: dict[str, Any] = dict.fromkeys(CHANNELS, (ChannelEntry | None, None))
+_FIELDS: dict[str, Any] = dict.fromkeys(CHANNELS, (RecordedChannelEntry | None, None))
 ChannelsEntry: type[FileTable] = create_model("ChannelsEntry", __base__=FileTable, __module__=__name__, **_FIELDS)
 """``[channels]``: an entry for each of what was recorded beside the force."""
 
@@ -95,7 +95,7 @@ def with_channels(toml: Path, given: FileTable, recordings: Sequence[Recording])
     InputError
         If a channel's file or column isn't there or can't be read.
     """
-    entries: dict[str, ChannelEntry] = {name: entry for name, entry in given if entry is not None}
+    entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
     for name, entry in entries.items():
         kind = CHANNELS[name]
         accuracy = entry.accuracy(kind, toml)
@@ -128,7 +128,7 @@ def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) 
 
 
 def _with_file(
-    folder: Path, entry: ChannelEntry, kind: ChannelKind, accuracy: ChannelAccuracy, recording: Recording
+    folder: Path, entry: RecordedChannelEntry, kind: ChannelKind, accuracy: ChannelAccuracy, recording: Recording
 ) -> Recording:
     assert entry.file is not None
     path = folder / entry.file.replace(TRIAL, recording.trial)

@@ -30,7 +30,7 @@ _LEAST_CORRELATION = 0.6
 
 
 @dataclass(frozen=True)
-class Channel:
+class SourceColumn:
     """Where a quantity is found, and how it becomes legfem's: s, mm and N."""
 
     column: str
@@ -41,25 +41,25 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Channels:
+class SourceColumns:
     """Where a recording's three quantities are found."""
 
-    time: Channel
-    displacement: Channel
-    force: Channel
+    time: SourceColumn
+    displacement: SourceColumn
+    force: SourceColumn
     sheet: str | None = None
     """Sheet of a workbook or group of a file, where there are several."""
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """Channels that were found, and why each is taken for what it is."""
+    """Columns that were found, and why each is taken for what it is."""
 
-    channels: Channels
+    channels: SourceColumns
     reasons: tuple[str, ...]
 
 
-def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels, area: float | None = None) -> Recording:
+def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, area: float | None = None) -> Recording:
     """Return the recording in a file's tables.
 
     With an area (mm2) the force's channel is of a pressure on it.
@@ -157,13 +157,13 @@ def propose(
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
     reasons = [*sheet.remarks, *(reason for _, reason in found)]
-    plain = Channels(time, displacement, force, sheet.name if len(sheets) > 1 else named)
+    plain = SourceColumns(time, displacement, force, sheet.name if len(sheets) > 1 else named)
     recording = recording_of(path, sheets, plain)
     d_sign, f_sign, reason = _directions(path, recording)
-    channels = Channels(
+    channels = SourceColumns(
         time,
-        Channel(displacement.column, displacement.unit, d_sign),
-        Channel(force.column, force.unit, f_sign),
+        SourceColumn(displacement.column, displacement.unit, d_sign),
+        SourceColumn(force.column, force.unit, f_sign),
         plain.sheet,
     )
     return Proposal(channels, (*reasons, reason))
@@ -239,7 +239,7 @@ def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet
     raise InputError(path, "recordings.sheet", f"there is no one table {name!r}", f"name of {names}")
 
 
-def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: Channel, area: float | None) -> FloatArray:
+def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColumn, area: float | None) -> FloatArray:
     unit = unit_named(channel.unit)
     field = f"recordings.{quantity}"
     measured: Quantity = "pressure" if quantity == "force" and area is not None else quantity
@@ -269,7 +269,7 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: Channel, a
     return columns[0].values * size * unit.factor * channel.sign
 
 
-def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[Channel, str]:
+def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
     if given is not None:
         name, _, unit = given.partition(":")
         columns = [c for c in sheet.columns if c.name == name]
@@ -277,7 +277,7 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
             names = ", ".join(f"'{c.name}'" for c in sheet.columns)
             missing = "has no unit" if columns else "is no column of the file"
             raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
-        channel = Channel(name, unit or str(columns[0].unit))
+        channel = SourceColumn(name, unit or str(columns[0].unit))
         return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
     candidates = [c for c in sheet.columns if _may_be(c, quantity)]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
@@ -317,7 +317,7 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
     passed = [c.name for c in candidates if named and c not in named]
     if passed:
         same += "; passed over, by their names: " + ", ".join(f"'{name}'" for name in passed)
-    return Channel(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
+    return SourceColumn(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
 
 
 def _may_be(column: Column, quantity: Quantity) -> bool:
@@ -373,14 +373,14 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
 HEADER = ("time_s", "displacement_mm", "force_N")
 
 
-def read_samples(path: Path, channels: Channels | None = None, area: float | None = None) -> Recording:
+def read_samples(path: Path, channels: SourceColumns | None = None, area: float | None = None) -> Recording:
     """Read one trial whatever it holds, only that time increases.
 
     Parameters
     ----------
     path : Path
         The file.
-    channels : Channels, optional
+    channels : SourceColumns, optional
         Where an instrument's file holds the quantities; legfem's own CSV without it.
     area : float, optional
         mm2; a pressure on it is read in the force's place: a column ``pressure_kPa``,
@@ -437,7 +437,7 @@ def _own_table(path: Path, area: float | None) -> Recording:
     )
 
 
-OWN_CHANNELS = Channels(Channel("time", "s"), Channel("displacement", "mm"), Channel("force", "N"))
+OWN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("force", "N"))
 """Of legfem's own CSV."""
 
 
@@ -475,7 +475,9 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
         if area is not None:
             columns = {c.name: c for c in sheets[0].columns}
             unit = columns["pressure"].unit if "pressure" in columns else None
-            own = Channels(Channel("time", "s"), Channel("displacement", "mm"), Channel("pressure", unit or ""))
+            own = SourceColumns(
+                SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("pressure", unit or "")
+            )
             return recording_of(path, sheets, own, area)
         found = propose(path, sheets).channels
     except InputError:

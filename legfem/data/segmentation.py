@@ -37,7 +37,7 @@ _CORNER = 0.1
 
 
 @dataclass(frozen=True)
-class Part:
+class MotionPart:
     """A phase of a recording, by the recording's own time and displacement."""
 
     phase: str
@@ -185,7 +185,7 @@ class Segmentation:
         return labels
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[MotionPart, ...]:
         """The phases one after the other; a motion begins and ends where the hold beside it is."""
         time, d, runs = self.recording.time, self.recording.displacement, _runs(self.labels)
         ends = self.smooth.copy()
@@ -194,7 +194,7 @@ class Segmentation:
             first, last = float(np.median(d[start : start + few])), float(np.median(d[end - few : end]))
             ends[max(start - 1, 0) : start + 1], ends[end - 1 : end + 1] = first, last
         return tuple(
-            Part(str(self.labels[a]), float(time[a]), float(time[b - 1]), float(ends[a]), float(ends[b - 1]))
+            MotionPart(str(self.labels[a]), float(time[a]), float(time[b - 1]), float(ends[a]), float(ends[b - 1]))
             for a, b in runs
         )
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from legfem.common.errors import InputError
 from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
-from legfem.data import Channels, Instrument, Recording, check_trial, read_samples, seen_instrument
+from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
 from legfem.data.channel_reader import with_channels
 from legfem.data.formats import recording_files
 from legfem.data.plausibility import refuse_copies
@@ -166,7 +166,7 @@ def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording],
     return seen_instrument(recordings)
 
 
-def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...]:
+def _recordings(folder: Path, channels: SourceColumns | None) -> tuple[Recording, ...]:
     there = recording_files(folder)
     files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
     if not files:

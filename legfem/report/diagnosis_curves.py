@@ -24,7 +24,7 @@ UNKNOWN_NAME = "something unknown"
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ShownModel:
     """A model beside the base model, as it is shown."""
 
     model: Explanation
@@ -52,14 +52,14 @@ def statement_name(one: Statement) -> str:
     return " + ".join(plain(name) for name in one.names) or "nothing detectable"
 
 
-def shown_models(found: Diagnosis) -> list[Shown]:
+def shown_models(found: Diagnosis) -> list[ShownModel]:
     """Return the models that are shown beside the base: those that suit, else the closest."""
     if found.verdict == "consistent":
         return []
     if found.models:
-        return [Shown(model, model_name(model), True) for model in found.models]
+        return [ShownModel(model, model_name(model), True) for model in found.models]
     named = [e for e in found.explained.every if e.names]
-    return [Shown(named[0], f"closest tried ({model_name(named[0])})", False)] if named else []
+    return [ShownModel(named[0], f"closest tried ({model_name(named[0])})", False)] if named else []
 
 
 def determined(model: Explanation, name: str) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.documents import markdown_table
-from legfem.data import Channels, Recording
+from legfem.data import Recording, SourceColumns
 from legfem.data.channels import RecordedChannel
 from legfem.data.quality import Quality
 from legfem.data.reader import QUANTITIES, Proposal
@@ -26,7 +26,7 @@ LOOK = "look.json"
 SCHEMA = 1
 
 
-def recordings_toml(channels: Channels) -> str:
+def recordings_toml(channels: SourceColumns) -> str:
     """Return the ``[recordings]`` block that reads a file."""
     lines = ["[recordings]"]
     if channels.sheet is not None:

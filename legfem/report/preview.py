@@ -10,11 +10,11 @@ from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
 from legfem.common.units import mpa_to_kpa
-from legfem.data import Channel, Scales, Segmentation, segment
+from legfem.data import Scales, Segmentation, SourceColumn, segment
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
-from legfem.data.reader import OWN_CHANNELS, Channels, Proposal, propose, recording_of
+from legfem.data.reader import OWN_COLUMNS, Proposal, SourceColumns, propose, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
 from legfem.legs.loading import load_subject
@@ -56,7 +56,7 @@ class SeenRecording:
     picture: str = ""
     trouble: str = ""
     """The line that says why it can't be read; empty where it can."""
-    channels: Channels | None = None
+    channels: SourceColumns | None = None
     """By which it was read."""
     columns: tuple[SeenColumn, ...] = ()
 
@@ -229,7 +229,7 @@ def _is_contours(path: Path) -> bool:
 def _recordings(
     files: Sequence[Path],
     out: Path,
-    channels: Channels | None,
+    channels: SourceColumns | None,
     of_specimen: bool = False,
     site: str = "",
     trials: Sequence[Segmentation] = (),
@@ -239,25 +239,25 @@ def _recordings(
     return tuple(_recording(path, out, channels, of_specimen, site, read.get(path)) for path in files)
 
 
-_OF_OWN = Proposal(OWN_CHANNELS, ("legfem's own columns",))
+_OF_OWN = Proposal(OWN_COLUMNS, ("legfem's own columns",))
 
 
-def _proposal(path: Path, sheets: Sequence[Sheet], channels: Channels | None, used: bool) -> Proposal:
+def _proposal(path: Path, sheets: Sequence[Sheet], channels: SourceColumns | None, used: bool) -> Proposal:
     """Return by which columns a file is read; of one that a folder uses those that the folder reads."""
     if channels is not None:
         return Proposal(channels, ("as the folder's [recordings] say",))
     try:
         return propose(path, sheets)
     except InputError:
-        own = {c.name: Channel(c.name, c.unit or "") for c in sheets[0].columns}
+        own = {c.name: SourceColumn(c.name, c.unit or "") for c in sheets[0].columns}
         if not used or not {"time", "displacement", "pressure"} <= set(own):
             raise
-        channels = Channels(own["time"], own["displacement"], own["pressure"])
+        channels = SourceColumns(own["time"], own["displacement"], own["pressure"])
         return Proposal(channels, ("time, displacement and pressure, times the area of the cup's opening",))
 
 
 def _recording(
-    path: Path, out: Path, channels: Channels | None, of_specimen: bool, site: str, trial: Segmentation | None
+    path: Path, out: Path, channels: SourceColumns | None, of_specimen: bool, site: str, trial: Segmentation | None
 ) -> SeenRecording:
     columns: tuple[SeenColumn, ...] = ()
     own = None if channels is not None or trial is None or not trial.recording.channels else trial.recording

@@ -47,7 +47,7 @@ from legfem.specimens.contacts import SETTLED
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.laws import Asked, identified_law
+from legfem.specimens.laws import ParameterRequest, identified_law
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
@@ -239,7 +239,7 @@ class SpecimenProblem:
 def fit_specimens(
     folder: SpecimenFolder,
     laws: Sequence[LawName],
-    asked: Asked | None = None,
+    asked: ParameterRequest | None = None,
     leave_out: Sequence[str] = (),
     request: SearchRequest | None = None,
 ) -> list[Fit[SpecimenDetails]]:
@@ -251,7 +251,7 @@ def fit_specimens(
         With recordings.
     laws : sequence of str
         ``neo-hookean``, ``reduced-polynomial``, ``yeoh``, ``exponential``.
-    asked : Asked, optional
+    asked : ParameterRequest, optional
         What is to be free or held, in place of the laws' own.
     leave_out : sequence of str
         Names of recordings or specimens that are predicted, and not fitted.
@@ -268,7 +268,7 @@ def fit_specimens(
     held = {one for name in leave_out for one in folder.named(name)}
     if len(held) == len(folder.recordings):
         raise InputError("--leave-out", ", ".join(leave_out), "leave nothing to fit", "name fewer")
-    asked, request = asked or Asked(), request or SearchRequest()
+    asked, request = asked or ParameterRequest(), request or SearchRequest()
     for name in laws:
         free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.relaxes, asked)
         if seeks_ratio(free.names):
@@ -283,7 +283,7 @@ def fit_specimens(
 
 
 def _problem(
-    folder: SpecimenFolder, name: LawName, prepared: Prepared, held_out: frozenset[str], asked: Asked
+    folder: SpecimenFolder, name: LawName, prepared: Prepared, held_out: frozenset[str], asked: ParameterRequest
 ) -> SpecimenProblem:
     tissues = [one.of_law(name) for one in folder.tissues]
     if not shows_quickening([one.course.rate for one in _fitted(folder, prepared, held_out)]):
@@ -292,7 +292,7 @@ def _problem(
     return SpecimenProblem(folder, law, prepared, held_out)
 
 
-def _without(name: str, asked: Asked) -> Asked:
+def _without(name: str, asked: ParameterRequest) -> ParameterRequest:
     """The same with a parameter at its null, unless that is asked for."""
     if name in asked.names or name in asked.priors or name in asked.fixed:
         return asked

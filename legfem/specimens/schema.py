@@ -142,7 +142,7 @@ class FibresEntry(FileTable):
     """Which of the layers has them."""
 
 
-class TissueEntry(FileTable):
+class TissueOptions(FileTable):
     """``[tissue]``, optional: what isn't looked for."""
 
     poisson_ratio: PoissonRatio | None = None
@@ -174,7 +174,7 @@ class SpecimenFile(FileTable):
     layers: list[LayerEntry] = Field(default_factory=list)
     fibres: FibresEntry | None = None
     specimen: list[SpecimenEntry] = Field(default_factory=list)
-    tissue: TissueEntry = TissueEntry()
+    tissue: TissueOptions = TissueOptions()
     instrument: InstrumentEntry | None = None
     recordings: RecordingsEntry = RecordingsEntry()
     confirmed: list[Text] = Field(default_factory=list)
