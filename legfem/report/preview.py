@@ -9,7 +9,6 @@ from pathlib import Path
 from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
-from legfem.common.units import mpa_to_kpa
 from legfem.data import Scales, Segmentation, SourceColumn, segment
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
@@ -27,7 +26,7 @@ from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.schema import parse_specimen_file
-from legfem.specimens.sizes import opening_of
+from legfem.specimens.sizes import bare, kind_in
 from legfem.stockings.loading import LEGS, load_leg
 
 PREVIEW = "preview.json"
@@ -216,8 +215,8 @@ def _specimen(folder: Path, out: Path) -> Preview:
 
 
 def _course_fact(one: SpecimenRecording) -> str:
-    course, opening = one.course, opening_of(one.sizes)
-    peak = f"{course.peak:.3g} N" if opening is None else f"{mpa_to_kpa(course.peak / opening):.3g} kPa of suction"
+    course = one.course
+    peak = kind_in(one.sizes).load_text(bare(one.sizes), course.peak)
     return f"{course.depth:.3g} mm at {course.rate:.3g} mm/s, up to {peak}"
 
 

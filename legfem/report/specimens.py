@@ -5,11 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.common.units import FloatArray
-from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
-from legfem.experiments.flat_punch import PunchOnLayer
-from legfem.experiments.lateral_cylinder import CylinderOnBlock
-from legfem.experiments.suction import CupOnLayer
-from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.catalogue import DEEP_C10, RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import RELAXATION
@@ -20,7 +15,7 @@ from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.words import ORIGINS, fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent
-from legfem.specimens.sizes import Sizes, bare, opening_of, sizes_text
+from legfem.specimens.sizes import kind_in, sizes_text
 
 type SpecimenFit = Fit[SpecimenDetails]
 
@@ -35,7 +30,7 @@ def origin_text(result: SpecimenFit) -> str:
 
 def procedure(result: SpecimenFit) -> str:
     """Return what was done with the recordings, as a paragraph."""
-    tests = list(dict.fromkeys(one.sizes for one in result.details.folder.recordings))
+    note = kind_in(result.details.folder.recordings[0].sizes).note
     relaxing = (
         "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
         "show that, otherwise quasi-linearly. This is exact where the whole specimen has the same strain, "
@@ -57,7 +52,7 @@ def procedure(result: SpecimenFit) -> str:
     return (
         f"{sum(one.fitted for one in result.tests)} recordings were fitted together by one law, with equal weight "
         f"relative to their greatest force, from first contact {until}{relaxing}"
-        f"{own}{_of_layers(result)}{_of_fibres(result)}{_of_a_cup(tests)}"
+        f"{own}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
         "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
         "refined and confirmed. The intervals include the errors of the instrument and of the model, and the "
         f"factor by which recordings differ ({100 * result.details.gain_sd:.2g} %)."
@@ -100,30 +95,9 @@ def _of_fibres(result: SpecimenFit) -> str:
     )
 
 
-def _of_a_cup(tests: Sequence[Sizes]) -> str:
-    if opening_of(tests[0]) is None:
-        return ""
-    return (
-        "The displacement is the height of the dome at its middle, the force is the suction times the area of the "
-        "cup's opening; the cup does not move. "
-    )
-
-
-_FOLLOWED: dict[type, str] = {
-    BallOnLayer: "a ball_diameter_mm of half the true value makes it about 1.4 times as large, or twice on a "
-    "thin layer",
-    PunchOnLayer: "a punch_diameter_mm of half the true value makes it at least twice as large",
-    CylinderBetweenPlates: "a diameter_mm of half the true value makes it at least four times as large",
-    CylinderOnBlock: "a length_mm of half the true value makes it twice as large",
-    UniaxialSpecimen: "an area_mm2 of half the true value makes it twice as large",
-    CupOnLayer: "an opening_mm of half the true value makes it about half as large",
-}
-"""At small strain: Hertz; Boussinesq; a stress on an area; a dome as wide as its opening."""
-
-
 def followed(result: SpecimenFit) -> str:
     """Return how stiffness follows the size of what presses or is pressed, as a clause."""
-    return _FOLLOWED[type(bare(result.details.folder.recordings[0].sizes))]
+    return kind_in(result.details.folder.recordings[0].sizes).followed
 
 
 def differing(result: SpecimenFit) -> list[str]:

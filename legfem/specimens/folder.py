@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
-from legfem.common.input_files import check_printable
+from legfem.common.input_files import FileTable, check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.formats import READERS, is_litter, recording_files
 from legfem.data.plausibility import refuse_copies, trial_doubts
-from legfem.data.reader import read_samples
 from legfem.data.recording import Origin
-from legfem.specimens.course import course_of, read_specimen
+from legfem.specimens.course import course_of
+from legfem.specimens.kind import SizeError
 from legfem.specimens.plausibility import (
     doubts_about_course,
     doubts_about_shape,
@@ -25,8 +25,7 @@ from legfem.specimens.plausibility import (
 )
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.schema import BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
-from legfem.specimens.sizes import SizeError, Sizes, opening_of, sizes_of
-from legfem.specimens.suctions import suction_doubts
+from legfem.specimens.sizes import Sizes, bare, kind_in, sizes_of
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
 
 FILE = "specimen.toml"
@@ -115,22 +114,20 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     doubts += [doubt for body in sizes.values() for doubt in doubts_about_shape(toml, body)]
     stated = given.instrument
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
-    # A cup lies on the skin before it draws.
-    at_contact = given.recordings.starts_at_contact or given.suction is not None
+    kind = given.kind
+    at_contact = given.recordings.starts_at_contact or kind.starts_at_contact
     doubts += _unread(directory, [path for _, _, path in named])
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
         try:
-            opening = opening_of(sizes[entry])
-            samples = read_samples(path, given.recordings.channels(), opening)
-            if opening is not None:
-                doubts += suction_doubts(samples, opening)
-            trial = read_specimen(replace(samples, trial=name), errors, at_contact)
+            body = bare(sizes[entry])
+            trial = kind.read(path, given.recordings.channels(), body, errors, at_contact, name)
+            doubts += kind.doubts(trial.recording, body)
             course = course_of(trial, given.tissue.returns)
-            source = str(samples.source or samples.trial)
+            source = trial.source
             doubts += doubts_about_course(source, course, sizes[entry])
             doubts += trial_doubts(trial)
-            refuse_copies(samples, [one.recording for one in used])
+            refuse_copies(trial.recording, [one.recording for one in used])
         except InputError as error:
             left.append(LeftOut(name, str(error)))
         else:
@@ -165,13 +162,14 @@ def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:
     names = [folder.id, folder.title]
     if len(folder.tissues) > 1:
         names = [one.name for one in folder.tissues if "C10" not in one.stated]
-    field = "force_N" if opening_of(folder.recordings[0].sizes) is None else "pressure"
+    sizes = folder.recordings[0].sizes
+    field = "force_N" if kind_in(sizes).loaded_area(bare(sizes)) is None else "pressure"
     return list(doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
 
 
 def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
-    name = next(name for name in given.alternatives if getattr(given, name) is given.test)
-    bodies = [(name, given.test), *((f"specimen {one.name}", one) for one in given.specimen)]
+    bodies: list[tuple[str, FileTable]] = [(given.kind.table, given.test)]
+    bodies += [(f"specimen {one.name}", one) for one in given.specimen]
     found = [doubt for table, body in bodies for doubt in doubts_about_sizes(toml, table, body)]
     for layer in given.layers:
         if layer.C10_kPa is not None:
