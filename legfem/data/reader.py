@@ -7,16 +7,21 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
+from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measured_by, unit_named
 from legfem.data.recording import Recording, backwards, not_increasing
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
 # How sure the force has to follow the displacement for their directions to be told.
@@ -78,7 +83,25 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
             f"{backwards(time, rows[0])}; {len(rows)} such rows)",
             "keep one trial a file, and record time finely enough to tell samples apart",
         )
-    return Recording(time, values["displacement"], values["force"], path.stem, path)
+    beside = tuple(_dense(sheet, kind, values["time"]) for kind in CHANNELS.values() if _columns_of(sheet, kind))
+    return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
+
+
+def channel_of(column: Column) -> ChannelKind | None:
+    """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
+    name = column.name.lower()
+    named = (kind for kind in CHANNELS.values() if all(word in name for word in kind.name.split("_")))
+    return next((kind for kind in named if measures(column, "force" if kind.unit == "N" else "displacement")), None)
+
+
+def _columns_of(sheet: Sheet, kind: ChannelKind) -> list[Column]:
+    return [column for column in sheet.columns if channel_of(column) == kind]
+
+
+def _dense(sheet: Sheet, kind: ChannelKind, time: FloatArray) -> RecordedChannel:
+    column = _columns_of(sheet, kind)[0]
+    factor = (unit_named(column.unit or "") or Unit(None, 1.0)).factor
+    return RecordedChannel(kind.name, time, factor * column.values[-len(time) :], kind.usual)
 
 
 def propose(
@@ -267,6 +290,8 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
 
 def _may_be(column: Column, quantity: Quantity) -> bool:
     """Tell whether a column may be a quantity, by its unit; by its name where that says nothing."""
+    if channel_of(column) is not None:
+        return False
     unit: Unit | None = unit_named(column.unit) if column.unit else None
     if unit is not None:
         return unit.quantity == quantity
@@ -357,7 +382,8 @@ def _own_table(path: Path, area: float | None) -> Recording:
     if area is not None:
         column, factor = _pressure_column(path)
         factor *= area
-    table = read_table(path, (*HEADER[:2], column))
+    further = _channel_columns(path)
+    table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
     if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
         table = table.iloc[1:]
     time = table["time_s"].to_numpy(dtype=np.float64)
@@ -375,7 +401,32 @@ def _own_table(path: Path, area: float | None) -> Recording:
         force=factor * table[column].to_numpy(dtype=np.float64),
         trial=path.stem,
         source=path,
+        channels=tuple(_sparse(kind, table["time_s"], table[name]) for name, kind in further.items()),
     )
+
+
+OWN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("force", "N"))
+"""Of legfem's own CSV."""
+
+
+def read_own(path: Path) -> Recording | None:
+    """Return what legfem's own CSV with further channels holds, whose cells may be empty; None for any other file."""
+    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8-sig", "replace") if path.is_file() else ""
+    if not first.startswith(",".join(HEADER)) or not _channel_columns(path):
+        return None
+    return _own_table(path, None)
+
+
+def _channel_columns(path: Path) -> dict[str, ChannelKind]:
+    """Return the columns of further channels in a table's first line."""
+    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
+    known = {kind.column: kind for kind in CHANNELS.values()}
+    return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
+
+
+def _sparse(kind: ChannelKind, time: pd.Series[float], values: pd.Series[float]) -> RecordedChannel:
+    read = values.notna()
+    return RecordedChannel(kind.name, time[read].to_numpy(), values[read].to_numpy(), kind.usual)
 
 
 def _other_dialect(path: Path, area: float | None) -> Recording | None:

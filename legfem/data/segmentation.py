@@ -232,6 +232,11 @@ class Segmentation:
         return self._segments[1]
 
     @property
+    def touched(self) -> float:
+        """Time of first contact by the recording's clock, s: that which the segments' times count from."""
+        return self._segments[2]
+
+    @property
     def phases(self) -> tuple[str, ...]:
         """Names of the segments' phases in order."""
         return tuple(segment.phase for segment in self.segments)
@@ -247,7 +252,7 @@ class Segmentation:
         return self.depth + self.contact.displacement
 
     @cached_property
-    def _segments(self) -> tuple[tuple[Segment, ...], bool]:
+    def _segments(self) -> tuple[tuple[Segment, ...], bool, float]:
         recording, labels, contact, smoothed = self.recording, self.labels, self.contact, self.smooth
         deepest = float(recording.displacement.max()) - contact.displacement
         least = least_way(recording.displacement, self.scales.way)
@@ -311,7 +316,7 @@ class Segmentation:
             )
         if segments[-1].phase == AIR:
             segments.pop()
-        return tuple(segments), pressed_again
+        return tuple(segments), pressed_again, start_time
 
 
 def segment(
