@@ -104,9 +104,9 @@ def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values
     permutation's: days are shuffled within whom they are compared, and the largest step of all dates counts.
     """
     came: dict[str, set[float]] = defaultdict(set)
-    for who, when in zip(person.tolist(), days.tolist(), strict=True):
-        came[who].add(when)
-    kept = np.array([len(came[who]) > 1 for who in person.tolist()])
+    for who, when in zip(person, days, strict=True):
+        came[str(who)].add(float(when))
+    kept = np.array([len(came[str(who)]) > 1 for who in person])
     within = int(kept.sum()) >= _LEAST_DATED
     if within:
         days, blocks, values = days[kept], person[kept], values[kept]
