@@ -33,6 +33,7 @@ from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 from legfem.data.reader import QUANTITIES, SourceColumn, SourceColumns
 from legfem.legs.schema import SUBJECTS
+from legfem.specimens.kinds import kinds
 
 _TABLES = {
     "": "What it is",
@@ -48,13 +49,8 @@ _TABLES = {
     "compressed": "Leg in its stocking",
     "stocking": "Stocking",
     "segment": "Part that is modelled",
-    "ball": "Test: a ball on a layer",
-    "punch": "Test: a flat punch on a layer",
-    "plates": "Test: between plates",
-    "cylinder": "Test: a cylinder across a block",
-    "uniaxial": "Test: a bar",
-    "suction": "Test: a suction cup",
     "tissue": "Tissue",
+    **{name: f"Test: {kind.words}" for name, kind in kinds().items()},
 }
 
 
@@ -181,14 +177,7 @@ _NO_CONTOURS = (
     "labels the interval is narrower, and other places than the back of the calf can be pressed: add one under Files."
 )
 _SHAPES = {"cylinder": "a cylinder", "ball": "a ball", "punch": "a flat punch"}
-_TESTS = {
-    "ball": "a ball pressed them on a rigid base",
-    "punch": "a flat punch pressed them on a rigid base",
-    "plates": "pressed between plates, end-on (round specimens)",
-    "cylinder": "a cylinder lying across a block pressed it",
-    "suction": "a suction cup drew them up",
-    "uniaxial": "a bar pulled or pressed along its length",
-}
+_TESTS = {name: kind.done for name, kind in kinds().items()}
 
 
 def describe_tab(folder: Path) -> None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 
 
@@ -87,19 +85,6 @@ CHANNELS = {
 """Every kind by its name."""
 
 
-def channel_kind(name: str, source: str) -> ChannelKind:
-    """Return the kind of a channel's name.
-
-    Raises
-    ------
-    InputError
-        For a name that isn't there, in which case it names those that are.
-    """
-    if name not in CHANNELS:
-        raise InputError(source, name, "is no channel that is known", f"give one of {', '.join(CHANNELS)}")
-    return CHANNELS[name]
-
-
 @dataclass(frozen=True, eq=False)
 class RecordedChannel:
     """What one channel read in a trial.
@@ -132,8 +117,3 @@ class RecordedChannel:
     def kind(self) -> ChannelKind:
         """What it is."""
         return CHANNELS[self.name]
-
-
-def names_of(channels: Iterable[RecordedChannel]) -> tuple[str, ...]:
-    """Return the names of channels, once each."""
-    return tuple(dict.fromkeys(channel.name for channel in channels))

@@ -11,6 +11,7 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
+from legfem.data.channel_reader import with_channels
 from legfem.data.formats import recording_files
 from legfem.data.plausibility import refuse_copies
 from legfem.geometry.indenter import Indenter
@@ -18,6 +19,7 @@ from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.elastography import ShearModulus, fibre_ratio
 from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
+from legfem.legs.plausible_channels import check_channels
 from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
 from legfem.legs.subject import LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
 
@@ -94,6 +96,7 @@ def load_subject(
     channels = given.recordings.channels()
     folder = directory / entry.recordings
     recordings = _recordings(folder, channels) if need_recordings else ()
+    recordings = with_channels(toml, given.channels, recordings)
     moduli = tuple(map(ShearModulus.of, given.elastography))
     deep = given.tissues.deep
     subject = Subject(
@@ -128,6 +131,7 @@ def load_subject(
     )
     for trial in subject.trials:
         check_trial(trial)
+        check_channels(trial, toml, section, indenter)
     doubts_about(subject)
     return subject
 

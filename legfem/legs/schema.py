@@ -23,6 +23,7 @@ from legfem.common.input_files import (
     read_toml,
     trouble,
 )
+from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import RESOURCES, Catalogue, InstrumentEntry, RecordingsEntry
 from legfem.geometry.indenter import IndenterShape
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
@@ -218,6 +219,7 @@ class SubjectFile(FileTable):
     accuracy: AccuracyEntry = AccuracyEntry()
     elastography: list[ElastographyEntry] = Field(default_factory=list)
     measured: list[MeasuredEntry] = Field(default_factory=list)
+    channels: ChannelsEntry = ChannelsEntry()  # type: ignore[valid-type]
     confirmed: list[Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 

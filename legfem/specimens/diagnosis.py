@@ -26,7 +26,7 @@ from legfem.legs.nuisances import Accuracy
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
-from legfem.specimens.sizes import Sizes, fibres_text
+from legfem.specimens.sizes import Sizes, fibres_text, kind_in
 from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
 
@@ -236,7 +236,7 @@ def solved_responses(
         {
             "model": "specimen with mechanisms",
             "given": variants.described(PLAIN.variant),
-            "code": code_fingerprint("legfem.specimens.variants"),
+            "code": code_fingerprint("legfem.specimens.variants", type(kind_in(sizes)).__module__),
         },
         step=depth / _POINTS,
     )

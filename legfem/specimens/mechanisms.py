@@ -10,13 +10,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.mechanism import factor, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.legs.mechanisms import Mechanism, TissueMechanism
 from legfem.specimens.rig import RigCompliance, mechanisms_on_a_rig
-from legfem.specimens.sizes import Sizes, bare, layered
-from legfem.specimens.slipping import slipping
+from legfem.specimens.sizes import Sizes, kind_in, layered, slipping
 
 _LEG_MM, _LEG_N, _LEG_S = 20.0, 20.0, 100.0
 _FACES = (
@@ -139,11 +137,7 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
         if layered(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)
         if mechanism.name == _FACES[0] and slipping(sizes) is None:
-            why = (
-                "a bar's ends are free as stated"
-                if isinstance(bare(sizes), UniaxialSpecimen)
-                else "the faces are said to be free of friction"
-            )
+            why = kind_in(sizes).no_slip
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):
             why = "it doesn't say what it does to a specimen"
         if why is not None:
