@@ -8,7 +8,8 @@ why a recording has to go deep enough before it can tell C20 from C10. Closed fo
 
 import matplotlib.pyplot as plt
 
-from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
+from legfem.experiments.homogeneous import HomogeneousTest
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, ReducedPolynomial, Yeoh
 
 C10, D1 = 0.7e-3, 28.0  # MPa, 1/MPa
@@ -25,7 +26,7 @@ laws = {
 fig, axes = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
 for pulled, panel in zip(("compression", "tension"), axes, strict=True):
     for name, law in laws.items():
-        curve = UniaxialTest(UniaxialSpecimen(10.0, 100.0, pulled), law).solve(depth=4.0).curve
+        curve = HomogeneousTest(UniaxialSpecimen(10.0, 100.0, pulled), law).solve(depth=4.0).curve
         panel.plot(curve.displacement / 10, 1e3 * curve.force / 100, label=name)
     panel.set(xlabel=f"nominal strain in {pulled}", ylabel="nominal stress (kPa)")
 axes[0].legend(frameon=False)

@@ -23,6 +23,7 @@ if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked n
 
 if TYPE_CHECKING:
     from legfem.api import (
+        Cohort,
         DiagnosedFolder,
         DiagnosedLeg,
         Identification,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
         IdentifiedSpecimen,
         LegInStocking,
         PlannedTests,
+        cohort,
         diagnose,
         identify,
         load_leg,
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Cohort",
     "DiagnosedFolder",
     "DiagnosedLeg",
     "Identification",
@@ -55,6 +58,7 @@ __all__ = [
     "LegInStocking",
     "PlannedTests",
     "__version__",
+    "cohort",
     "diagnose",
     "identify",
     "load_leg",
@@ -65,7 +69,7 @@ __all__ = [
     "stocking",
 ]
 
-_ROOMS = ("diagnose", "identify", "plan", "stocking")
+_ROOMS = ("cohort", "diagnose", "identify", "plan", "stocking")
 """Rooms that share their name with the function that one enters them by."""
 
 

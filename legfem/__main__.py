@@ -14,6 +14,7 @@ COMMANDS = {
     "plan": "which tests of a leg would show which effects",
     "diagnose": "where model and recordings differ, and which physics is missing",
     "stocking": "pressures inside a leg in a compression stocking, from its scans",
+    "cohort": "all of that for a folder of many, with one table and one page",
     "app": "all of this in a browser window, on this machine alone",
     "data": "columns, units, directions and a grade of instruments' files",
     "geometry": "a subject folder from cross-sections",

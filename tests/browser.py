@@ -39,6 +39,9 @@ addEventListener("error", (event) => seen.faults.push(String(event.message)));
 addEventListener("unhandledrejection", (event) => seen.faults.push(String(event.reason)));
 addEventListener("securitypolicyviolation", (event) => seen.faults.push(event.blockedURI));
 console.error = (...words) => seen.faults.push(words.join(" "));
+// Virtual time doesn't wait for the compositor's frames: on a busy machine none comes for seconds of it.
+window.requestAnimationFrame = (drawn) => setTimeout(() => drawn(performance.now()), 16);
+window.cancelAnimationFrame = clearTimeout;
 </script>"""
 _LATE = """<script>
 addEventListener("load", async () => {
@@ -56,13 +59,11 @@ addEventListener("load", async () => {
     .filter(Boolean).map((line) => line.visible);
   const drawn = () => plots().filter((one) => one.tagName === "path").length;
   // What is drawn comes in pieces, as frames do: until two looks see as much.
-  const frame = () => new Promise((done) => requestAnimationFrame(() => done()));
   const pause = async () => {
     let before;
     do {
       before = drawn();
       await wait();
-      await Promise.race([frame(), wait()]);
     } while (drawn() !== before);
   };
   await pause();
@@ -74,7 +75,7 @@ addEventListener("load", async () => {
   const box = [...document.querySelectorAll("input[data-plot]")].pop();
   if (box) {
     box.click();
-    for (let look = 0; look < 20 && drawn() === seen.paths; look += 1) await pause();
+    await pause();
     seen.off = [...visible(box, "above"), ...visible(box, "below")];
     seen.paths_off = drawn();
     box.click();
@@ -160,6 +161,35 @@ addEventListener("load", async () => {
     await set("response-metric", 0);
     seen.surface_moved = cells().some((value, k) => value !== before[k]);
   }
+  const sortable = document.querySelector(".sortable");
+  if (sortable) {
+    const head = [...sortable.querySelectorAll("thead th")].at(-1);
+    const last = () => [...sortable.querySelectorAll("tbody tr:not(.filler)")].map((one) => one.lastChild.textContent);
+    head.firstElementChild.click();
+    const up = last();
+    head.firstElementChild.click();
+    const down = last();
+    seen.sorted = [up, down].map((one) => one[0]);
+    const find = sortable.querySelector("input");
+    find.value = "no such member";
+    find.dispatchEvent(new Event("input", {bubbles: true}));
+    seen.left = last().length;
+    find.value = "";
+    find.dispatchEvent(new Event("input", {bubbles: true}));
+    seen.rows = last().length;
+    sortable.querySelector(".view").scrollTop = 1e9;
+    await pause();
+    seen.elements = document.querySelectorAll("*").length;
+  }
+  for (const name of ["forest", "bundle"]) {
+    const box = document.querySelector(`#${name} [data-group]`);
+    if (!box) continue;
+    const looks = () => document.querySelector(`#${name} canvas`).toDataURL();
+    const before = looks();
+    box.click();
+    seen[name] = looks() !== before;
+    box.click();
+  }
   if (window.axe) {
     const found = await axe.run(document, {resultTypes: ["violations"]});
     const where = (node) => node.target.join(" ");
@@ -200,6 +230,9 @@ def idle(found: dict) -> list[str]:
         "cursor": "cursor" not in found or ":" in found["cursor"],
         "press": "pictures" not in found or (found["pictures"] == 3 and found["colours"] == [4, 4]),
         "turn and dress": "views" not in found or (found["views"] >= 7 and found["dragged"]),
+        "sort and find": "sorted" not in found
+        or (len(set(found["sorted"])) == 2 and found["left"] == 0 < found["rows"]),
+        "groups": all(found.get(name, True) for name in ("forest", "bundle")),
         "surface": "surface" not in found or (found["surface_moved"] and len(set(found["surface"])) == 2),
     }
     return [name for name, good in works.items() if not good]

@@ -25,6 +25,7 @@ COMMANDS = (
     "legfem.plan",
     "legfem.data",
     "legfem.app",
+    "legfem.cohort",
     "studies.concealed",
     "studies.nulls",
     "studies.planted",

@@ -12,7 +12,8 @@ from making_specimens import AREA, LENGTH
 
 from legfem.common.errors import InputError
 from legfem.experiments.flat_punch import PunchOnLayer
-from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
+from legfem.experiments.homogeneous import HomogeneousTest
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
 from legfem.specimens.fibre_directions import AXES
@@ -25,7 +26,7 @@ from studies.other_code.pressing import BULK, OtherMuscle, pulled_bar
 @pytest.mark.parametrize("ratio", [1.0, 3.0, 8.0])
 def test_a_bar_pulled_along_its_fibres_or_across_has_its_closed_form(direction, ratio) -> None:
     fibres = Fibres.of_ratio("deep", C10, ratio, AXES[direction])
-    test = UniaxialTest(UniaxialSpecimen(LENGTH, AREA, "tension"), NeoHookean(C10, 1e-4), fibres)
+    test = HomogeneousTest(UniaxialSpecimen(LENGTH, AREA, "tension"), NeoHookean(C10, 1e-4), fibres)
     curve = test.solve(depth=6.0).curve
     closed = pulled(ratio, direction, curve.displacement)
     np.testing.assert_allclose(curve.force, closed, rtol=1e-6, atol=1e-9)
@@ -36,7 +37,7 @@ def test_a_bar_s_young_s_modulus_at_small_strain_is_linear_elasticity_s(directio
     """Of a ratio 3: E_L = 4 mu_L - mu_T, and 4 mu_T E_L / (E_L + mu_T)."""
     fibres = Fibres.of_ratio("deep", C10, 3.0, AXES[direction])
     for pull in ("tension", "compression"):
-        test = UniaxialTest(UniaxialSpecimen(LENGTH, AREA, pull), NeoHookean(C10, 1e-4), fibres)
+        test = HomogeneousTest(UniaxialSpecimen(LENGTH, AREA, pull), NeoHookean(C10, 1e-4), fibres)
         curve = test.solve(depth=1e-4 * LENGTH).curve
         found = curve.force[-1] / AREA / 1e-4
         assert found == pytest.approx(2 * C10 * modulus, rel=1e-3)
@@ -45,11 +46,11 @@ def test_a_bar_s_young_s_modulus_at_small_strain_is_linear_elasticity_s(directio
 def test_a_bar_of_a_stiffening_law_keeps_equilibrium_across() -> None:
     law, fibres = ReducedPolynomial(C10, 1e-4, C20=2e-3), Fibres.of_ratio("deep", C10, 2.0)
     fibres = replace(fibres, axis=AXES["across"])
-    curve = UniaxialTest(UniaxialSpecimen(LENGTH, AREA, "tension"), law, fibres).solve(depth=4.0).curve
+    curve = HomogeneousTest(UniaxialSpecimen(LENGTH, AREA, "tension"), law, fibres).solve(depth=4.0).curve
     closed = pulled(2.0, "across", curve.displacement, c20=2e-3)
     np.testing.assert_allclose(curve.force, closed, rtol=1e-6, atol=1e-9)
     with pytest.raises(InputError, match="oblique"):
-        UniaxialTest(UniaxialSpecimen(LENGTH, AREA), law, Fibres("deep", axis=(0.6, 0.8, 0.0)))
+        HomogeneousTest(UniaxialSpecimen(LENGTH, AREA), law, Fibres("deep", axis=(0.6, 0.8, 0.0)))
 
 
 @pytest.mark.parametrize(
@@ -123,7 +124,7 @@ def test_in_plane_strain_along_the_travel_and_across_are_one_level() -> None:
 def test_another_code_pulls_a_bar_by_the_same_force(direction) -> None:
     law = ReducedPolynomial(C10, 1 / (BULK * C10), C20=2e-3)
     fibres = Fibres.of_ratio("deep", C10, 2.5, AXES[direction])
-    curve = UniaxialTest(UniaxialSpecimen(1.0, 1.0, "tension"), law, fibres).solve(depth=0.3).curve
+    curve = HomogeneousTest(UniaxialSpecimen(1.0, 1.0, "tension"), law, fibres).solve(depth=0.3).curve
     at = np.array([0.1, 0.3])
     axis = (1.0, 0.0, 0.0) if direction == "load" else (0.0, 1.0, 0.0)
     other = pulled_bar(OtherMuscle.of_ratio(C10, 2e-3, 2.5, axis), 1 + at)

@@ -45,7 +45,7 @@ def test_the_door_leads_to_all_it_names() -> None:
         lf.identity  # noqa: B018
 
 
-@pytest.mark.parametrize("name", ["identify", "diagnose", "plan", "stocking"])
+@pytest.mark.parametrize("name", ["identify", "diagnose", "plan", "stocking", "cohort"])
 def test_a_room_is_entered_by_calling_it_and_stays_a_room(name: str) -> None:
     import legfem.api
 
@@ -62,7 +62,7 @@ def options_of(command: typer.Typer) -> set[str]:
 
 def test_the_command_and_the_function_take_the_same() -> None:
     """What one has the other has: the folder is the first argument, and progress is what isn't quiet."""
-    from legfem.commands import diagnose, identify, plan, stocking
+    from legfem.commands import cohort, diagnose, identify, plan, stocking
 
     not_asked = {"subject", "subject_dir", "specimen_dir", "quiet", "as_json"}
     for command, call, of_command, of_python in (
@@ -71,10 +71,13 @@ def test_the_command_and_the_function_take_the_same() -> None:
         # What it solves it keeps in the library; ``write`` takes the folder for results.
         (plan, lf.plan, {"out"}, set()),
         (stocking, lf.stocking, set(), {"comm"}),
+        (cohort, lf.cohort, set(), set()),
     ):
-        options, keywords = options_of(command.app), set(inspect.signature(call).parameters)
-        assert options - keywords == (options & not_asked) | of_command
-        assert keywords - options == {"leg", "progress", *of_python}
+        given = list(inspect.signature(call).parameters)
+        options, keywords = options_of(command.app), set(given[1:])
+        assert given[0] == ("folder" if command is cohort else "leg")
+        assert options - keywords - {"folder"} == (options & not_asked) | of_command
+        assert keywords - options == {"progress", *of_python}
 
 
 def test_a_subject_is_known_by_its_id_or_its_folder(subject) -> None:

@@ -24,8 +24,7 @@ from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import asked_in_writing, identified_law
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
-from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text
-from legfem.specimens.slipping import slipping
+from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text, slipping
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
 from legfem.specimens.variants import SpecimenVariants
 

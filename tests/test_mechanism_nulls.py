@@ -12,6 +12,7 @@ import pytest
 from making_diagnosis import TRUTH, observations, ramps, two_rates
 from scipy.stats import norm
 
+from legfem.common import registry
 from legfem.inverse.mechanism import null_of, prior_of, strength
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import onset_name
@@ -171,11 +172,10 @@ def entries(monkeypatch):
     given: list[Entry] = []
 
     def fake(*, group):
-        assert group == "legfem.mechanisms"
-        return given
+        return given if group == "legfem.mechanisms" else []
 
     monkeypatch.setattr(importlib.metadata, "entry_points", fake)
-    monkeypatch.setattr(registered, "entry_points", fake)
+    monkeypatch.setattr(registry, "entry_points", fake)
     registered.mechanisms.cache_clear()
     yield given
     monkeypatch.undo()

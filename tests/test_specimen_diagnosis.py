@@ -23,7 +23,7 @@ from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.mechanisms import Scale, mechanisms_of
-from legfem.specimens.slipping import slipping
+from legfem.specimens.sizes import slipping
 from legfem.specimens.tissues import REFERENCE_MPA, specimen_law
 from legfem.specimens.variants import SpecimenVariants
 

@@ -4,13 +4,15 @@ A function loads what it is given by id or path, does all that the command of it
 The commands call the functions of the modules here; those of the door itself name keywords where something is wrong.
 """
 
-from legfem.api import diagnosed, identification, leg_in_stocking, loading, planned
+from legfem.api import cohorts, diagnosed, identification, leg_in_stocking, loading, planned
 from legfem.api.arguments import in_python_words
+from legfem.api.cohorts import Cohort
 from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg
 from legfem.api.leg_in_stocking import LegInStocking
 from legfem.api.planned import PlannedTests
 from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
 
+cohort = in_python_words()(cohorts.cohort)
 diagnose = in_python_words()(diagnosed.diagnose)
 identify = in_python_words()(identification.identify)
 load_leg = in_python_words()(loading.load_leg)
@@ -21,6 +23,7 @@ plan = in_python_words()(planned.plan)
 stocking = in_python_words()(leg_in_stocking.stocking)
 
 __all__ = [
+    "Cohort",
     "DiagnosedFolder",
     "DiagnosedLeg",
     "Identification",
@@ -29,6 +32,7 @@ __all__ = [
     "IdentifiedSpecimen",
     "LegInStocking",
     "PlannedTests",
+    "cohort",
     "diagnose",
     "identify",
     "load_leg",

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from legfem.inverse.parse_parameters import Written
     from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
     from legfem.specimens.folder import SpecimenFolder
-    from legfem.specimens.laws import Asked
+    from legfem.specimens.laws import ParameterRequest
 
     type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
 
@@ -326,7 +326,7 @@ class Wanted:
         """What is held, in the model's units."""
         return {**self.written.held(nominal), **self.numbers}
 
-    def asked(self, folder: SpecimenFolder) -> Asked:
+    def asked(self, folder: SpecimenFolder) -> ParameterRequest:
         """What is free and held in the tissues of specimens."""
         from legfem.specimens.laws import asked_in_writing
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from nicegui import ui
 
 from legfem.app.description import (
+    CalfSize,
     DescribedLeg,
     DescribedSpecimens,
     DescribedStocking,
@@ -30,8 +31,9 @@ from legfem.app.runs import Run, seen
 from legfem.app.workspace import DESCRIPTIONS, description_of, files_of, may_be_recording
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.data.reader import QUANTITIES, Channel, Channels
+from legfem.data.reader import QUANTITIES, SourceColumn, SourceColumns
 from legfem.legs.schema import SUBJECTS
+from legfem.specimens.kinds import kinds
 
 _TABLES = {
     "": "What it is",
@@ -47,13 +49,8 @@ _TABLES = {
     "compressed": "Leg in its stocking",
     "stocking": "Stocking",
     "segment": "Part that is modelled",
-    "ball": "Test: a ball on a layer",
-    "punch": "Test: a flat punch on a layer",
-    "plates": "Test: between plates",
-    "cylinder": "Test: a cylinder across a block",
-    "uniaxial": "Test: a bar",
-    "suction": "Test: a suction cup",
     "tissue": "Tissue",
+    **{name: f"Test: {kind.words}" for name, kind in kinds().items()},
 }
 
 
@@ -175,19 +172,12 @@ def _text(path: Path, text: str) -> None:
 
 
 _NO_CONTOURS = (
-    "A leg that was pressed needs its section's contours: a CSV file part,x_mm,y_mm with the parts "
-    "skin, fascia, tibia and fibula, or a scan with labels. Add it under Files; until then the "
-    "recordings are graded."
+    "A typical calf of this size stands for the leg's outlines, and C10's interval includes the error of that. With "
+    "the section's contours (a CSV file part,x_mm,y_mm with the parts skin, fascia, tibia and fibula) or a scan with "
+    "labels the interval is narrower, and other places than the back of the calf can be pressed: add one under Files."
 )
 _SHAPES = {"cylinder": "a cylinder", "ball": "a ball", "punch": "a flat punch"}
-_TESTS = {
-    "ball": "a ball pressed them on a rigid base",
-    "punch": "a flat punch pressed them on a rigid base",
-    "plates": "pressed between plates, end-on (round specimens)",
-    "cylinder": "a cylinder lying across a block pressed it",
-    "suction": "a suction cup drew them up",
-    "uniaxial": "a bar pulled or pressed along its length",
-}
+_TESTS = {name: kind.done for name, kind in kinds().items()}
 
 
 def describe_tab(folder: Path) -> None:
@@ -196,11 +186,41 @@ def describe_tab(folder: Path) -> None:
     if contours or scans:
         _pressed(folder, [*contours, *scans])
     else:
-        tag("p", _NO_CONTOURS)
+        _pressed_from_behind(folder)
     if scans:
         _dressed(folder, scans)
     if any(may_be_recording(path) and not is_contours(path) for path in files_of(folder)):
         _tested(folder)
+
+
+def _pressed_from_behind(folder: Path) -> None:
+    with ui.element("fieldset"):
+        tag("legend", "A calf that a cylinder pressed from behind, without outlines")
+        with ui.element("div").classes("fields"):
+            title = ui.input("title", value=folder.name)
+            sizes = [
+                ui.number(label)
+                for label in (
+                    "girth of the calf (mm)",
+                    "skin and fat where it is pressed (mm)",
+                    "cylinder's diameter (mm)",
+                    "cylinder's length (mm)",
+                )
+            ]
+
+        def describe() -> None:
+            girth, fat, diameter, length = _numbers(sizes)
+            DescribedLeg(title.value or folder.name, CalfSize(girth, fat), diameter, length).describe(folder)
+
+        _button("It is a pressed calf", describe)
+    tag("p", _NO_CONTOURS, "quiet")
+
+
+def _numbers(boxes: Sequence[ui.number]) -> list[float]:
+    """Numbers of a form's fields, all of which are needed."""
+    if missing := [box.props["label"] for box in boxes if box.value is None]:
+        raise InputError("form", ", ".join(missing), "missing", "fill in every one")
+    return [float(box.value) for box in boxes]
 
 
 def _pressed(folder: Path, sources: list[str]) -> None:
@@ -224,9 +244,7 @@ def _pressed(folder: Path, sources: list[str]) -> None:
         def describe() -> None:
             cylinder = shape.value == "cylinder"
             needed = [diameter, *place, *([length] if cylinder else [])]
-            if missing := [box.props["label"] for box in needed if box.value is None]:
-                raise InputError("form", ", ".join(missing), "missing", "fill in every one")
-            values = [float(box.value) for box in needed]
+            values = _numbers(needed)
             across, x, y, direction = values[:4]
             leg = DescribedLeg(
                 title.value or folder.name,
@@ -348,11 +366,11 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
                 sign = ui.select(_SIGNS, value=known.get("sign", 1), label=f"{quantity}: direction")
             chosen[quantity] = column, unit, sign
 
-    def channel(quantity: str) -> Channel:
+    def channel(quantity: str) -> SourceColumn:
         column, unit, sign = chosen[quantity]
         if not column.value or not unit.value:
             raise InputError("columns", quantity, "has no column or no unit", "choose a column, give its unit")
-        return Channel(column.value, unit.value.strip(), 1 if sign is None else int(sign.value))
+        return SourceColumn(column.value, unit.value.strip(), 1 if sign is None else int(sign.value))
 
     def save(use: bool) -> None:
         described = description_of(folder)
@@ -366,7 +384,7 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
             if use:
                 time, displacement, force = map(channel, QUANTITIES)
                 several = len(sheets) > 1
-                channels = Channels(time, displacement, force, sheet.value if several else None)
+                channels = SourceColumns(time, displacement, force, sheet.value if several else None)
             text = with_channels(path.read_text(encoding="utf-8-sig"), channels)
         except InputError as error:
             ui.notify(str(error), type="negative", multi_line=True)

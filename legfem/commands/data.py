@@ -57,8 +57,8 @@ def look(
         from legfem.data.formats import read_sheets
         from legfem.data.formats.sheet import Quantity
         from legfem.data.quality import quality_of
-        from legfem.data.reader import propose, recording_of
-        from legfem.report.look import LOOK, draw_look, look_document, look_text, recordings_toml
+        from legfem.data.reader import OWN_COLUMNS, Proposal, propose, read_own, recording_of
+        from legfem.report.look import LOOK, channels_toml, draw_look, look_document, look_text, recordings_toml
         from legfem.report.page import PAGE, command_line
         from legfem.report.render.html import rendered
         from legfem.report.web.look import Looked, look_web_page
@@ -81,14 +81,20 @@ def look(
             raise InputError(twice, "name", "two files have it", "give each trial its own name")
         seen, tomls = [], {}
         for path in files:
-            sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
-            if not sheets:
-                raise InputError(path, "--sheet", f"there is no '{sheet}'", "leave it out to see all")
-            proposal = propose(path, sheets, named, sheet)
-            recording = recording_of(path, sheets, proposal.channels)
+            recording = read_own(path)
+            layout = ""
+            if recording is not None:
+                proposal = Proposal(OWN_COLUMNS, ("legfem's own columns",))
+            else:
+                sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
+                if not sheets:
+                    raise InputError(path, "--sheet", f"there is no '{sheet}'", "leave it out to see all")
+                proposal = propose(path, sheets, named, sheet)
+                recording = recording_of(path, sheets, proposal.channels)
+                layout = recordings_toml(proposal.channels)
             scales = Scales.of_specimen(recording) if specimens else LEG
             seen.append(Looked(recording, proposal, quality_of(segment(recording, scales=scales))))
-            tomls[path] = recordings_toml(proposal.channels)
+            tomls[path] = layout + channels_toml(recording.channels)
         first = files[0]
         other = next((path for path in files if tomls[path] != tomls[first]), None)
         if other is not None:

@@ -235,7 +235,7 @@ def correction(
             depth,
         )
         processes = (jobs or usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
-        asked = correction_command.Asked(trends, legs, fields)
+        asked = correction_command.CorrectionOutputs(trends, legs, fields)
         with brief_output(quiet, as_json) as written:
             correction_command.run(Calibration(case), asked, folder, processes, quiet)
             if MPI.COMM_WORLD.rank == 0:

@@ -68,7 +68,11 @@ _DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d+,\d+\s*$")
 
 
 def read_table(
-    path: Path, columns: Sequence[str], text: Sequence[str] = (), optional: Sequence[str] = ()
+    path: Path,
+    columns: Sequence[str],
+    text: Sequence[str] = (),
+    optional: Sequence[str] = (),
+    sparse: Sequence[str] = (),
 ) -> pd.DataFrame:
     """Read a CSV file whose first line is exactly ``columns``.
 
@@ -82,6 +86,8 @@ def read_table(
         Columns that hold text; the others hold finite numbers.
     optional : sequence of str
         Columns that may be absent.
+    sparse : sequence of str
+        Columns whose cells may be empty: NaN.
 
     Returns
     -------
@@ -124,7 +130,8 @@ def read_table(
     )
     for name in columns:
         if name not in text:
-            table[name] = _numbers(path, table[name])
+            filled = table[name] != "" if name in sparse else slice(None)
+            table[name] = _numbers(path, table.loc[filled, name]).reindex(table.index)
     return table
 
 

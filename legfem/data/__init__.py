@@ -4,13 +4,11 @@ from legfem.data.contact import Contact, Scales
 from legfem.data.loading_curve import LoadingCurve, mean_loading_curve
 from legfem.data.noise import Instrument, NoiseEstimate, seen_instrument
 from legfem.data.quality import check_trial, quality_of
-from legfem.data.reader import Channel, Channels, read_samples
+from legfem.data.reader import SourceColumn, SourceColumns, read_samples
 from legfem.data.recording import Recording, write_recording
 from legfem.data.segmentation import Segmentation, segment, segment_all
 
 __all__ = [
-    "Channel",
-    "Channels",
     "Contact",
     "Instrument",
     "LoadingCurve",
@@ -18,6 +16,8 @@ __all__ = [
     "Recording",
     "Scales",
     "Segmentation",
+    "SourceColumn",
+    "SourceColumns",
     "check_trial",
     "mean_loading_curve",
     "quality_of",

@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, Positive, Text, trouble
-from legfem.data.reader import Channel, Channels
+from legfem.data.reader import SourceColumn, SourceColumns
 
 # Half-width of a uniform distribution to its standard deviation.
 _UNIFORM = 1.0 / math.sqrt(3.0)
@@ -102,14 +102,14 @@ class RecordingsEntry(FileTable):
             raise trouble(missing[0], "missing", f"give column and unit of {', '.join(keys)}")
         return self
 
-    def channels(self) -> Channels | None:
+    def channels(self) -> SourceColumns | None:
         """Return where the quantities are found; None where files are in legfem's own form."""
         if self.time is None or self.displacement is None or self.force is None:
             return None
         time, displacement, force = (
-            Channel(entry.column, entry.unit, entry.sign) for entry in (self.time, self.displacement, self.force)
+            SourceColumn(entry.column, entry.unit, entry.sign) for entry in (self.time, self.displacement, self.force)
         )
-        return Channels(time, displacement, force, self.sheet)
+        return SourceColumns(time, displacement, force, self.sheet)
 
 
 RESOURCES = Path(__file__).resolve().parents[1] / "resources"

@@ -7,25 +7,29 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
+from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
-from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measures, unit_named
+from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measured_by, measures, unit_named
 from legfem.data.recording import Recording, backwards, not_increasing
+from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
-_STRETCH = r"stretch|lambda|^λ|strain|dehnung|^eps(ilon)?$|^ε|élongation"
-_STRESS = r"stress|spannung|sigma|^σ|contrainte|^p$"
 # How sure the force has to follow the displacement for their directions to be told.
 _LEAST_CORRELATION = 0.6
 
 
 @dataclass(frozen=True)
-class Channel:
+class SourceColumn:
     """Where a quantity is found, and how it becomes legfem's: s, mm and N."""
 
     column: str
@@ -36,25 +40,25 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Channels:
+class SourceColumns:
     """Where a recording's three quantities are found."""
 
-    time: Channel
-    displacement: Channel
-    force: Channel
+    time: SourceColumn
+    displacement: SourceColumn
+    force: SourceColumn
     sheet: str | None = None
     """Sheet of a workbook or group of a file, where there are several."""
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """Channels that were found, and why each is taken for what it is."""
+    """Columns that were found, and why each is taken for what it is."""
 
-    channels: Channels
+    channels: SourceColumns
     reasons: tuple[str, ...]
 
 
-def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels, area: float | None = None) -> Recording:
+def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, area: float | None = None) -> Recording:
     """Return the recording in a file's tables.
 
     With an area (mm2) the force's channel is of a pressure on it.
@@ -79,7 +83,25 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels, area: 
             f"{backwards(time, rows[0])}; {len(rows)} such rows)",
             "keep one trial a file, and record time finely enough to tell samples apart",
         )
-    return Recording(time, values["displacement"], values["force"], path.stem, path)
+    beside = tuple(_dense(sheet, kind, values["time"]) for kind in CHANNELS.values() if _columns_of(sheet, kind))
+    return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
+
+
+def channel_of(column: Column) -> ChannelKind | None:
+    """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
+    name = column.name.lower()
+    named = (kind for kind in CHANNELS.values() if all(word in name for word in kind.name.split("_")))
+    return next((kind for kind in named if measures(column, "force" if kind.unit == "N" else "displacement")), None)
+
+
+def _columns_of(sheet: Sheet, kind: ChannelKind) -> list[Column]:
+    return [column for column in sheet.columns if channel_of(column) == kind]
+
+
+def _dense(sheet: Sheet, kind: ChannelKind, time: FloatArray) -> RecordedChannel:
+    column = _columns_of(sheet, kind)[0]
+    factor = (unit_named(column.unit or "") or Unit(None, 1.0)).factor
+    return RecordedChannel(kind.name, time, factor * column.values[-len(time) :], kind.usual)
 
 
 def propose(
@@ -119,7 +141,7 @@ def propose(
         assert why is not None
         table = next((sheet for sheet in sheets if stretch_and_stress(sheet)), None)
         if table is not None and not given:
-            raise _of_stretch(path, table)
+            raise refuse_untimed(path, table)
         sheet, first = why
         remedy = first.remedy if first.field.startswith("--") else _mend(path, sheet, given, sheets)
         raise InputError(path, first.field, first.problem, remedy)
@@ -134,47 +156,16 @@ def propose(
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
     reasons = [*sheet.remarks, *(reason for _, reason in found)]
-    plain = Channels(time, displacement, force, sheet.name if len(sheets) > 1 else named)
+    plain = SourceColumns(time, displacement, force, sheet.name if len(sheets) > 1 else named)
     recording = recording_of(path, sheets, plain)
     d_sign, f_sign, reason = _directions(path, recording)
-    channels = Channels(
+    channels = SourceColumns(
         time,
-        Channel(displacement.column, displacement.unit, d_sign),
-        Channel(force.column, force.unit, f_sign),
+        SourceColumn(displacement.column, displacement.unit, d_sign),
+        SourceColumn(force.column, force.unit, f_sign),
         plain.sheet,
     )
     return Proposal(channels, (*reasons, reason))
-
-
-def stretch_and_stress(sheet: Sheet) -> tuple[Column, Column] | None:
-    """Return the columns of a table of stretch (or strain) and stress without a time; None for any other."""
-    stretch = [c for c in sheet.columns if re.search(_STRETCH, c.name, re.IGNORECASE) and not measured_by(c)]
-    stress = [
-        c
-        for c in sheet.columns
-        if measures(c, "pressure") or (re.search(_STRESS, c.name, re.IGNORECASE) and not measured_by(c))
-    ]
-    timed = any(measures(c, "time") or re.search(WORDS["time"], c.name, re.IGNORECASE) for c in sheet.columns)
-    return (stretch[0], stress[0]) if stretch and stress and not timed else None
-
-
-def measured_by(column: Column) -> Quantity | None:
-    """Return the quantity that a column's unit measures."""
-    unit = unit_named(column.unit) if column.unit else None
-    return None if unit is None else unit.quantity
-
-
-def _of_stretch(path: Path, sheet: Sheet) -> InputError:
-    stretch, stress = stretch_and_stress(sheet) or sheet.columns[:2]
-    unit = f" in {stress.unit}" if stress.unit else ""
-    return InputError(
-        path,
-        "columns",
-        f"is a table of stretch and stress ('{stretch.name}' and '{stress.name}'{unit}) without a time: a "
-        "test's result, and no recording of displacement and force",
-        "give displacement = (stretch - 1) length_mm and force = stress area_mm2 over a time, "
-        "or the recordings that it was made from",
-    )
 
 
 def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str:
@@ -216,7 +207,7 @@ def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet
     raise InputError(path, "recordings.sheet", f"there is no one table {name!r}", f"name of {names}")
 
 
-def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: Channel, area: float | None) -> FloatArray:
+def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColumn, area: float | None) -> FloatArray:
     unit = unit_named(channel.unit)
     field = f"recordings.{quantity}"
     measured: Quantity = "pressure" if quantity == "force" and area is not None else quantity
@@ -246,7 +237,7 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: Channel, a
     return columns[0].values * size * unit.factor * channel.sign
 
 
-def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[Channel, str]:
+def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
     if given is not None:
         name, _, unit = given.partition(":")
         columns = [c for c in sheet.columns if c.name == name]
@@ -254,7 +245,7 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
             names = ", ".join(f"'{c.name}'" for c in sheet.columns)
             missing = "has no unit" if columns else "is no column of the file"
             raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
-        channel = Channel(name, unit or str(columns[0].unit))
+        channel = SourceColumn(name, unit or str(columns[0].unit))
         return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
     candidates = [c for c in sheet.columns if _may_be(c, quantity)]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
@@ -294,11 +285,13 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
     passed = [c.name for c in candidates if named and c not in named]
     if passed:
         same += "; passed over, by their names: " + ", ".join(f"'{name}'" for name in passed)
-    return Channel(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
+    return SourceColumn(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
 
 
 def _may_be(column: Column, quantity: Quantity) -> bool:
     """Tell whether a column may be a quantity, by its unit; by its name where that says nothing."""
+    if channel_of(column) is not None:
+        return False
     unit: Unit | None = unit_named(column.unit) if column.unit else None
     if unit is not None:
         return unit.quantity == quantity
@@ -348,14 +341,14 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
 HEADER = ("time_s", "displacement_mm", "force_N")
 
 
-def read_samples(path: Path, channels: Channels | None = None, area: float | None = None) -> Recording:
+def read_samples(path: Path, channels: SourceColumns | None = None, area: float | None = None) -> Recording:
     """Read one trial whatever it holds, only that time increases.
 
     Parameters
     ----------
     path : Path
         The file.
-    channels : Channels, optional
+    channels : SourceColumns, optional
         Where an instrument's file holds the quantities; legfem's own CSV without it.
     area : float, optional
         mm2; a pressure on it is read in the force's place: a column ``pressure_kPa``,
@@ -389,7 +382,8 @@ def _own_table(path: Path, area: float | None) -> Recording:
     if area is not None:
         column, factor = _pressure_column(path)
         factor *= area
-    table = read_table(path, (*HEADER[:2], column))
+    further = _channel_columns(path)
+    table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
     if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
         table = table.iloc[1:]
     time = table["time_s"].to_numpy(dtype=np.float64)
@@ -407,7 +401,32 @@ def _own_table(path: Path, area: float | None) -> Recording:
         force=factor * table[column].to_numpy(dtype=np.float64),
         trial=path.stem,
         source=path,
+        channels=tuple(_sparse(kind, table["time_s"], table[name]) for name, kind in further.items()),
     )
+
+
+OWN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("force", "N"))
+"""Of legfem's own CSV."""
+
+
+def read_own(path: Path) -> Recording | None:
+    """Return what legfem's own CSV with further channels holds, whose cells may be empty; None for any other file."""
+    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8-sig", "replace") if path.is_file() else ""
+    if not first.startswith(",".join(HEADER)) or not _channel_columns(path):
+        return None
+    return _own_table(path, None)
+
+
+def _channel_columns(path: Path) -> dict[str, ChannelKind]:
+    """Return the columns of further channels in a table's first line."""
+    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
+    known = {kind.column: kind for kind in CHANNELS.values()}
+    return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
+
+
+def _sparse(kind: ChannelKind, time: pd.Series[float], values: pd.Series[float]) -> RecordedChannel:
+    read = values.notna()
+    return RecordedChannel(kind.name, time[read].to_numpy(), values[read].to_numpy(), kind.usual)
 
 
 def _other_dialect(path: Path, area: float | None) -> Recording | None:
@@ -424,7 +443,9 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
         if area is not None:
             columns = {c.name: c for c in sheets[0].columns}
             unit = columns["pressure"].unit if "pressure" in columns else None
-            own = Channels(Channel("time", "s"), Channel("displacement", "mm"), Channel("pressure", unit or ""))
+            own = SourceColumns(
+                SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("pressure", unit or "")
+            )
             return recording_of(path, sheets, own, area)
         found = propose(path, sheets).channels
     except InputError:

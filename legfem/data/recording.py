@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from legfem.common.units import FloatArray, frozen_array
+from legfem.data.channels import RecordedChannel
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,10 @@ class Recording:
         Name of the trial (the file's stem).
     source : Path or None
         File it was read from.
+    channels : tuple of RecordedChannel
+        What else was recorded.
+    timed : bool
+        Whether a clock gave the time; that of a table of stretch and stress counts its way.
     """
 
     time: FloatArray
@@ -34,6 +39,8 @@ class Recording:
     force: FloatArray
     trial: str
     source: Path | None = None
+    channels: tuple[RecordedChannel, ...] = ()
+    timed: bool = True
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from dolfinx import fem
@@ -171,6 +171,10 @@ class AxisymmetricBody[Sizes]:
     settings: AxisymmetricSettings = field(default_factory=AxisymmetricSettings)
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: Sequence[Term] = ()
+
+    def with_terms(self, terms: Sequence[Term]) -> Self:
+        """Return the test with more terms."""
+        return replace(self, mechanisms=(*self.mechanisms, *terms))
 
     @property
     def laws(self) -> Mapping[str, Hyperelastic]:

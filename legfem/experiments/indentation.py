@@ -14,6 +14,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Meshed, Picklable, Solved, as_protocol, cached_in_process
+from legfem.experiments.section_channels import ChannelLog, SectionChannels
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.key import key_of
@@ -69,12 +70,15 @@ class IndentationModel(Meshed):
         strain, the number of mirror images in 3D.
     steps
         Sizes of the steps.
+    reader
+        What reads further channels beside the force; none by default.
     """
 
     contact: ContactSettings
     radius: float
     whole: float
     steps: StepSettings
+    reader: SectionChannels | None = None
 
     @cached_property
     def relaxing(self) -> IndentationModel:
@@ -98,13 +102,16 @@ class IndentationModel(Meshed):
         time, displacement = [float(protocol.time[0])], [float(protocol.displacement[0])]
         force = [0.0]
         derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
+        log = ChannelLog(self.reader, tuple(sensitivities))
 
         def record(now: float, at: float) -> None:
             time.append(now)
             displacement.append(at)
-            force.append(self.system.force() * self.whole)
+            contact = self.system.contact_force()
+            force.append(float(contact @ self.system.direction) * self.whole)
             if tracker is not None:
                 derivatives.append(tracker.step(self.solver) @ chain * self.whole)
+            log.take(contact, tracker, chain, self.whole)
             if on_step is not None:
                 on_step(at)
 
@@ -120,7 +127,7 @@ class IndentationModel(Meshed):
             self.steps,
             record,
             checkpoint,
-            {"time": time, "displacement": displacement, "force": force},
+            {"time": time, "displacement": displacement, "force": force, **log.values},
         )
         if checkpoint is not None:
             checkpoint.clear()
@@ -131,6 +138,7 @@ class IndentationModel(Meshed):
             np.array(displacement),
             np.array(force),
             {name: columns[:, k] for k, name in enumerate(sensitivities)},
+            *log.channels(),
         )
         return Solved(values, path.loading, path, report)
 

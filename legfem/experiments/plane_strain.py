@@ -26,6 +26,7 @@ from legfem.experiments.indentation import (
     RecentSolutions,
     leg_model,
 )
+from legfem.experiments.section_channels import SectionChannels
 from legfem.fem.fields import most_stretched
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
@@ -330,6 +331,7 @@ class PlaneStrainIndentation(IndentationTest):
             self.indenter.radius,
             self.indenter.length,
             self.settings.steps,
+            SectionChannels(system),
         )
 
     def _placed(self, placement: LateralPlacement) -> IndentationModel:

@@ -16,7 +16,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from dolfinx import fem
@@ -26,8 +26,8 @@ from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import AxisymmetricBody
 from legfem.experiments.experiment import Meshed, ProtocolTest, Solved, cached_in_process, sample_protocol
 from legfem.fem.system import System
-from legfem.mechanics.model import LegModel
-from legfem.mechanics.terms import SkinPressure, Tissue
+from legfem.mechanics.model import LegModel, Term
+from legfem.mechanics.terms import Fibres, SkinPressure, Tissue
 from legfem.meshing.grid import Support
 from legfem.meshing.meridian import RIM, MeridianMeshSettings, mesh_meridian, supports
 from legfem.meshing.section import SKIN
@@ -103,6 +103,10 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
         tissues = tuple(Tissue(name, law) for name, law in self.laws.items())
         model = LegModel((*tissues, SkinPressure()), self.settings.formulation)
         return model.with_terms(self.mechanisms)
+
+    def with_terms(self, terms: Sequence[Term]) -> Self:
+        """Return the test with other laws and with fibres: it is solved for its first loading alone."""
+        return super().with_terms([term for term in terms if isinstance(term, Tissue | Fibres)])
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -67,7 +67,7 @@ class System:
         start = np.zeros(spaces.dimension) if start is None else start
         direction = np.zeros(spaces.dimension) if direction is None else direction
         self.comm = spaces.mesh.comm
-        self._start, self.direction = start, direction
+        self.start, self.direction = start, direction
         self.body_symbols, self.skin_symbols = Symbols(spaces.mesh), Symbols(spaces.skin)
         self._clocks = Clock(spaces.mesh), Clock(spaces.skin)
         self.unknown = fem.Function(spaces.space)
@@ -115,14 +115,14 @@ class System:
 
     def set_displacement(self, displacement: float) -> None:
         """Move the indenter to a displacement (mm) along its line of travel."""
-        self._centre.value[:] = self._start + displacement * self.direction
+        self._centre.value[:] = self.start + displacement * self.direction
 
     def place_indenter(self, start: FloatArray, direction: FloatArray) -> None:
         """Set the centre at zero displacement (mm) and the unit vector of travel.
 
         They take effect when the system is reset.
         """
-        self._start, self.direction = start, direction
+        self.start, self.direction = start, direction
 
     def set_time(self, time: float, step: float) -> None:
         """Set the time at the end of the step, and the step (s)."""
@@ -225,7 +225,7 @@ class System:
 
     def force(self) -> float:
         """Return the indenter's force along its travel (N per mm of leg in 2D, N in 3D)."""
-        return float(self._contact_force() @ self.direction)
+        return float(self.contact_force() @ self.direction)
 
     def contact_scale(self) -> float:
         """Return the norm of the contact's nodal forces at the last residual."""
@@ -238,7 +238,7 @@ class System:
 
     def balance(self) -> Balance:
         """Return resultants and virtual works at the present state, for checks of equilibrium."""
-        contact = self._contact_force()
+        contact = self.contact_force()
         internal = fem.Function(self.spaces.space)
         fem.assemble_vector(internal.x.array, self.body.residual)
         internal.x.scatter_reverse(la.InsertMode.add)
@@ -257,7 +257,8 @@ class System:
             float(self.comm.allreduce(bulk_work)),
         )
 
-    def _contact_force(self) -> FloatArray:
+    def contact_force(self) -> FloatArray:
+        """Return the indenter's force on the skin, (dimension,), N per mm of leg in 2D, N in 3D."""
         self._trace()
         local = self._assemble_skin().reshape(-1, self.spaces.dimension).sum(axis=0)
         return -np.asarray(self.comm.allreduce(local))

@@ -90,6 +90,29 @@ def fat_thickness(section: LegSection, point: FloatArray, direction: FloatArray 
     return first_crossing(fascia, at, unit) - first_crossing(skin, at, unit)
 
 
+def layer_thicknesses(section: LegSection, point: FloatArray, direction: FloatArray) -> dict[str, float]:
+    """Return the thicknesses of fat and deep tissue along a line of travel, mm, as channels have them.
+
+    Without ``muscle_thickness`` where the line meets no bone.
+
+    Raises
+    ------
+    ValueError
+        If the line misses the skin or the fascia.
+    """
+    deep = section.polygon("fascia").buffer(-section.fascia_thickness)
+    found = {"fat_thickness": fat_thickness(section, point, direction)}
+    met = []
+    for bone in BONES:
+        try:
+            met.append(first_crossing(section.polygon(bone).exterior, point, direction))
+        except ValueError:
+            continue
+    if met:
+        found["muscle_thickness"] = min(met) - first_crossing(deep.boundary, point, direction)
+    return found
+
+
 def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray) -> float:
     """Return the shortest distance to a bone from where a line of travel meets the skin, mm.
 

@@ -159,6 +159,7 @@ class Profile:
         stronger = max((inside[0], inside[-1]), key=lambda step: abs(step.z))
         predict, values = self.problem.predictor, stronger.fit.values
         change = predict(values, [mechanism]) - predict({**values, full: null}, [mechanism])
+        change = change[predict.observed.data.spans[0]]
         return Limit(
             mechanism.name,
             first.name,

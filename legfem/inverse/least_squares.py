@@ -48,7 +48,7 @@ class WeightedResidual(Protocol):
 
 
 @dataclass(frozen=True)
-class Damping:
+class GaussNewtonSettings:
     """When `damped_gauss_newton` stops, and how far it goes at once.
 
     Parameters
@@ -71,7 +71,11 @@ class Damping:
 
 
 def damped_gauss_newton[R: WeightedResidual](
-    evaluate: Callable[[FloatArray], R | None], start: FloatArray, first: R, bounds: FloatArray, damping: Damping
+    evaluate: Callable[[FloatArray], R | None],
+    start: FloatArray,
+    first: R,
+    bounds: FloatArray,
+    settings: GaussNewtonSettings,
 ) -> tuple[FloatArray, R, bool]:
     """Minimise the sum of squares of a residual that is costly, may fail, and has derivatives.
 
@@ -86,7 +90,7 @@ def damped_gauss_newton[R: WeightedResidual](
         Values (p,) to start from, and the residual there.
     bounds : (p, 2) array
         Of the values.
-    damping
+    settings
         When to stop.
 
     Returns
@@ -99,13 +103,13 @@ def damped_gauss_newton[R: WeightedResidual](
         Whether a tolerance ended it, and not the number of steps.
     """
     values, best, weight = start, first, 1e-3
-    for _ in range(damping.max_steps):
+    for _ in range(settings.max_steps):
         least = float(best.residual @ best.residual)
         rows = np.vstack([best.jacobian, np.diag(np.sqrt(weight) * np.linalg.norm(best.jacobian, axis=0))])
         step = -np.linalg.lstsq(rows, np.concatenate([best.residual, np.zeros(len(values))]))[0]
-        if least - np.sum((best.residual + best.jacobian @ step) ** 2) < 0.1 * damping.least_gain:
+        if least - np.sum((best.residual + best.jacobian @ step) ** 2) < 0.1 * settings.least_gain:
             return values, best, True
-        step = np.clip(step, *np.clip(bounds - values[:, None], -damping.longest, damping.longest).T)
+        step = np.clip(step, *np.clip(bounds - values[:, None], -settings.longest, settings.longest).T)
         found = evaluate(values + step)
         if found is None:
             weight = max(10 * weight, 1.0)
@@ -115,7 +119,7 @@ def damped_gauss_newton[R: WeightedResidual](
             weight = max(10 * weight, 0.1)
             continue
         values, best, weight = values + step, found, weight / 10
-        if np.abs(step).max() < damping.tolerance or gain < damping.least_gain:
+        if np.abs(step).max() < settings.tolerance or gain < settings.least_gain:
             return values, best, True
     return values, best, False
 

@@ -93,13 +93,8 @@ class Workers[Context, Task, Outcome]:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """End the processes; after an error without waiting for the task in hand."""
-        if self._executor is None:
-            return
-        if error is not None:
-            ignore_broken_pipes()
-            for process in list((self._executor._processes or {}).values()):
-                process.kill()
-        self._executor.shutdown(wait=True, cancel_futures=True)
+        if self._executor is not None:
+            _end(self._executor, at_once=error is not None)
 
     def run(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
         """Yield tasks with their outcomes as they become known, in any order."""
@@ -175,14 +170,39 @@ class Workers[Context, Task, Outcome]:
                 yield place, self._done_here(task)
 
     def _started(self) -> ProcessPoolExecutor:
+        return _processes(self.jobs - self.along, self.context, 1 if self.fresh else None)
+
+
+@contextmanager
+def processes(number: int) -> Iterator[ProcessPoolExecutor]:
+    """Yield processes that end at once with an error, Ctrl-C, and the one that started them."""
+    executor = _processes(number, None, None)
+    try:
+        yield executor
+    except BaseException:
+        _end(executor, at_once=True)
+        raise
+    _end(executor, at_once=False)
+
+
+def _processes(number: int, context: object, tasks_each: int | None) -> ProcessPoolExecutor:
+    ignore_broken_pipes()
+    return ProcessPoolExecutor(
+        number,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_start,
+        initargs=(context,),
+        max_tasks_per_child=tasks_each,
+    )
+
+
+def _end(executor: ProcessPoolExecutor, at_once: bool) -> None:
+    """End processes; at once without waiting for the task in hand."""
+    if at_once:
         ignore_broken_pipes()
-        return ProcessPoolExecutor(
-            self.jobs - self.along,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_start,
-            initargs=(self.context,),
-            max_tasks_per_child=1 if self.fresh else None,
-        )
+        for process in list((executor._processes or {}).values()):
+            process.kill()
+    executor.shutdown(wait=True, cancel_futures=True)
 
 
 # One context a worker process, made when the process starts.

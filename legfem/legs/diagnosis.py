@@ -29,7 +29,7 @@ from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
 from legfem.legs.nuisances import DRAWN, Accuracy, nuisance_effects
 from legfem.legs.occurrence import OCCURRENCES
 from legfem.legs.plausibility import doubts_about
-from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.legs.subject import TYPICAL_ACCURACY, MeasuredEffect, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 from legfem.legs.variants import solved_responses
 
@@ -141,6 +141,7 @@ class Diagnoser:
         """Diagnose a subject's recordings."""
         observed, accuracy = self.observations(subject), accuracy_of(subject)
         library, solved = self.library(subject, observed, progress)
+        observed = observed.with_channels(library.beside.names)
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose_body(
             observed,
@@ -251,7 +252,7 @@ def accuracy_of(subject: Subject) -> Accuracy:
         If an effect was measured that legfem doesn't know, or that is impossible.
     """
     check_measured(subject.directory / "subject.toml", subject.measured)
-    given = subject.accuracy
+    given = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
     usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
     return Accuracy(
         usual.contour_sd if given.contour_sd is None else given.contour_sd,

@@ -10,7 +10,8 @@ from types import MappingProxyType
 from legfem.common.errors import InputError
 from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
-from legfem.data import Channels, Instrument, Recording, check_trial, read_samples, seen_instrument
+from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
+from legfem.data.channel_reader import with_channels
 from legfem.data.formats import recording_files
 from legfem.data.plausibility import refuse_copies
 from legfem.geometry.indenter import Indenter
@@ -18,6 +19,7 @@ from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.elastography import ShearModulus, fibre_ratio
 from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
+from legfem.legs.plausible_channels import check_channels
 from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
 from legfem.legs.subject import LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
 
@@ -94,6 +96,7 @@ def load_subject(
     channels = given.recordings.channels()
     folder = directory / entry.recordings
     recordings = _recordings(folder, channels) if need_recordings else ()
+    recordings = with_channels(toml, given.channels, recordings)
     moduli = tuple(map(ShearModulus.of, given.elastography))
     deep = given.tissues.deep
     subject = Subject(
@@ -123,10 +126,12 @@ def load_subject(
         site=entry.site,
         elastography=moduli,
         fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
+        typical_shape=given.section.girth_mm is not None,
         measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
     )
     for trial in subject.trials:
         check_trial(trial)
+        check_channels(trial, toml, section, indenter)
     doubts_about(subject)
     return subject
 
@@ -162,7 +167,7 @@ def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording],
     return seen_instrument(recordings)
 
 
-def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...]:
+def _recordings(folder: Path, channels: SourceColumns | None) -> tuple[Recording, ...]:
     there = recording_files(folder)
     files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
     if not files:

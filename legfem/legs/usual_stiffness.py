@@ -41,7 +41,7 @@ _UNITS = {
 """By what a stiffness would change, about, were a column or size in another unit."""
 
 
-class Found(Protocol):
+class KnownParameter(Protocol):
     """A parameter as recordings say it, MPa."""
 
     @property
@@ -53,7 +53,7 @@ class Found(Protocol):
         """How far that may be off."""
 
 
-def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, Found]) -> tuple[Doubt, ...]:
+def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, KnownParameter]) -> tuple[Doubt, ...]:
     """Return stiffnesses that nobody has found so, and those that few people have.
 
     Left out are those that the folder says were confirmed.
@@ -75,7 +75,7 @@ def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, Found]) ->
     return (*of_people, *published)
 
 
-def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Found]) -> Iterator[Doubt]:
+def _doubts_beside_people(subject: Subject, parameters: Mapping[str, KnownParameter]) -> Iterator[Doubt]:
     """Yield a doubt about each C10 that fewer than one in a hundred people have.
 
     What the recordings leave open of it counts as people's spread does.

@@ -24,7 +24,7 @@ UNKNOWN_NAME = "something unknown"
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ShownModel:
     """A model beside the base model, as it is shown."""
 
     model: Explanation
@@ -52,14 +52,14 @@ def statement_name(one: Statement) -> str:
     return " + ".join(plain(name) for name in one.names) or "nothing detectable"
 
 
-def shown_models(found: Diagnosis) -> list[Shown]:
+def shown_models(found: Diagnosis) -> list[ShownModel]:
     """Return the models that are shown beside the base: those that suit, else the closest."""
     if found.verdict == "consistent":
         return []
     if found.models:
-        return [Shown(model, model_name(model), True) for model in found.models]
+        return [ShownModel(model, model_name(model), True) for model in found.models]
     named = [e for e in found.explained.every if e.names]
-    return [Shown(named[0], f"closest tried ({model_name(named[0])})", False)] if named else []
+    return [ShownModel(named[0], f"closest tried ({model_name(named[0])})", False)] if named else []
 
 
 def determined(model: Explanation, name: str) -> bool:
@@ -118,11 +118,11 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
     """Return where the base model is wrong (n,): 1 where it is too soft, -1 where too stiff."""
     signs = np.zeros(len(found.located), dtype=int)
     if found.models:
-        missed = found.models[0].fit.prediction - found.base.fit.prediction
+        missed = (found.models[0].fit.prediction - found.base.fit.prediction)[found.observed.data.spans[0]]
         signs[found.located] = np.where(missed > 0, 1, -1)[found.located]
         return signs
     signs[found.located] = 1
-    for window in found.assessment.windows:
+    for window in (one for one in found.assessment.windows if one.channel == "force"):
         signs[list(window.stations)] = 1 if window.size > 0 else -1
     return np.where(found.located, signs, 0)
 
@@ -166,7 +166,7 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
     trials = observed.trials_of(number)
 
     def rows(values: FloatArray) -> FloatArray:
-        return np.array([values[observed.trial == k] for k in trials])
+        return np.array([observed.forces_of(k, values) for k in trials])
 
     recorded, base = rows(observed.force), -rows(found.base.fit.residual)
     lines = [

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.documents import markdown_table
-from legfem.data import Channels, Recording
+from legfem.data import Recording, SourceColumns
+from legfem.data.channels import RecordedChannel
 from legfem.data.quality import Quality
 from legfem.data.reader import QUANTITIES, Proposal
 from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
@@ -18,11 +19,14 @@ from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, sty
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
 _MOST_PARTS = 12
+_LETTERS = "abcdefghijkl"
+_FEW = 100
+"""Readings of a channel that are drawn as points."""
 LOOK = "look.json"
 SCHEMA = 1
 
 
-def recordings_toml(channels: Channels) -> str:
+def recordings_toml(channels: SourceColumns) -> str:
     """Return the ``[recordings]`` block that reads a file."""
     lines = ["[recordings]"]
     if channels.sheet is not None:
@@ -37,6 +41,29 @@ def recordings_toml(channels: Channels) -> str:
         if quantity != "time":
             lines.append(f"sign = {channel.sign}")
     return "\n".join(lines) + "\n"
+
+
+def channels_toml(channels: Sequence[RecordedChannel]) -> str:
+    """Return the blocks that state the accuracy of channels beside the force, which is usual until it is changed."""
+    lines = []
+    for one in channels:
+        unit, accuracy = one.kind.unit, one.accuracy
+        lines += [
+            f"[channels.{one.name}]",
+            f"sd_{unit} = {accuracy.reading:g}",
+            f"bias_{unit} = {accuracy.bias:g}",
+            f"slow_{unit} = {accuracy.slow:g}",
+            f"gain_percent = {100 * accuracy.gain:g}",
+            f"lag_s = {accuracy.lag:g}",
+        ]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _channel_row(one: RecordedChannel) -> tuple[str, str]:
+    kind, accuracy = one.kind, one.accuracy
+    low, high = float(one.values.min()), float(one.values.max())
+    errors = f"± {accuracy.reading:g} {kind.unit} a reading, ± {accuracy.bias:g} {kind.unit} of all"
+    return (kind.name.replace("_", " "), f"{len(one.values)} readings, {low:.3g} to {high:.3g} {kind.unit}, {errors}")
 
 
 def recording_name(recording: Recording) -> str:
@@ -73,6 +100,7 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
         ),
         ("saturation", f"{quality.saturated} samples at the limit" if quality.saturated else "none"),
         ("drops", ", ".join(f"{t:.4g} s" for t in quality.drops[:5]) or "none"),
+        *map(_channel_row, recording.channels),
     ]
     phases = [
         (
@@ -122,6 +150,10 @@ def look_document(seen: Sequence[tuple[Recording, Proposal, Quality]]) -> dict[s
                 "displacement_step_mm": quality.displacement_step,
                 "displacement_noise_mm": quality.trial.displacement_noise,
                 "drops_s": list(quality.drops),
+                "channels": [
+                    {"name": one.name, "unit": one.kind.unit, "readings": len(one.values), **asdict(one.accuracy)}
+                    for one in recording.channels
+                ],
                 "phases": [
                     {"phase": p.phase, "from_s": p.start, "to_s": p.end, "from_mm": p.first, "to_mm": p.last}
                     for p in quality.trial.parts
@@ -134,18 +166,24 @@ def look_document(seen: Sequence[tuple[Recording, Proposal, Quality]]) -> dict[s
 
 @styled
 def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
-    """Draw displacement and force over time, the phases behind, and force over displacement."""
-    figure = new_figure(10, 6)
+    """Draw displacement, force and further channels over time, phases behind, and force over displacement."""
+    beside = recording.channels
+    figure = new_figure(10, 6 + 2.2 * len(beside))
     name = recording_name(recording)
     figure.suptitle(f"{name}: grade {quality.grade}", x=0.01, ha="left", fontsize=12)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.5, 1))
+    grid = figure.add_gridspec(2 + len(beside), 2, width_ratios=(1.5, 1))
     moved = figure.add_subplot(grid[0, 0])
     forced = figure.add_subplot(grid[1, 0], sharex=moved)
     curve = figure.add_subplot(grid[:, 1])
-    for axes, values, label, letter in (
-        (moved, recording.displacement, "displacement (mm)", "a"),
-        (forced, recording.force, "force (N)", "b"),
-    ):
+    lowest = forced
+    drawn = [
+        (moved, recording.time, recording.displacement, "displacement (mm)"),
+        (forced, recording.time, recording.force, "force (N)"),
+    ]
+    for row, one in enumerate(beside, 2):
+        lowest = figure.add_subplot(grid[row, 0], sharex=moved)
+        drawn.append((lowest, one.time, one.values, f"{one.name.replace('_', ' ')} ({one.kind.unit})"))
+    for (axes, time, values, label), letter in zip(drawn, _LETTERS, strict=False):
         shown = set()
         for part in quality.trial.parts:
             axes.axvspan(
@@ -156,17 +194,18 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
                 label=None if part.phase in shown or part.phase == AIR else part.phase,
             )
             shown.add(part.phase)
-        axes.plot(recording.time, values, color=DATA_COLOUR, lw=0.8)
+        few = len(values) < _FEW
+        axes.plot(time, values, "o" if few else "-", color=DATA_COLOUR, lw=0.8, markersize=3)
         axes.set_ylabel(label)
         panel(axes, letter, "over time")
-    for time in quality.drops:
-        forced.axvline(time, color="#D55E00", lw=1)
-    forced.set_xlabel("time (s)")
+    for drop in quality.drops:
+        forced.axvline(drop, color="#D55E00", lw=1)
+    lowest.set_xlabel("time (s)")
     moved.legend(ncols=3, loc="upper right", bbox_to_anchor=(1.0, 1.2), fontsize=8)
     curve.plot(recording.displacement, recording.force, color=DATA_COLOUR, lw=0.8)
     curve.axvline(quality.trial.contact.displacement, color=FAINT, ls=":", label="first contact")
     curve.set_xlabel("displacement (mm)")
     curve.set_ylabel("force (N)")
     curve.legend(loc="lower right", fontsize=8)
-    panel(curve, "c", "over displacement")
+    panel(curve, _LETTERS[len(drawn)], "over displacement")
     return save(figure, out, f"{recording.trial}")[0]

@@ -9,12 +9,11 @@ from pathlib import Path
 from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
-from legfem.common.units import mpa_to_kpa
-from legfem.data import Channel, Scales, Segmentation, segment
+from legfem.data import Scales, Segmentation, SourceColumn, segment
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
-from legfem.data.reader import Channels, Proposal, propose, recording_of
+from legfem.data.reader import OWN_COLUMNS, Proposal, SourceColumns, propose, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
 from legfem.legs.loading import load_subject
@@ -27,7 +26,6 @@ from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.schema import parse_specimen_file
-from legfem.specimens.sizes import opening_of
 from legfem.stockings.loading import LEGS, load_leg
 
 PREVIEW = "preview.json"
@@ -56,7 +54,7 @@ class SeenRecording:
     picture: str = ""
     trouble: str = ""
     """The line that says why it can't be read; empty where it can."""
-    channels: Channels | None = None
+    channels: SourceColumns | None = None
     """By which it was read."""
     columns: tuple[SeenColumn, ...] = ()
 
@@ -216,9 +214,11 @@ def _specimen(folder: Path, out: Path) -> Preview:
 
 
 def _course_fact(one: SpecimenRecording) -> str:
-    course, opening = one.course, opening_of(one.sizes)
-    peak = f"{course.peak:.3g} N" if opening is None else f"{mpa_to_kpa(course.peak / opening):.3g} kPa of suction"
-    return f"{course.depth:.3g} mm at {course.rate:.3g} mm/s, up to {peak}"
+    course = one.course
+    axes = one.axes
+    speed = f" at {course.rate:.3g} mm/s" if one.recording.timed else ""
+    way = f"{axes.way} to {axes.ways * course.depth:.3g} {axes.way_unit}{speed}"
+    return f"{way}, {axes.load} to {axes.load_text(course.peak)}"
 
 
 def _is_contours(path: Path) -> bool:
@@ -229,7 +229,7 @@ def _is_contours(path: Path) -> bool:
 def _recordings(
     files: Sequence[Path],
     out: Path,
-    channels: Channels | None,
+    channels: SourceColumns | None,
     of_specimen: bool = False,
     site: str = "",
     trials: Sequence[Segmentation] = (),
@@ -239,30 +239,34 @@ def _recordings(
     return tuple(_recording(path, out, channels, of_specimen, site, read.get(path)) for path in files)
 
 
-def _proposal(path: Path, sheets: Sequence[Sheet], channels: Channels | None, used: bool) -> Proposal:
+_OF_OWN = Proposal(OWN_COLUMNS, ("legfem's own columns",))
+
+
+def _proposal(path: Path, sheets: Sequence[Sheet], channels: SourceColumns | None, used: bool) -> Proposal:
     """Return by which columns a file is read; of one that a folder uses those that the folder reads."""
     if channels is not None:
         return Proposal(channels, ("as the folder's [recordings] say",))
     try:
         return propose(path, sheets)
     except InputError:
-        own = {c.name: Channel(c.name, c.unit or "") for c in sheets[0].columns}
+        own = {c.name: SourceColumn(c.name, c.unit or "") for c in sheets[0].columns}
         if not used or not {"time", "displacement", "pressure"} <= set(own):
             raise
-        channels = Channels(own["time"], own["displacement"], own["pressure"])
+        channels = SourceColumns(own["time"], own["displacement"], own["pressure"])
         return Proposal(channels, ("time, displacement and pressure, times the area of the cup's opening",))
 
 
 def _recording(
-    path: Path, out: Path, channels: Channels | None, of_specimen: bool, site: str, trial: Segmentation | None
+    path: Path, out: Path, channels: SourceColumns | None, of_specimen: bool, site: str, trial: Segmentation | None
 ) -> SeenRecording:
     columns: tuple[SeenColumn, ...] = ()
+    own = None if channels is not None or trial is None or not trial.recording.channels else trial.recording
     try:
-        sheets = read_sheets(path)
+        sheets = [] if own else read_sheets(path)
         columns = tuple(
             SeenColumn(sheet.name or "", column.name, column.unit or "") for sheet in sheets for column in sheet.columns
         )
-        proposal = _proposal(path, sheets, channels, trial is not None)
+        proposal = _OF_OWN if own else _proposal(path, sheets, channels, trial is not None)
         recording = trial.recording if trial else recording_of(path, sheets, proposal.channels)
         scales = Scales.of_specimen(recording) if of_specimen else LEG
         quality = quality_of(trial or segment(recording, scales=scales))

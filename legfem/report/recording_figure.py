@@ -22,7 +22,7 @@ from legfem.report.diagnosis_curves import (
     LOCATED_COLOUR,
     REPAIRED_COLOUR,
     Place,
-    Shown,
+    ShownModel,
     places_of,
     shown_models,
 )
@@ -87,7 +87,7 @@ def recording_figure(found: Diagnosis, number: int, subject: str, origin: str) -
     return figure
 
 
-def _on_own_scale(found: Diagnosis, number: int, models: Sequence[Shown]) -> bool:
+def _on_own_scale(found: Diagnosis, number: int, models: Sequence[ShownModel]) -> bool:
     """Return whether the base model misses so much that what another misses can't be seen."""
     if not models:
         return False
@@ -98,10 +98,10 @@ def _on_own_scale(found: Diagnosis, number: int, models: Sequence[Shown]) -> boo
 def _rows(found: Diagnosis, number: int, values: FloatArray) -> FloatArray:
     """Return values at a protocol's stations, a row a trial."""
     observed = found.observed
-    return np.array([values[observed.trial == k] for k in observed.trials_of(number)])
+    return np.array([observed.forces_of(k, values) for k in observed.trials_of(number)])
 
 
-def _draw_force(axes: Axes, found: Diagnosis, number: int, models: Sequence[Shown], x: FloatArray) -> None:
+def _draw_force(axes: Axes, found: Diagnosis, number: int, models: Sequence[ShownModel], x: FloatArray) -> None:
     stations = found.observed.protocols[number]
     recorded = _rows(found, number, found.observed.force)
     located = _rows(found, number, found.located.astype(float)).max(axis=0) > 0
@@ -170,7 +170,7 @@ def _abscissa(stations: Stations, segment: int) -> FloatArray:
     return np.asarray(stations.displacement[here])
 
 
-def _handles(found: Diagnosis, number: int, models: Sequence[Shown], located: bool) -> list[Line2D | Patch]:
+def _handles(found: Diagnosis, number: int, models: Sequence[ShownModel], located: bool) -> list[Line2D | Patch]:
     stations = found.observed.protocols[number]
     count = len(found.observed.trials_of(number))
     trials = f"{count} trial{'s' * (count > 1)}"

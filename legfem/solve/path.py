@@ -1,4 +1,4 @@
-"""Results of a simulated test: force and its derivatives, against displacement and against time."""
+"""Results of a simulated test: force, further channels and derivatives, against displacement and against time."""
 
 from __future__ import annotations
 
@@ -26,11 +26,17 @@ class ForceCurve:
         (n,), N.
     sensitivities : Mapping[str, ndarray]
         Derivative of the force (N per unit of the parameter) by the parameter's full name.
+    channels : Mapping[str, ndarray]
+        What else is measured, by its name in `legfem.data.channels.CHANNELS`, (n,).
+    channel_sensitivities : Mapping[str, Mapping[str, ndarray]]
+        Derivatives by channel and by the parameter's full name, (n,).
     """
 
     displacement: FloatArray
     force: FloatArray
     sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
+    channels: Mapping[str, FloatArray] = field(default_factory=dict)
+    channel_sensitivities: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
 
     @property
     def depth(self) -> float:
@@ -56,6 +62,18 @@ class ForceCurve:
         spline = CubicSpline(self.displacement, self.sensitivities[parameter])
         at = np.asarray(displacement, dtype=float)
         return np.where(at > 0, spline(np.maximum(at, 0.0)), 0.0)
+
+    def channel(self, name: str, displacement: ArrayLike) -> FloatArray:
+        """Return a channel at displacements (mm); before first touch, what it is there."""
+        return self._channel_at(self.channels[name], displacement)
+
+    def channel_sensitivity(self, name: str, parameter: str, displacement: ArrayLike) -> FloatArray:
+        """Return the derivative of a channel by a parameter at displacements (mm)."""
+        return self._channel_at(self.channel_sensitivities[name][parameter], displacement)
+
+    def _channel_at(self, values: FloatArray, displacement: ArrayLike) -> FloatArray:
+        at = np.maximum(np.asarray(displacement, dtype=float), 0.0)
+        return np.asarray(CubicSpline(self.displacement, values)(at))
 
     def mean_slope(self, start: float, end: float) -> float:
         """Return (F(end) - F(start)) / (end - start) in N/mm."""
@@ -102,12 +120,16 @@ class Path:
         (n,), N.
     sensitivities : Mapping[str, ndarray]
         Derivative of the force (N per unit of the parameter) by the parameter's full name, (n,).
+    channels, channel_sensitivities
+        As those of `ForceCurve`.
     """
 
     time: FloatArray
     displacement: FloatArray
     force: FloatArray
     sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
+    channels: Mapping[str, FloatArray] = field(default_factory=dict)
+    channel_sensitivities: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
 
     @property
     def loading(self) -> ForceCurve:
@@ -118,7 +140,9 @@ class Path:
         return ForceCurve(
             self.displacement[part],
             self.force[part],
-            {name: values[part] for name, values in self.sensitivities.items()},
+            _part(self.sensitivities, part),
+            _part(self.channels, part),
+            {channel: _part(by, part) for channel, by in self.channel_sensitivities.items()},
         )
 
     def force_at(self, time: ArrayLike) -> FloatArray:
@@ -128,6 +152,14 @@ class Path:
     def sensitivity_at(self, parameter: str, time: ArrayLike) -> FloatArray:
         """Return the derivative of the force by a parameter at times (s)."""
         return self._at(time, self.sensitivities[parameter])
+
+    def channel_at(self, name: str, time: ArrayLike) -> FloatArray:
+        """Return a channel at times (s)."""
+        return self._at(time, self.channels[name])
+
+    def channel_sensitivity_at(self, name: str, parameter: str, time: ArrayLike) -> FloatArray:
+        """Return the derivative of a channel by a parameter at times (s)."""
+        return self._at(time, self.channel_sensitivities[name][parameter])
 
     def _at(self, time: ArrayLike, values: FloatArray) -> FloatArray:
         """Interpolate within the parts between which the speed jumps.
@@ -147,3 +179,7 @@ class Path:
             spline = CubicSpline if abs(rate[first]) > 1e-6 * scale else PchipInterpolator
             result[inside] = spline(self.time[part], values[part])(asked[inside])
         return result
+
+
+def _part(values: Mapping[str, FloatArray], part: slice) -> dict[str, FloatArray]:
+    return {name: one[part] for name, one in values.items()}

@@ -49,6 +49,8 @@ class SensitivityTracker:
         self._body = _PlaceSensitivity(system.body, self.parameters)
         self._skin = _PlaceSensitivity(system.skin, self.parameters)
         self._rate, self._right = (fem.Function(system.spaces.space) for _ in range(2))
+        self.contact_force_rates = np.zeros((len(self.parameters), system.spaces.dimension))
+        """Derivatives of the indenter's force on the skin at the last step, (parameters, dimension)."""
 
     @property
     def holds(self) -> bool:
@@ -82,7 +84,9 @@ class SensitivityTracker:
             self._rate.x.scatter_forward()
             trace = self._rate.x.array[spaces.trace]
             force = -(skin + self._skin.tangent_action(trace)).reshape(-1, spaces.dimension)
-            forces.append(system.comm.allreduce(float(force.sum(axis=0) @ system.direction)))
+            total = force.sum(axis=0)
+            forces.append(system.comm.allreduce(float(total @ system.direction)))
+            self.contact_force_rates[index] = system.comm.allreduce(total)
             self._body.update(index, self._rate.x.array)
             self._skin.update(index, trace)
         return np.array(forces)

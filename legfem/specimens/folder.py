@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
-from legfem.common.input_files import check_printable
+from legfem.common.input_files import FileTable, check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
-from legfem.data.formats import READERS, is_litter, recording_files
+from legfem.data.formats import READERS, is_litter, read_sheets, recording_files
 from legfem.data.plausibility import refuse_copies, trial_doubts
-from legfem.data.reader import read_samples
 from legfem.data.recording import Origin
-from legfem.specimens.course import course_of, read_specimen
+from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
+from legfem.specimens.course import course_of
+from legfem.specimens.kind import SizeError
 from legfem.specimens.plausibility import (
     doubts_about_course,
     doubts_about_shape,
@@ -25,8 +26,7 @@ from legfem.specimens.plausibility import (
 )
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.schema import BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
-from legfem.specimens.sizes import SizeError, Sizes, opening_of, sizes_of
-from legfem.specimens.suctions import suction_doubts
+from legfem.specimens.sizes import Sizes, bare, kind_in, sizes_of
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
 
 FILE = "specimen.toml"
@@ -110,36 +110,33 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         raise InputError(directory, "specimen folder", "not found", f"give one that holds {FILE}")
     given = parse_specimen_file(toml)
     named = _named(directory, toml, given)
+    _ask_for_tables(given, [path for _, _, path in named])
     doubts = _doubts_about_bodies(toml, given)
     sizes = {entry: _sizes(toml, given, entry) for entry in {entry for _, entry, _ in named}}
     doubts += [doubt for body in sizes.values() for doubt in doubts_about_shape(toml, body)]
     stated = given.instrument
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
-    # A cup lies on the skin before it draws.
-    at_contact = given.recordings.starts_at_contact or given.suction is not None
+    kind = given.kind
+    at_contact = given.recordings.starts_at_contact or kind.starts_at_contact
     doubts += _unread(directory, [path for _, _, path in named])
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
         try:
-            opening = opening_of(sizes[entry])
-            samples = read_samples(path, given.recordings.channels(), opening)
-            if opening is not None:
-                doubts += suction_doubts(samples, opening)
-            trial = read_specimen(replace(samples, trial=name), errors, at_contact)
+            body = bare(sizes[entry])
+            trial = kind.read(path, given.recordings, body, errors, name)
+            doubts += kind.doubts(trial.recording, body)
             course = course_of(trial, given.tissue.returns)
-            source = str(samples.source or samples.trial)
+            source = trial.source
             doubts += doubts_about_course(source, course, sizes[entry])
             doubts += trial_doubts(trial)
-            refuse_copies(samples, [one.recording for one in used])
+            refuse_copies(trial.recording, [one.recording for one in used])
         except InputError as error:
             left.append(LeftOut(name, str(error)))
         else:
             specimen = given.id if entry is None else given.specimen[entry].name
             used.append(SpecimenRecording(name, specimen, sizes[entry], course, trial))
     if not used:
-        raise InputError(
-            directory / "recordings", left[0].name, f"no recording can be used: {left[0].reason}", "mend them"
-        )
+        raise InputError(directory / "recordings", left[0].name, "no recording can be used", left[0].reason)
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id,
@@ -165,13 +162,28 @@ def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:
     names = [folder.id, folder.title]
     if len(folder.tissues) > 1:
         names = [one.name for one in folder.tissues if "C10" not in one.stated]
-    field = "force_N" if opening_of(folder.recordings[0].sizes) is None else "pressure"
+    sizes = folder.recordings[0].sizes
+    field = "force_N" if kind_in(sizes).loaded_area(bare(sizes)) is None else "pressure"
     return list(doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
 
 
+def _ask_for_tables(given: SpecimenFile, paths: Sequence[Path]) -> None:
+    """Check that no file is a table of stretch and stress that the folder doesn't say how to read."""
+    if not given.kind.cube or given.recordings.table is not None or given.recordings.channels() is not None:
+        return
+    for path in paths:
+        try:
+            sheets = read_sheets(path)
+        except InputError:
+            continue  # said where it is read
+        table = next((sheet for sheet in sheets if stretch_and_stress(sheet)), None)
+        if table is not None:
+            raise refuse_untimed(path, table)
+
+
 def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
-    name = next(name for name in given.alternatives if getattr(given, name) is given.test)
-    bodies = [(name, given.test), *((f"specimen {one.name}", one) for one in given.specimen)]
+    bodies: list[tuple[str, FileTable]] = [(given.kind.table, given.test)]
+    bodies += [(f"specimen {one.name}", one) for one in given.specimen]
     found = [doubt for table, body in bodies for doubt in doubts_about_sizes(toml, table, body)]
     for layer in given.layers:
         if layer.C10_kPa is not None:
@@ -198,7 +210,8 @@ def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
 def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
     """Return name, number of the specimen (None where there is but one) and file of recordings."""
     _check_distinct(toml, given.specimen)
-    suffixes = {".csv"} if given.recordings.channels() is None else set(READERS)
+    own = given.recordings.channels() is None and given.recordings.table is None
+    suffixes = {".csv"} if own else set(READERS)
     found: list[tuple[int | None, Path]] = []
     entries: list[tuple[int | None, SpecimenEntry | None]]
     entries = [*enumerate(given.specimen)] or [(None, None)]

@@ -8,97 +8,36 @@ from typing import Any
 
 import numpy as np
 
-from legfem.experiments.axisymmetric import (
-    AxisymmetricSettings,
-    BallIndentation,
-    BallOnLayer,
-    CylinderBetweenPlates,
-    CylinderCompression,
-    Layer,
-)
+from legfem.experiments.axisymmetric import Layer
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
-from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
-from legfem.experiments.lateral_cylinder import LateralCylinder
-from legfem.experiments.suction import CupOnLayer, SuctionTest
-from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
 from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
-from legfem.mechanics.contact import ContactSettings
+from legfem.jobs.key import code_fingerprint
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
-from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.path import ForceCurve
-from legfem.solve.settings import StepSettings
 from legfem.specimens.fibre_directions import AXES
-from legfem.specimens.schema import Faces
-from legfem.specimens.sizes import FibrousTest, LayeredTest, OneTissue, Sizes, Test
+from legfem.specimens.kind import Law, SpecimenTest
+from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, bare, kind_in
 from legfem.specimens.tissues import ONE, SpecimenTissue
 
-_STEPS, _ELEMENTS = 20, 5
-"""Of a shallow test: steps to its depth, and elements across half of its contact."""
 
-
-def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE) -> Test:
+def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE) -> SpecimenTest:
     """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm).
 
     Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.tissues.ONE`.
     Fibres, if there are, are the named tissue's, and do nothing until their numbers are given.
     """
     if isinstance(sizes, FibrousTest):
-        test = experiment_of(sizes.whole, laws, depth)
         fibres = Fibres(fibrous, axis=AXES[sizes.direction])
-        if isinstance(test, UniaxialTest):
-            return replace(test, fibres=fibres)
-        return replace(test, mechanisms=(fibres,))
-    if not isinstance(sizes, LayeredTest):
-        return _experiment(sizes, laws[ONE], depth)
-    layers = tuple(Layer(name, thickness, laws[name]) for name, thickness in sizes.layers)
-    test = _experiment(sizes.whole, layers[-1].law, depth)
-    assert not isinstance(test, UniaxialTest)
-    return replace(test, law=layers)
-
-
-def _experiment(sizes: OneTissue, law: Hyperelastic, depth: float) -> Test:
-    usual = AxisymmetricSettings()
-    # The same ones at any stiffness: forces are compared and differentiated.
-    steps = StepSettings.regular(
-        first=min(usual.steps.first, depth / _STEPS), largest=min(usual.steps.largest, depth / 10)
-    )
-    # A shallow test's forces are of millinewtons, which the volume of large elements rounds.
-    newton = replace(usual.newton, absolute_tolerance=1e-10)
-    plain = replace(usual, steps=steps, newton=newton)
-    match sizes:
-        case UniaxialSpecimen():
-            return UniaxialTest(sizes, law)
-        case BallOnLayer():
-            radius = sizes.ball_radius
-            fine = _shallow(plain, radius, depth, sizes.ball, radius / 8)
-            return BallIndentation(sizes, law, fine)
-        case PunchOnLayer():
-            contact = _onset(sizes.punch, depth)
-            return FlatPunchIndentation(sizes, law, replace(plain, contact=contact))
-        case CylinderBetweenPlates():
-            return CylinderCompression(sizes, law, plain)
-        case CupOnLayer():
-            return SuctionTest(sizes, law, plain)
-        case _:
-            radius = sizes.cylinder_radius
-            fine = _shallow(plain, radius, depth, sizes.cylinder, radius / 16)
-            return LateralCylinder(sizes, law, fine)
-
-
-def _shallow(
-    plain: AxisymmetricSettings, radius: float, depth: float, faces: Faces, usual_size: float
-) -> AxisymmetricSettings:
-    """Return settings for a round indenter: elements resolve the contact, its onset the depth."""
-    size = min(usual_size, (radius * depth) ** 0.5 / _ELEMENTS)
-    return replace(plain, mesh=MeridianMeshSettings(size), contact=_onset(faces, depth))
-
-
-def _onset(faces: Faces, depth: float) -> ContactSettings:
-    usual = ContactSettings(tangential=faces, stiffness=4000.0)
-    return replace(usual, onset=min(usual.onset, 2e-3 * depth))
+        return experiment_of(sizes.whole, laws, depth).with_terms((fibres,))
+    law: Law
+    if isinstance(sizes, LayeredTest):
+        law = tuple(Layer(name, thickness, laws[name]) for name, thickness in sizes.layers)
+    else:
+        law = laws[ONE]
+    return kind_in(sizes).model(bare(sizes), law, depth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +80,7 @@ class SpecimenForward(Picklable):
         return cls(tests, depths, laws, bulk, least, ratios)
 
     @cached_in_process
-    def experiments(self) -> list[Test]:
+    def experiments(self) -> list[SpecimenTest]:
         """Meshed when first solved, in whichever process."""
         return [
             experiment_of(sizes, self.laws, depth, next(iter(self.fibre_ratios), ONE))
@@ -214,9 +153,15 @@ class SpecimenForward(Picklable):
             report.compromise,
         )
 
+    @property
+    def code(self) -> str:
+        """Hash of the code that it runs, with that of its kinds of tests."""
+        kinds = {type(kind_in(sizes)).__module__ for sizes in self.tests}
+        return code_fingerprint(type(self).__module__, *sorted(kinds))
+
     def fingerprint(self) -> Mapping[str, Any]:
         """Return tests, depths, law and code."""
-        return {"model": "specimens", **super().fingerprint()}
+        return {"model": "specimens", **super().fingerprint(), "code": self.code}
 
 
 def _at_poissons_ratio(curve: ForceCurve, values: Values, tied: Sequence[str]) -> ForceCurve:

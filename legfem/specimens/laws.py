@@ -48,7 +48,7 @@ _FAR, _FAR_OF_LAYERS, _RELATIVE = 100.0, 300.0, 8.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class ParameterRequest:
     """What a user asks to be free or held, by full name in the model's units."""
 
     names: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ def laws_named(name: str | None) -> tuple[LawName, ...]:
     return found
 
 
-def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> Asked:
+def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> ParameterRequest:
     """Return what a command line asks for.
 
     Raises
@@ -101,7 +101,9 @@ def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> Ask
     for name, value in held.items():
         if is_ratio(name) and value < RATIO_BOUNDS[0]:
             raise InputError("--fix", name, f"{value:g} is less along the fibres than across", "give at least 1")
-    return Asked(tuple(written.identify), dict(read_prior(text, known) for text in written.priors), bounds, held)
+    return ParameterRequest(
+        tuple(written.identify), dict(read_prior(text, known) for text in written.priors), bounds, held
+    )
 
 
 def known_values(tissues: Sequence[SpecimenTissue], c10: float) -> dict[str, float]:
@@ -124,7 +126,7 @@ def free_names(tissues: Sequence[SpecimenTissue], relaxes: bool) -> tuple[str, .
 
 
 def identified_law(
-    name: LawName, tissues: Sequence[SpecimenTissue], c10: float, relaxes: bool, asked: Asked
+    name: LawName, tissues: Sequence[SpecimenTissue], c10: float, relaxes: bool, asked: ParameterRequest
 ) -> IdentifiedLaw:
     """Return what is free and held in a law.
 
@@ -140,7 +142,7 @@ def identified_law(
         MPa, about which to look.
     relaxes : bool
         Whether the spectrum counts.
-    asked : Asked
+    asked : ParameterRequest
         By the user; names that other laws have alone are left out.
 
     Raises

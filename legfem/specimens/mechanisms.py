@@ -10,13 +10,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.mechanism import factor, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.legs.mechanisms import Mechanism, TissueMechanism
 from legfem.specimens.rig import RigCompliance, mechanisms_on_a_rig
-from legfem.specimens.sizes import Sizes, bare, layered
-from legfem.specimens.slipping import slipping
+from legfem.specimens.sizes import Sizes, kind_in, layered, slipping
 
 _LEG_MM, _LEG_N, _LEG_S = 20.0, 20.0, 100.0
 _FACES = (
@@ -78,6 +76,7 @@ _OF_LAYERS: Mapping[str, str | None] = {
     "superficial-stiffening": "layers of stated stiffness are taken as stated but for a factor",
     "superficial-viscoelasticity": "layers of stated stiffness are taken not to relax",
 }
+_WITHOUT_TIME = ("viscoelasticity", "force-drift", "leg-movement", "preconditioning")
 _LEAST_BULK = 5.0
 """Bulk over shear modulus down to which compressibility is tabulated: Poisson's ratio 0.41."""
 _LEAST_FACTOR = 3.0
@@ -122,7 +121,7 @@ class Scale:
         }
 
 
-def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str, str]]:
+def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that a specimen may have, and why it can't have the others.
 
     Parameters
@@ -131,6 +130,8 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
         Of the test.
     scale
         Of the recordings.
+    timed
+        Whether they have a time, which tables of stretch and stress haven't.
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
@@ -139,13 +140,11 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
         if layered(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)
         if mechanism.name == _FACES[0] and slipping(sizes) is None:
-            why = (
-                "a bar's ends are free as stated"
-                if isinstance(bare(sizes), UniaxialSpecimen)
-                else "the faces are said to be free of friction"
-            )
+            why = kind_in(sizes).no_slip
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):
             why = "it doesn't say what it does to a specimen"
+        if not timed and mechanism.name in _WITHOUT_TIME:
+            why = "a table of stretch and stress has no time"
         if why is not None:
             unable[mechanism.name] = why
         else:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import re
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from legfem.common.doubts import Doubt, PhysicalRange
+from legfem.common.input_files import FileTable
 from legfem.common.units import mpa_to_kpa
 from legfem.data.plausibility import loading_doubts
-from legfem.experiments.axisymmetric import CylinderBetweenPlates
-from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.specimens import ranges
 from legfem.specimens.course import Course
+from legfem.specimens.kinds import kinds
 from legfem.specimens.recorded import SpecimenRecording
-from legfem.specimens.schema import SpecimenEntry, TestEntry
-from legfem.specimens.sizes import Sizes, bare, opening_of
+from legfem.specimens.sizes import Sizes, bare, kind_in
 
 _APART = 5.0
 """Of recordings of one specimen: rates a thousand times apart change tissues by less."""
@@ -32,7 +30,7 @@ _UNITS: Mapping[str, Mapping[str, float]] = {
 """Units that are taken for the right one by column, and by what they change a stiffness."""
 
 
-def doubts_about_sizes(toml: Path, table: str, entry: TestEntry | SpecimenEntry) -> Iterator[Doubt]:
+def doubts_about_sizes(toml: Path, table: str, entry: FileTable) -> Iterator[Doubt]:
     """Yield what is unlikely in the sizes that a table of ``specimen.toml`` gives.
 
     Raises
@@ -40,7 +38,10 @@ def doubts_about_sizes(toml: Path, table: str, entry: TestEntry | SpecimenEntry)
     InputError
         For what no lab has.
     """
-    for key, usual in ranges.SIZES.items():
+    every = dict(ranges.SIZES)
+    for kind in kinds().values():
+        every |= kind.ranges
+    for key, usual in every.items():
         value = getattr(entry, key, None)
         if value is not None:
             yield from usual.doubts(toml, f"{table}.{key}", value)
@@ -48,14 +49,10 @@ def doubts_about_sizes(toml: Path, table: str, entry: TestEntry | SpecimenEntry)
 
 def doubts_about_shape(toml: Path, sizes: Sizes) -> Iterator[Doubt]:
     """Yield a doubt about a specimen so slender that it would buckle."""
-    match whole := bare(sizes):
-        case UniaxialSpecimen(pulled="compression"):
-            slender, key = whole.length / math.sqrt(whole.area), "area_mm2"
-        case CylinderBetweenPlates():
-            slender, key = whole.height / (2 * whole.radius), "diameter_mm"
-        case _:
-            return
-    yield from ranges.SLENDER.doubts(toml, key, slender, "check that sizes are in mm and mm²")
+    found = kind_in(sizes).slenderness(bare(sizes))
+    if found is not None:
+        slender, key = found
+        yield from ranges.SLENDER.doubts(toml, key, slender, "check that sizes are in mm and mm²")
 
 
 def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[Doubt]:
@@ -66,12 +63,14 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
     InputError
         For a depth beyond the specimen, and a speed that no machine has.
     """
-    whole = bare(sizes)
-    if opening_of(sizes) is None:
-        pressed = not isinstance(whole, UniaxialSpecimen) or whole.pulled == "compression"
-        share = course.depth / _along(whole)
-        yield from ranges.SHARE[pressed].doubts(
-            source, "displacement_mm", share, f"check that {course.depth:.3g} mm are right, and the specimen's sizes"
+    kind, body = kind_in(sizes), bare(sizes)
+    extent = kind.extent(body)
+    if extent is not None:
+        yield from ranges.SHARE[kind.presses(body)].doubts(
+            source,
+            "displacement_mm",
+            course.depth / extent,
+            f"check that {course.depth:.3g} mm are right, and the specimen's sizes",
         )
     yield from ranges.SPEED.doubts(source, "time_s", course.rate, "check that time is in s (not min or ms)")
     loading = course.samples.time <= course.arrival
@@ -132,12 +131,3 @@ def _range_of(names: Sequence[str]) -> PhysicalRange:
     words = set(re.findall(r"[a-z]+", " ".join(names).lower()))
     known = [one for name, one in ranges.STIFFNESS.items() if {name, f"{name}s"} & words]
     return known[0] if len(known) == 1 else ranges.ANYTHING_SOFT
-
-
-def _along(sizes: Sizes) -> float:
-    """Return the specimen's size (mm) in the direction of the displacement."""
-    for name in ("thickness", "height", "length"):
-        value = getattr(sizes, name, None)
-        if value is not None:
-            return float(value)
-    raise TypeError(f"{sizes}: no size lies along the displacement")

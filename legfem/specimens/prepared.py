@@ -107,7 +107,7 @@ def prepare(
 
 
 def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
-    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios))
+    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
     found: dict[Sizes, Outcome] = {}
     asked = {sizes: ("once", sizes, depth) for sizes, depth in zip(model.tests, model.depths, strict=True)}
     for sizes in model.tests:

@@ -3,105 +3,51 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from legfem.common.input_files import FileTable, NotNegative, PlainName, Positive, Text, Title, parse_toml, trouble
-from legfem.data.folder import InstrumentEntry, RecordingsEntry
+from legfem.data.folder import InstrumentEntry
 from legfem.inverse.laws import LawName
 from legfem.specimens.fibre_directions import Direction
+from legfem.specimens.kind import SpecimenKind, SpecimenRecordingsEntry
+from legfem.specimens.kinds import kinds
 
 PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]
-Base = Literal["bonded", "sliding"]
-Faces = Literal["rough", "frictionless"]
 BaseLaw = Literal["neo-hookean", "reduced-polynomial"]
-SIZES = ("thickness_mm", "diameter_mm", "height_mm", "width_mm", "length_mm", "area_mm2")
-"""Of the body, which specimens of one folder may have their own of."""
 _TAKEN = ("instrument", "viscoelasticity", "friction", "contact")
 FibreRatio = Annotated[float, Field(ge=1, le=20, allow_inf_nan=False)]
 
 
-class BallEntry(FileTable):
-    """``[ball]``: a rigid ball on a round layer on a rigid base."""
-
-    thickness_mm: Positive | None = None
-    diameter_mm: Positive | None = None
-    ball_diameter_mm: Positive
-    ball: Faces = "rough"
-    base: Base = "bonded"
+SIZES: tuple[str, ...] = tuple(dict.fromkeys(key for kind in kinds().values() for key in kind.own))
+"""Of the body, which specimens of one folder may have their own of."""
 
 
-class PunchEntry(FileTable):
-    """``[punch]``: a rigid flat-ended cylinder, end-on, on a round layer on a rigid base."""
+class _Named(FileTable):
+    """What every folder begins with."""
 
-    thickness_mm: Positive | None = None
-    diameter_mm: Positive | None = None
-    punch_diameter_mm: Positive
-    edge_mm: Positive | None = None
-    """Radius of the edge's rounding; a twentieth of the punch's without it."""
-    punch: Faces = "rough"
-    base: Base = "bonded"
+    id: PlainName
+    title: Title
+    origin: Literal["measured", "reconstructed", "simulated"]
 
 
-class PlatesEntry(FileTable):
-    """``[plates]``: a round specimen, end-on, between two rigid plates."""
-
-    diameter_mm: Positive | None = None
-    height_mm: Positive | None = None
-    ends: Base = "sliding"
-
-
-class CylinderEntry(FileTable):
-    """``[cylinder]``: a rigid cylinder lying across a block on a rigid base, in plane strain."""
-
-    cylinder_diameter_mm: Positive
-    thickness_mm: Positive | None = None
-    width_mm: Positive | None = None
-    """Of the block, across the cylinder."""
-    length_mm: Positive | None = None
-    """Over which both touch, along the cylinder."""
-    cylinder: Faces = "rough"
-    base: Base = "bonded"
+if TYPE_CHECKING:
+    _Sizes = FileTable
+    _Tests = _Named
+else:
+    # Every kind of test gives its own keys.
+    _Sizes = create_model("_Sizes", __base__=FileTable, **{key: (Positive | None, None) for key in SIZES})
+    _tables = {name: (kind.entry | None, None) for name, kind in kinds().items()}
+    _Tests = create_model("_Tests", __base__=_Named, **_tables)
 
 
-class BarEntry(FileTable):
-    """``[uniaxial]``: a bar or cylinder whose ends don't keep it from going sideways."""
-
-    direction: Literal["tension", "compression"]
-    length_mm: Positive | None = None
-    area_mm2: Positive | None = None
-
-
-class SuctionEntry(FileTable):
-    """``[suction]``: a cup that draws a round layer on a rigid base up through its opening."""
-
-    thickness_mm: Positive | None = None
-    diameter_mm: Positive | None = None
-    opening_mm: Positive
-    """Inner diameter of the cup."""
-    rim_mm: Positive
-    """Width of the cup's face on the skin."""
-    rim: Base = "bonded"
-    base: Base = "bonded"
-
-
-type TestEntry = BallEntry | PunchEntry | PlatesEntry | CylinderEntry | BarEntry | SuctionEntry
-"""What is done to the specimen; sizes that specimens have of their own may be absent."""
-
-
-class SpecimenEntry(FileTable):
+class SpecimenEntry(_Sizes):
     """``[[specimen]]``: one of several, with its own sizes and recordings."""
 
     name: PlainName
     recordings: Annotated[list[Text], Field(min_length=1)]
     """Files in the folder; ``*`` stands for anything."""
-    thickness_mm: Positive | None = None
-    diameter_mm: Positive | None = None
-    height_mm: Positive | None = None
-    width_mm: Positive | None = None
-    length_mm: Positive | None = None
-    area_mm2: Positive | None = None
     layers_mm: Annotated[list[Positive], Field(min_length=2)] | None = None
     """Thicknesses of the layers, in their order."""
     fibres: Direction | None = None
@@ -142,7 +88,7 @@ class FibresEntry(FileTable):
     """Which of the layers has them."""
 
 
-class TissueEntry(FileTable):
+class TissueOptions(FileTable):
     """``[tissue]``, optional: what isn't looked for."""
 
     poisson_ratio: PoissonRatio | None = None
@@ -157,32 +103,23 @@ class TissueEntry(FileTable):
     """Whether its stress relaxes; without it, whether a recording holds."""
 
 
-class SpecimenFile(FileTable):
+class SpecimenFile(_Tests):
     """``specimen.toml`` as it is written, in the file's units."""
 
-    alternatives: ClassVar = ("ball", "punch", "plates", "cylinder", "uniaxial", "suction")
+    alternatives: ClassVar = tuple(kinds())
 
-    id: PlainName
-    title: Title
-    origin: Literal["measured", "reconstructed", "simulated"]
-    ball: BallEntry | None = None
-    punch: PunchEntry | None = None
-    plates: PlatesEntry | None = None
-    cylinder: CylinderEntry | None = None
-    uniaxial: BarEntry | None = None
-    suction: SuctionEntry | None = None
     layers: list[LayerEntry] = Field(default_factory=list)
     fibres: FibresEntry | None = None
     specimen: list[SpecimenEntry] = Field(default_factory=list)
-    tissue: TissueEntry = TissueEntry()
+    tissue: TissueOptions = TissueOptions()
     instrument: InstrumentEntry | None = None
-    recordings: RecordingsEntry = RecordingsEntry()
+    recordings: SpecimenRecordingsEntry = SpecimenRecordingsEntry()
     confirmed: list[Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 
     @model_validator(mode="after")
-    def _one_test(self) -> SpecimenFile:
-        given = self._tests
+    def _one_test(self) -> Self:
+        given = [name for name in self.alternatives if getattr(self, name) is not None]
         if len(given) != 1:
             names = ", ".join(f"[{name}]" for name in self.alternatives)
             problem = "no test is given" if not given else f"{len(given)} tests are given"
@@ -190,7 +127,17 @@ class SpecimenFile(FileTable):
         return self
 
     @model_validator(mode="after")
-    def _several_layers(self) -> SpecimenFile:
+    def _a_table_that_can_be_read(self) -> Self:
+        if self.recordings.table is not None:
+            if not self.kind.cube:
+                able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.cube)
+                raise trouble("recordings.table", f"is for the tests {able}", "remove it, or the test")
+            if self.tissue.relaxes:
+                raise trouble("tissue.relaxes", "a table has no time to relax in", "remove it, or give recordings")
+        return self
+
+    @model_validator(mode="after")
+    def _several_layers(self) -> Self:
         names = [layer.name for layer in self.layers]
         if len(names) == 1:
             raise trouble("layers", "there is one", "give several, or none and a thickness_mm")
@@ -198,16 +145,13 @@ class SpecimenFile(FileTable):
             if names.count(name) > 1 or name in _TAKEN:
                 problem = "is the name of something else" if name in _TAKEN else "stands twice"
                 raise trouble("layers.name", f"{name!r} {problem}", "give another")
-        if names and isinstance(self.test, PlatesEntry | BarEntry):
-            raise trouble(
-                "layers",
-                "are for a ball, a punch, a suction cup or a cylinder across a block",
-                "remove them, or the test",
-            )
+        if names and not self.kind.layered:
+            able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.layered)
+            raise trouble("layers", f"are for the tests {able}", "remove them, or the test")
         return self
 
     @model_validator(mode="after")
-    def _fibres_of_a_layer(self) -> SpecimenFile:
+    def _fibres_of_a_layer(self) -> Self:
         names = [layer.name for layer in self.layers]
         given = self.fibres
         if given is None:
@@ -221,14 +165,15 @@ class SpecimenFile(FileTable):
         return self
 
     @property
-    def _tests(self) -> list[TestEntry]:
-        every = (getattr(self, name) for name in self.alternatives)
-        return [one for one in every if one is not None]
+    def kind(self) -> SpecimenKind[Any, Any]:
+        """Kind of the test that is given."""
+        return next(kind for name, kind in kinds().items() if getattr(self, name) is not None)
 
     @property
-    def test(self) -> TestEntry:
-        """The one that is given."""
-        return self._tests[0]
+    def test(self) -> FileTable:
+        """Its table."""
+        found: FileTable = getattr(self, self.kind.table)
+        return found
 
 
 def parse_specimen_file(path: Path) -> SpecimenFile:

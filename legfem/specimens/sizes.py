@@ -5,27 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from legfem.common.input_files import FileTable
-from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer, CylinderBetweenPlates, CylinderCompression
-from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
-from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
-from legfem.experiments.suction import CupOnLayer, SuctionTest
-from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
 from legfem.specimens.fibre_directions import WORDS, Direction
-from legfem.specimens.schema import (
-    SIZES,
-    BallEntry,
-    BarEntry,
-    CylinderEntry,
-    PlatesEntry,
-    PunchEntry,
-    SpecimenEntry,
-    SpecimenFile,
-    SuctionEntry,
-    TestEntry,
-)
+from legfem.specimens.kind import SizeError, SpecimenKind, needed
+from legfem.specimens.kinds import kind_of
+from legfem.specimens.schema import SIZES, SpecimenEntry, SpecimenFile
 
-OnLayers = BallOnLayer | PunchOnLayer | CylinderOnBlock | CupOnLayer
+type OneTissue = Any
+"""Sizes of a test on one tissue: the body of a kind."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +26,8 @@ class LayeredTest:
         Names and thicknesses (mm), from the base up.
     """
 
-    whole: OnLayers
+    whole: OneTissue
     layers: tuple[tuple[str, float], ...]
-
-
-OneTissue = OnLayers | CylinderBetweenPlates | UniaxialSpecimen
 
 
 @dataclass(frozen=True)
@@ -64,40 +47,21 @@ class FibrousTest:
 
     @property
     def level(self) -> str:
-        """What tells tests apart in which stiffness and the fibres' ratio trade off otherwise.
-
-        In plane strain fibres along the travel and across resist small strain alike.
-        """
-        if isinstance(bare(self), CylinderOnBlock):
-            return WORDS["cylinder"] if self.direction == "cylinder" else "in the cylinder's plane"
-        return WORDS[self.direction]
+        """What tells tests apart in which stiffness and the fibres' ratio trade off otherwise."""
+        return kind_in(self).level(self.direction)
 
 
-Sizes = OneTissue | LayeredTest | FibrousTest
-Pressed = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder
-Test = Pressed | UniaxialTest | SuctionTest
-
-
-_WORDS: dict[type, str] = {
-    BallOnLayer: "a ball on a layer",
-    PunchOnLayer: "a flat punch on a layer",
-    CylinderBetweenPlates: "between plates",
-    CylinderOnBlock: "a cylinder across a block",
-    UniaxialSpecimen: "a bar",
-    CupOnLayer: "a suction cup on a layer",
-}
-
-
-_SYMMETRIC: dict[type, tuple[Direction, ...]] = {
-    UniaxialSpecimen: ("load", "across"),
-    CylinderOnBlock: ("load", "across", "cylinder"),
-}
-"""Directions of fibres that leave a test as symmetric as it is; else along the load alone."""
+type Sizes = OneTissue | LayeredTest | FibrousTest
 
 
 def bare(sizes: Sizes) -> OneTissue:
     """Return a test without what is in it."""
     return bare(sizes.whole) if isinstance(sizes, LayeredTest | FibrousTest) else sizes
+
+
+def kind_in(sizes: Sizes) -> SpecimenKind[Any, Any]:
+    """Return the kind of a test."""
+    return kind_of(type(bare(sizes)))
 
 
 def layered(sizes: Sizes) -> LayeredTest | None:
@@ -140,21 +104,10 @@ def resized(sizes: Sizes, name: str, value: float) -> Sizes:
         if layers == sizes.layers:
             own[name] = value
         return LayeredTest(replace(sizes.whole, **own), layers)
-    changed: Any = replace(sizes, **{name: value})  # type: ignore[arg-type]
-    return changed  # type: ignore[no-any-return]
+    return replace(sizes, **{name: value})
 
 
 _OF_LAYER = "_thickness"
-
-
-def opening_of(sizes: Sizes) -> float | None:
-    """Return the area of a suction cup's opening (mm2): a suction on it is its force."""
-    whole = bare(sizes)
-    return whole.opening if isinstance(whole, CupOnLayer) else None
-
-
-class SizeError(Exception):
-    """A size, what is wrong with it and how to mend that."""
 
 
 def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
@@ -170,46 +123,53 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
     if given.fibres is None:
         return whole
     own = None if specimen is None else specimen.fibres
-    direction, kind = own or given.fibres.direction, type(bare(whole))
-    known = _SYMMETRIC.get(kind, ("load",))
+    direction, kind = own or given.fibres.direction, given.kind
     key = "fibres.direction" if own is None else "fibres"
     if direction is None:
         raise SizeError(key, "missing", "give it in [fibres], or as fibres with every [[specimen]]")
-    if direction not in known:
-        names = " or ".join(f'"{one}"' for one in known)
+    if direction not in kind.directions:
+        names = " or ".join(f'"{one}"' for one in kind.directions)
+        give = f"give {names}; other directions" if names else "remove [fibres]; they"
         raise SizeError(
-            key,
-            f'"{direction}" breaks the symmetry of {_WORDS[kind]}',
-            f"give {names}; other directions take a cylinder across a block, or bars",
+            key, f'"{direction}" breaks the symmetry of {kind.words}', f"{give} take a cylinder across a block, or bars"
         )
     return FibrousTest(whole, direction)
 
 
 def _without_fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> OneTissue | LayeredTest:
-    own = {key: getattr(specimen, key) for key in SIZES if getattr(specimen, key, None)}
+    stated = {key: getattr(specimen, key) for key in SIZES if getattr(specimen, key, None)}
+    cube = {} if given.recordings.table is None else given.kind.cube
+    own = {**{key: size for key, size in cube.items() if getattr(given.test, key) is None}, **stated}
     for key in own:
         if key not in type(given.test).model_fields:
             raise SizeError(key, "is no size of this test", "remove it")
     layers = _layers(given, specimen)
     if not layers:
-        return _sizes(given.test.model_copy(update=own))
+        return given.kind.body_of(given.test.model_copy(update=own))
     if "thickness_mm" in own or getattr(given.test, "thickness_mm", None) is not None:
         raise SizeError("thickness_mm", "is that of the layers together", "remove it")
     own["thickness_mm"] = sum(thickness for _, thickness in layers)
-    whole = _sizes(given.test.model_copy(update=own))
-    assert isinstance(whole, OnLayers)
-    return LayeredTest(whole, layers)
+    return LayeredTest(given.kind.body_of(given.test.model_copy(update=own)), layers)
 
 
 def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[str, float], ...]:
     """Return names and thicknesses of a specimen's layers, from the base up."""
     own = None if specimen is None else specimen.layers_mm
     if own is None:
-        own = [_given(layer, "thickness_mm", "give it, or layers_mm with every [[specimen]]") for layer in given.layers]
+        own = [needed(layer, "thickness_mm", "give it, or layers_mm with every [[specimen]]") for layer in given.layers]
     elif len(own) != len(given.layers):
         raise SizeError("layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]", "give one a layer")
     names = [layer.name for layer in given.layers]
     return tuple(zip(reversed(names), reversed(own), strict=True))
+
+
+def slipping(sizes: Sizes) -> Sizes | None:
+    """Return a test whose faces don't hold what they touch; None where they don't as stated."""
+    if isinstance(sizes, LayeredTest | FibrousTest):
+        whole = slipping(sizes.whole)
+        return None if whole is None else replace(sizes, whole=whole)
+    free = kind_in(sizes).slipping(sizes)
+    return None if free == sizes else free
 
 
 def sizes_text(sizes: Sizes) -> str:
@@ -224,51 +184,4 @@ def sizes_text(sizes: Sizes) -> str:
         + (value if isinstance(value, str) else f"{value:g} {'mm²' if name == 'area' else 'mm'}")
         for name, value in asdict(sizes).items()
     )
-    return f"{_WORDS[type(sizes)]}: {', '.join(told)}"
-
-
-def _sizes(test: TestEntry) -> OneTissue:
-    match test:
-        case BallEntry():
-            return BallOnLayer(
-                _given(test, "thickness_mm"),
-                test.ball_diameter_mm / 2,
-                _given(test, "diameter_mm") / 2,
-                test.ball,
-                test.base,
-            )
-        case PunchEntry():
-            radius = test.punch_diameter_mm / 2
-            return PunchOnLayer(
-                _given(test, "thickness_mm"),
-                radius,
-                test.edge_mm or 0.05 * radius,
-                _given(test, "diameter_mm") / 2,
-                test.punch,
-                test.base,
-            )
-        case PlatesEntry():
-            diameter, height = _given(test, "diameter_mm"), _given(test, "height_mm")
-            return CylinderBetweenPlates(diameter / 2, height, test.ends)
-        case CylinderEntry():
-            thickness, width, length = (_given(test, key) for key in ("thickness_mm", "width_mm", "length_mm"))
-            radius = test.cylinder_diameter_mm / 2
-            return CylinderOnBlock(thickness, width, length, radius, test.cylinder, test.base)
-        case BarEntry():
-            return UniaxialSpecimen(_given(test, "length_mm"), _given(test, "area_mm2"), test.direction)
-        case SuctionEntry():
-            return CupOnLayer(
-                _given(test, "thickness_mm"),
-                test.opening_mm / 2,
-                test.rim_mm,
-                _given(test, "diameter_mm") / 2,
-                test.rim,
-                test.base,
-            )
-
-
-def _given(entry: FileTable, key: str, remedy: str = "give it with the test, or with every [[specimen]]") -> float:
-    value: float | None = getattr(entry, key)
-    if value is None:
-        raise SizeError(key, "missing", remedy)
-    return value
+    return f"{kind_in(sizes).words}: {', '.join(told)}"

@@ -14,21 +14,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.experiments.lateral_cylinder import CylinderOnBlock
-from legfem.experiments.suction import SuctionTest
-from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
 from legfem.inverse.responses import PLAIN, Displaced, Stopped
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.legs.mechanisms.viscoelasticity import TIMES_S
 from legfem.legs.nuisances import SIZE
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.terms import Fibres, Tissue
+from legfem.mechanics.terms import Fibres
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import experiment_of
+from legfem.specimens.kind import SpecimenTest
 from legfem.specimens.relaxation import borne
-from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, Test, bare, lengths_of, resized
-from legfem.specimens.slipping import slipping
+from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, kind_in, lengths_of, resized, slipping
 from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
 
 if TYPE_CHECKING:
@@ -41,9 +38,6 @@ _BESIDE = "superficial.C10"
 _STATED = "stated_"
 _RESIZED = 0.03
 """Relative step by which the force's change with a size is found."""
-_AS_FORCE = {CylinderOnBlock: ("length",), UniaxialSpecimen: ("area",)}
-"""Sizes that the force is in proportion to, as to a stiffness."""
-
 
 type _Numbers = tuple[tuple[str, float], ...]
 type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
@@ -67,7 +61,7 @@ class SpecimenVariants:
     sizes: Sizes
     depth: float
     tissues: tuple[SpecimenTissue, ...] = (SpecimenTissue(),)
-    _models: dict[str, Test] = field(default_factory=dict, init=False, repr=False)
+    _models: dict[str, SpecimenTest] = field(default_factory=dict, init=False, repr=False)
     _paths: dict[_Asked, Path | Stopped] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -77,8 +71,7 @@ class SpecimenVariants:
     @property
     def measured(self) -> dict[str, float]:
         """Sizes by full name (mm) that change the shape of the force's course."""
-        alike = _AS_FORCE.get(type(bare(self.sizes)), ())
-        lengths = lengths_of(self.sizes)
+        alike, lengths = kind_in(self.sizes).as_force, lengths_of(self.sizes)
         return {SIZE + name: value for name, value in lengths.items() if name not in alike}
 
     @property
@@ -145,22 +138,14 @@ class SpecimenVariants:
         """Return what tells a model from others: its test and terms."""
         return repr((self._sizes(variant), self._terms(variant), self.depth, self.tissues))
 
-    def model(self, variant: str) -> Test:
+    def model(self, variant: str) -> SpecimenTest:
         """Return a model by its name."""
         if variant not in self._models:
-            terms = self._terms(variant)
             laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
             fibrous = next((one.name for one in self._named if one.fibrous), ONE)
             sizes = self._of_model(self._sizes(variant))
             model = experiment_of(sizes, laws, self.depth, fibrous)
-            swapped = [term for term in terms if isinstance(term, Tissue)]
-            if isinstance(model, UniaxialTest):
-                model = replace(model, law=swapped[0].law) if swapped else model
-            elif isinstance(model, SuctionTest):
-                model = replace(model, mechanisms=[*model.mechanisms, *swapped])
-            else:
-                model = replace(model, mechanisms=[*model.mechanisms, *terms])
-            self._models[variant] = model
+            self._models[variant] = model.with_terms(self._terms(variant))
         return self._models[variant]
 
     def _sizes(self, variant: str) -> Sizes:
@@ -170,9 +155,7 @@ class SpecimenVariants:
     def _of_model(self, sizes: Sizes) -> Sizes:
         """Return a test whose layers are called as the model's terms know them."""
         if isinstance(sizes, FibrousTest):
-            whole = self._of_model(sizes.whole)
-            assert not isinstance(whole, FibrousTest)
-            return replace(sizes, whole=whole)
+            return replace(sizes, whole=self._of_model(sizes.whole))
         if not isinstance(sizes, LayeredTest):
             return sizes
         names = (one.name for one in self._named)
@@ -259,7 +242,7 @@ class SpecimenVariants:
             return Stopped(" ".join(str(error).split()) or type(error).__name__)
         if not solved.report.complete:
             return Stopped(str(solved.report))
-        if isinstance(model, UniaxialTest | SuctionTest):
+        if kind_in(self.sizes).relaxes_as_a_whole:
             return _relaxing(solved.path, values, sensitivities)
         return solved.path
 
@@ -271,10 +254,7 @@ def _of_variant(variant: str) -> list[TissueMechanism]:
 
 
 def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[str]) -> Path:
-    """Return a course with what branches bear; see `legfem.specimens.relaxation`.
-
-    Of tests that are solved for their first loading alone: a bar's, and a suction cup's.
-    """
+    """Return a course with what branches bear; see `legfem.specimens.relaxation`."""
     names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
     if not any(name in values or name in sensitivities for name in names):
         return path

@@ -44,7 +44,7 @@ class StockingEntry(FileTable):
         return self
 
 
-class AccuracyEntry(FileTable):
+class OutlineAccuracyEntry(FileTable):
     """``[accuracy]`` of the outlines."""
 
     contour_sd_mm: Positive = 0.2
@@ -123,7 +123,7 @@ class LegFile(FileTable):
     compressed: ShapeEntry | None = None
     stocking: StockingEntry
     labels: LabelsEntry = LabelsEntry()
-    accuracy: AccuracyEntry = AccuracyEntry()
+    accuracy: OutlineAccuracyEntry = OutlineAccuracyEntry()
     tissues: StockingTissues = StockingTissues()
     segment: SegmentEntry = SegmentEntry()
     veins: list[VeinEntry] = Field(default_factory=list)

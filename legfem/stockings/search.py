@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.inverse.least_squares import Damping, damped_gauss_newton
+from legfem.inverse.least_squares import GaussNewtonSettings, damped_gauss_newton
 from legfem.inverse.parameter import Priors
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.estimates import Method, MisfitEmulator, StiffnessFit, profile_intervals
@@ -197,8 +197,8 @@ class StiffnessSearch:
             return self._profile(parameters, found) if found.state.report.complete else None
 
         bounds = np.tile(np.log(BOUNDS), (len(start), 1))
-        damping = Damping(settings.tolerance, settings.least_gain, settings.max_steps, longest=1.0)
-        _, best, converged = damped_gauss_newton(evaluate, np.log(start), self._profile(start, first), bounds, damping)
+        stop = GaussNewtonSettings(settings.tolerance, settings.least_gain, settings.max_steps, longest=1.0)
+        _, best, converged = damped_gauss_newton(evaluate, np.log(start), self._profile(start, first), bounds, stop)
         return StiffnessFit(
             "weighted",
             best.at.parameters,

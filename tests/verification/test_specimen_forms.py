@@ -16,8 +16,9 @@ from test_flat_punch import kappa
 
 import legfem as lf
 from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderBetweenPlates, CylinderCompression
+from legfem.experiments.homogeneous import HomogeneousTest
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
-from legfem.experiments.uniaxial import UniaxialSpecimen, UniaxialTest
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
 from legfem.meshing.meridian import MeridianMeshSettings
@@ -41,7 +42,7 @@ INCOMPRESSIBLE = 1e-5
 )
 def test_an_incompressible_bar_is_that_of_the_textbook(law, sign: float) -> None:
     bar = UniaxialSpecimen(LENGTH, AREA, "tension" if sign > 0 else "compression")
-    solved = UniaxialTest(bar, law).solve(depth=4.0)
+    solved = HomogeneousTest(bar, law).solve(depth=4.0)
     expected = compressed(law, solved.curve.displacement, sign)
     np.testing.assert_allclose(solved.curve.force[1:], expected[1:], rtol=1e-4)
 
@@ -51,13 +52,13 @@ def test_a_compressible_bar_is_the_cylinder_that_slides_between_plates() -> None
     wall = ContactSettings(tangential="frictionless", stiffness=2e7, onset=1e-7)
     settings = AxisymmetricSettings(MeridianMeshSettings(6.0, 0.0), wall)
     meshed = CylinderCompression(CylinderBetweenPlates(10.0, 20.0), law, settings).solve(depth=8.0)
-    bar = UniaxialTest(UniaxialSpecimen(20.0, np.pi * 100.0), law).solve(depth=8.0)
+    bar = HomogeneousTest(UniaxialSpecimen(20.0, np.pi * 100.0), law).solve(depth=8.0)
     np.testing.assert_allclose(bar.curve(meshed.curve.displacement[1:]), meshed.curve.force[1:], rtol=1e-5)
 
 
 def test_a_bars_derivatives_are_those_of_its_force() -> None:
     law = Yeoh(C10, 20.0, C20=2e-3, C30=3e-3)
-    bar = UniaxialTest(UniaxialSpecimen(LENGTH, AREA), law)
+    bar = HomogeneousTest(UniaxialSpecimen(LENGTH, AREA), law)
     names = ["deep.C10", "deep.C20", "deep.C30", "deep.D1"]
     exact = bar.solve(None, 4.0, names).path.sensitivities
     for name in names:

@@ -6,40 +6,21 @@ A module of this folder gives what it defines. Another package gives mechanisms 
 
 from __future__ import annotations
 
-import logging
+import sys
 from functools import cache
-from importlib import import_module
-from importlib.metadata import entry_points
-from inspect import getmembers, isclass
-from pkgutil import iter_modules
 
+from legfem.common.registry import registered
 from legfem.inverse.mechanism import Mechanism, Solution, Stiffness, TissueMechanism, Values
 
 __all__ = ["GROUP", "Mechanism", "Solution", "Stiffness", "TissueMechanism", "Values", "mechanism_named", "mechanisms"]
 
 GROUP = "legfem.mechanisms"
-_log = logging.getLogger("legfem")
 
 
 @cache
 def mechanisms() -> tuple[Mechanism, ...]:
     """Return all mechanisms, by name."""
-    found: dict[str, Mechanism] = {}
-    for info in iter_modules(__path__):
-        module = import_module(f"{__name__}.{info.name}")
-        for _, kind in getmembers(module, isclass):
-            own = kind.__module__ == module.__name__
-            if own and issubclass(kind, Mechanism) and kind not in (Mechanism, TissueMechanism):
-                found[kind.name] = kind()
-    for entry in entry_points(group=GROUP):
-        try:
-            mechanism = entry.load()()
-            if not isinstance(mechanism, Mechanism):
-                raise TypeError(f"{mechanism!r} is no mechanism")
-        except Exception as error:  # another package's fault costs itself only
-            _log.warning("%s: entry point %s can't be used (%s)", GROUP, entry.name, error)
-            continue
-        found[mechanism.name] = mechanism
+    found = {one.name: one for one in registered(sys.modules[__name__], Mechanism, GROUP)}
     return tuple(found[name] for name in sorted(found))
 
 
@@ -55,6 +36,3 @@ def mechanism_named(name: str) -> Mechanism:
         if mechanism.name == name:
             return mechanism
     raise KeyError(name)
-
-
-__all__ = ["Mechanism", "Solution", "Stiffness", "TissueMechanism", "Values", "mechanism_named", "mechanisms"]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from legfem.common.versions import versions_of
-from legfem.data import Channels, Recording
+from legfem.data import Recording, SourceColumns
 from legfem.data.quality import GRADES, Quality
 from legfem.data.reader import QUANTITIES, Proposal
 from legfem.data.segmentation import HOLD
@@ -113,7 +113,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
     )
 
 
-def _read(channels: Channels) -> str:
+def _read(channels: SourceColumns) -> str:
     """Return which columns were taken for what."""
     every = ((quantity, getattr(channels, quantity)) for quantity in QUANTITIES)
     told = (

@@ -33,7 +33,7 @@ DOCUMENT = "correction.json"
 
 
 @dataclass(frozen=True)
-class Asked:
+class CorrectionOutputs:
     """What is wanted besides the calibration and Fig. 4."""
 
     trends: bool = False
@@ -44,7 +44,7 @@ class Asked:
     """Fields of the reference leg in 3D for ParaView, which solves it once more."""
 
 
-def run(given: Calibration, asked: Asked, out: Path, jobs: int, quiet: bool = False) -> None:
+def run(given: Calibration, asked: CorrectionOutputs, out: Path, jobs: int, quiet: bool = False) -> None:
     """Calibrate, draw Fig. 4, and look at what P depends on; collective over all ranks.
 
     Parameters
@@ -65,7 +65,9 @@ def run(given: Calibration, asked: Asked, out: Path, jobs: int, quiet: bool = Fa
         _run(given, asked, out, jobs, progress, comm)
 
 
-def _run(given: Calibration, asked: Asked, out: Path, jobs: int, progress: Progress, comm: MPI.Intracomm) -> None:
+def _run(
+    given: Calibration, asked: CorrectionOutputs, out: Path, jobs: int, progress: Progress, comm: MPI.Intracomm
+) -> None:
     kept = out / "cases"
     found = calibrate(given, kept, jobs, progress, comm)
     if comm.rank == 0:

@@ -1,0 +1,229 @@
+"""Who is in a cohort: folders below one, and what a table says of each."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from legfem.common.errors import InputError
+from legfem.common.input_files import read_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+type Task = Literal["identify", "diagnose", "stocking"]
+"""What is done with each member: the command of that name."""
+FILES: Mapping[str, tuple[str, ...]] = {
+    "identify": ("subject.toml", "specimen.toml"),
+    "diagnose": ("subject.toml", "specimen.toml"),
+    "stocking": ("leg.toml",),
+}
+"""Of which a member's folder holds one."""
+TABLES = ("cohort.csv", "cohort.xlsx")
+DESIGN = ("subject", "group", "side", "session", "date", "rater", "rig")
+"""Columns whose meaning is known, beside ``folder``; ``subject`` is the person."""
+_SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
+
+
+@dataclass(frozen=True)
+class Member:
+    """One folder of a cohort.
+
+    Parameters
+    ----------
+    name : str
+        The folder's path below the cohort's; one of its own.
+    folder : Path
+        Where it is.
+    person : str
+        Whose leg it is; members of one person aren't independent.
+    given : Mapping[str, str | float]
+        What the table says of it: texts of `DESIGN`, and any other column as numbers where all its cells are.
+    problem : str
+        Why nothing can be done with it, on one line.
+    """
+
+    name: str
+    folder: Path
+    person: str
+    given: Mapping[str, str | float] = field(default_factory=dict)
+    problem: str = ""
+
+    @property
+    def place(self) -> str:
+        """Path below a folder of results, that can be written whatever the name is."""
+        parts = Path(self.name).parts
+        if parts and not Path(self.name).is_absolute() and ".." not in parts:
+            return self.name
+        return f"{self.folder.name}-{hashlib.sha256(self.name.encode()).hexdigest()[:8]}"
+
+
+@dataclass(frozen=True)
+class Members:
+    """All of a cohort, in order, and what is to be known of the list itself."""
+
+    folder: Path
+    every: tuple[Member, ...]
+    table: Path | None = None
+    notes: tuple[str, ...] = ()
+
+
+def find_members(folder: Path, task: Task, layout: str = "", table: Path | None = None) -> Members:
+    """Find a cohort's members.
+
+    Parameters
+    ----------
+    folder
+        The cohort's.
+    task
+        What is to be done, which says which folders count.
+    layout
+        Pattern of the members' folders below the cohort's (``P*/leg-*``); without it every folder that holds
+        one of `FILES`.
+    table
+        CSV or workbook with a row a member; one of `TABLES` in the folder without it, if there is one.
+
+    Raises
+    ------
+    InputError
+        If there are none, or the table can't be read or names one twice.
+    """
+    if not folder.is_dir():
+        raise InputError(folder, "cohort", "not found", "give a folder that holds the subjects' folders")
+    found = _folders(folder, task, layout)
+    there = [path for name in TABLES if (path := folder / name).is_file()]
+    if table is None and len(there) > 1:
+        raise InputError(folder, "cohort", "both cohort.csv and cohort.xlsx are there", "name one by --table")
+    table = table or next(iter(there), None)
+    if table is not None:
+        return _of_table(folder, table, found, FILES[task])
+    if not found:
+        files = " or ".join(FILES[task])
+        where = f"matches {layout!r} and" if layout else "below it"
+        raise InputError(folder, "cohort", f"no folder {where} holds {files}", "check the path, --layout and --do")
+    return Members(folder, tuple(Member(name, path, name) for name, path in found.items()))
+
+
+def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
+    """Folders of a cohort by name."""
+    try:
+        places = [path for path in folder.glob(layout) if path.is_dir()] if layout else [folder, *_below(folder)]
+    except (ValueError, NotImplementedError) as error:
+        raise InputError("--layout", layout, f"is no pattern ({error})", "write it as in P*/leg-*") from None
+    held = [path for path in places if any((path / file).is_file() for file in FILES[task])]
+    return {path.relative_to(folder).as_posix(): path for path in sorted(held)}
+
+
+def _below(folder: Path) -> list[Path]:
+    def hidden(path: Path) -> bool:
+        return any(part.startswith(".") for part in path.relative_to(folder).parts)
+
+    return [path for path in folder.rglob("*") if path.is_dir() and not hidden(path)]
+
+
+def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Sequence[str]) -> Members:
+    cells = _cells(table)
+    column = "folder" if "folder" in cells else "subject"
+    if column not in cells:
+        raise InputError(table, "header", "there is neither folder nor subject", "add a column folder")
+    seen: dict[Path, int] = {}
+    members = []
+    numbers = {name: numbers for name in cells if (numbers := _as_numbers(cells[name], name)) is not None}
+    for place, (line, row) in enumerate(cells.iterrows()):
+        given = {name: text for name in cells if name != "folder" and (text := str(row[name]))}
+        if not row[column]:
+            raise InputError(table, f"{column}, line {line}", "is empty", "name a folder, or remove the row")
+        path = (folder / row[column]).resolve()
+        if path in seen:
+            raise InputError(
+                table, f"{column}, line {line}", f"'{row[column]}' stands in line {seen[path]} too", "remove one"
+            )
+        seen[path] = int(line)
+        known: dict[str, str | float] = {
+            name: numbers[name][place] if name in numbers else text for name, text in given.items()
+        }
+        if "side" in known:
+            known["side"] = _SIDES.get(str(known["side"]).lower(), str(known["side"]))
+        _check_date(table, int(line), given.get("date", ""))
+        problem = _problem(path, row[column], found, files)
+        name = str(Path(row[column]))
+        members.append(
+            Member(name, path, given.get("subject", name), known, problem and f"{table}: line {line}: {problem}")
+        )
+    if all(one.problem for one in members):
+        raise InputError(
+            table, column, f"none of {len(members)} folders is there", f"write paths as seen from {folder}"
+        )
+    left = [name for name, path in found.items() if path.resolve() not in seen]
+    shown = ", ".join(left[:5]) + (", …" if len(left) > 5 else "")
+    notes = [f"Not in {table.name}, and so left out: {shown} ({len(left)})."] if left else []
+    return Members(folder, tuple(members), table, tuple(notes))
+
+
+def _problem(path: Path, written: str, found: Mapping[str, Path], files: Sequence[str]) -> str:
+    if any((path / file).is_file() for file in files):
+        return ""
+    near = difflib.get_close_matches(written, found, n=1)
+    hint = f"did you mean '{near[0]}'?" if near else "check its name"
+    what = f"holds no {' or '.join(files)}" if path.is_dir() else "is not there"
+    return f"folder '{written}' {what}; {hint}"
+
+
+def _cells(table: Path) -> pd.DataFrame:
+    """Texts of a table by its lower-case column names; the index is the line."""
+    import pandas as pd
+
+    if not table.is_file():
+        raise InputError(table, "file", "not found", "check the path")
+    try:
+        if table.suffix.lower() == ".xlsx":
+            cells = pd.read_excel(table, dtype=str)
+        else:
+            text = read_text(table, "check the path", "save it as CSV text")
+            first = text.partition("\n")[0]
+            mark = next((mark for mark in ";\t" if mark in first), ",")
+            from io import StringIO
+
+            cells = pd.read_csv(StringIO(text), sep=mark, dtype=str, skip_blank_lines=False)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a library meets in a damaged file
+        said = " ".join(str(error).split())[:120]
+        raise InputError(table, "file", f"can't be read ({said})", "save it as CSV or .xlsx again") from None
+    cells.columns = pd.Index([str(name).strip() for name in cells.columns])
+    lower = [name.lower() if name.lower() in ("folder", *DESIGN, "age", "sex", "bmi") else name for name in cells]
+    if twice := sorted({name for name in lower if lower.count(name) > 1}):
+        raise InputError(table, "header", f"column '{twice[0]}' is there twice", "rename one")
+    cells.columns = pd.Index(lower)
+    cells.index = pd.Index(range(2, len(cells) + 2))
+    cells = cells.fillna("").map(lambda cell: str(cell).strip())
+    cells = cells[(cells != "").any(axis=1)]
+    if cells.empty:
+        raise InputError(table, "rows", "there are none", "give a row a folder")
+    return cells
+
+
+def _as_numbers(column: pd.Series[str], name: str) -> list[float] | None:
+    """A column's numbers, NaN where it is empty; None where one is a text, or the column is of texts."""
+    import pandas as pd
+
+    if name in (*DESIGN, "folder", "sex"):
+        return None
+    plain = column.str.replace(r"^([+-]?\d+),(\d+)$", r"\1.\2", regex=True)
+    values = pd.to_numeric(plain, errors="coerce")
+    return None if (values.isna() & (column != "")).any() or values.isna().all() else [float(v) for v in values]
+
+
+def _check_date(table: Path, line: int, text: str) -> None:
+    import pandas as pd
+
+    if not text:
+        return
+    try:
+        pd.to_datetime(text, format="ISO8601")
+    except ValueError:
+        raise InputError(table, f"date, line {line}", f"'{text}' is no date", "write 2026-01-31") from None

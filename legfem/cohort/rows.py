@@ -1,0 +1,165 @@
+"""What was found of each member: a row of the cohort, from the documents that the commands write."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One number with its 95 % interval; None where there is none."""
+
+    value: float
+    low: float | None
+    high: float | None
+    sd: float | None
+    """Standard error."""
+    unit: str
+    verdict: str = ""
+    """``identifiable``, ``weakly identifiable``, ``not identifiable``, or empty."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Measured and predicted force of a leg pressed at one site."""
+
+    displacement_mm: tuple[float, ...]
+    measured_N: tuple[float | None, ...]
+    force_N: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Result under one model: a law, or a diagnosis before and after what it adds."""
+
+    measures: Mapping[str, Measure]
+    """By key, as in ``result.json``: ``c10_deep``."""
+    p_value: float | None = None
+    """Of the fit."""
+    curve: Curve | None = None
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the member's own page says first."""
+
+    tone: str
+    """Of `legfem.report.page.Tone`; empty where there is no page."""
+    sentence: str
+    warnings: tuple[str, ...] = ()
+    preferred: str = ""
+    """Key of the model that the recordings ask for."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a member's outlines say, beside the fit."""
+
+    fat_mm: float | None = None
+    """Under the indenter, or the mean around the leg."""
+    girth_mm: float | None = None
+    fibula: float | None = None
+    """On which side of the tibia it lies, looking along the indenter's travel: positive to the right."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One member's result, or why there is none."""
+
+    member: str
+    part: str = ""
+    """Of a folder of specimens that are diagnosed one by one, which."""
+    problem: str = ""
+    """On one line; empty for what was done."""
+    judged: Judged = Judged("", "")
+    models: Mapping[str, Found] = field(default_factory=dict)
+    verdict: str = ""
+    """Of a diagnosis."""
+    origin: str = ""
+    recordings: Mapping[str, str] = field(default_factory=dict)
+    """Hash of each recording's numbers, by name."""
+    shape: Shape = Shape()
+    report: str = ""
+    """Its page, as seen from the cohort's folder of results."""
+    seconds: float = 0.0
+    peak_mb: float = 0.0
+    """Most memory of the process that did it."""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """One of its own in the cohort."""
+        return f"{self.member}: {self.part}" if self.part else self.member
+
+    @property
+    def done(self) -> bool:
+        """Whether there is a result."""
+        return not self.problem
+
+
+_NORMAL = 1.96
+"""Standard errors in half a 95 % interval."""
+_POINTS = 40
+"""Of a curve, which is drawn small."""
+
+
+def models_of(document: Mapping[str, Any]) -> dict[str, Found]:
+    """What a ``result.json`` or ``diagnosis.json`` holds, by model."""
+    if "laws" in document:
+        return {
+            name: Found(_measures(law["parameters"]), law["goodness"]["p_value"], _curve(law))
+            for name, law in document["laws"].items()
+        }
+    if "stiffness" in document:
+        entries = {
+            name: entry["identified"]
+            for name, entry in document["stiffness"].items()
+            if entry["identified"] is not None
+        }
+        return {"": Found(_measures(entries))}
+    base = document["base_model"]["p_value"]
+    return {
+        f"{when} repair": Found(_measures(document[f"parameters_{when}"]), base if when == "before" else None)
+        for when in ("before", "after")
+    }
+
+
+def _measures(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Measure]:
+    return {name: _measure(entry) for name, entry in entries.items() if entry["value"] is not None}
+
+
+def _measure(entry: Mapping[str, Any]) -> Measure:
+    low, high = entry.get("ci95") or (None, None)
+    sd = entry.get("standard_error")
+    if sd is None and low is not None and high is not None:
+        sd = (high - low) / (2 * _NORMAL)
+    return Measure(entry["value"], low, high, sd, entry["unit"], entry.get("identifiability") or "")
+
+
+def _curve(law: Mapping[str, Any]) -> Curve | None:
+    curve = law.get("curve")
+    if curve is None or "displacement_mm" not in curve:
+        return None
+    columns = [curve[name] for name in ("displacement_mm", "measured_force_N", "force_N")]
+    step = max(1, -(-len(columns[0]) // _POINTS))
+    thin = [tuple(values[::step]) for values in columns]
+    return Curve(thin[0], thin[1], thin[2])
+
+
+def cohort_model(rows: Sequence[Row]) -> str:
+    """The model under which a cohort is compared: that which most recordings ask for.
+
+    C10 of one law isn't C10 of another; legs are compared under one.
+    """
+    preferred = [row.judged.preferred for row in rows if row.done]
+    return max(dict.fromkeys(preferred), key=preferred.count, default="")
+
+
+def measured(rows: Sequence[Row], model: str) -> Iterator[tuple[Row, Found]]:
+    """Yield the rows that have a result under a model."""
+    for row in rows:
+        if row.done and model in row.models:
+            yield row, row.models[model]

@@ -1,0 +1,103 @@
+"""``python -m legfem.cohort``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from legfem.commands.options import Jobs
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, end_without_a_solution, parallel_context
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+def _option(text: str) -> Any:
+    return typer.Option(help=text, show_default=False)
+
+
+@app.command()
+def cohort(
+    folder: Annotated[Path, typer.Argument(help="That holds the members' folders, and cohort.csv or .xlsx.")],
+    do: Annotated[
+        Literal["identify", "diagnose", "stocking"], _option("What to do with each; identify by default.")
+    ] = "identify",
+    layout: Annotated[
+        str,
+        _option(
+            "Pattern of the members' folders, 'P*/leg-*'; every folder below with a subject.toml or specimen.toml "
+            "(of stockings leg.toml) by default."
+        ),
+    ] = "",
+    table: Annotated[Path | None, _option("In place of FOLDER/cohort.csv.")] = None,
+    law: Annotated[str | None, _option("As of identify; both by default.")] = None,
+    identify: Annotated[list[str] | None, _option("As of identify; may be given again.")] = None,
+    prior: Annotated[list[str] | None, _option("As of identify; may be given again.")] = None,
+    fix: Annotated[list[str] | None, _option("As of identify; may be given again.")] = None,
+    depth: Annotated[float | None, _option("As of identify, mm.")] = None,
+    correction: Annotated[str | None, _option("As of identify or diagnose.")] = None,
+    model: Annotated[Literal["2d", "3d"] | None, _option("As of identify.")] = None,
+    mesh: Annotated[
+        Literal["coarse"] | None, _option("For a quick look at all legs, and no result to rely on.")
+    ] = None,
+    library: Annotated[Path | None, _option("As of diagnose.")] = None,
+    cells: Annotated[int | None, _option("As of stocking.")] = None,
+    seed: Annotated[int | None, _option("As of identify or diagnose.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; results/cohort-NAME by default.")] = None,
+    jobs: Jobs = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would be done, for how long and with how much memory.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Identify, diagnose or dress every leg of a cohort, and look at all together.
+
+    Reads a folder of subject, specimen or stocking folders and, if it is there, cohort.csv or
+    cohort.xlsx (subject, folder, group, side, session, date, rater, rig, age, sex, BMI, any columns);
+    writes the table, a page, and each member's own report. A member that fails costs its own row.
+    The same command goes on where it was stopped, and does again only what has changed.
+
+    Example: python -m legfem.cohort study --law reduced-polynomial --out results/study
+    """
+    resume = "run the same command again to go on; members that are done are kept"
+    with parallel_context(jobs, resume, quiet) as processes:
+        from legfem.api.cohorts import DOCUMENT, Expected
+        from legfem.api.cohorts import cohort as cohort_in_full
+        from legfem.cohort.table import CSV
+        from legfem.commands.options import print_outcome
+        from legfem.report.cohort import PAGE
+
+        place = out or Path("results") / f"cohort-{folder.resolve().name}"
+        check_out_folder(place)
+        found = cohort_in_full(
+            folder,
+            do=do,
+            layout=layout,
+            table=table,
+            law=law,
+            identify=identify,
+            prior=prior or (),
+            fix=fix or (),
+            depth=depth,
+            correction=correction,
+            model=model,
+            mesh=mesh,
+            library=library,
+            cells=cells,
+            seed=seed,
+            out=place,
+            jobs=processes,
+            dry_run=dry_run,
+            progress=not quiet,
+        )
+        if isinstance(found, Expected):
+            print(found.summary(), end="")
+            return
+        report = found.write(place)
+        print_outcome([found.summary()], place / DOCUMENT, report, quiet, as_json)
+        if not as_json:
+            print(f"page:   {report.with_name(PAGE)}\ntable:  {report.with_name(CSV)}")
+        if not any(row.done for row in found.rows):
+            end_without_a_solution("no member could be done")

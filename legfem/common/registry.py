@@ -1,0 +1,43 @@
+"""Registries: one object for every file of a folder, and those that other packages add by entry points."""
+
+from __future__ import annotations
+
+import logging
+from importlib import import_module
+from importlib.metadata import entry_points
+from inspect import getmembers, isabstract, isclass
+from pkgutil import iter_modules
+from types import ModuleType
+from typing import Any
+
+_log = logging.getLogger("legfem")
+
+
+def registered(folder: ModuleType, base: Any, group: str) -> list[Any]:
+    """Return an instance of each class that a folder's modules define, and of those of other packages.
+
+    Parameters
+    ----------
+    folder : module
+        Package whose modules count; what one of them imports doesn't, nor what is abstract.
+    base : type
+        Of which the classes are subclasses; it may be abstract.
+    group : str
+        Entry point group of other packages: each entry makes such an instance. A fault of theirs costs itself only.
+    """
+    found: list[Any] = []
+    for info in iter_modules(folder.__path__):
+        module = import_module(f"{folder.__name__}.{info.name}")
+        for _, kind in getmembers(module, isclass):
+            if kind.__module__ == module.__name__ and issubclass(kind, base) and not isabstract(kind):
+                found.append(kind())
+    for entry in entry_points(group=group):
+        try:
+            made = entry.load()()
+            if not isinstance(made, base):
+                raise TypeError(f"{made!r} is no {base.__name__}")
+        except Exception as error:
+            _log.warning("%s: entry point %s can't be used (%s)", group, entry.name, error)
+            continue
+        found.append(made)
+    return found

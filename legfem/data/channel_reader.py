@@ -1,0 +1,205 @@
+"""Reading channels beside the force: columns of a recording, or files of their own that ``[channels]`` names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+from pydantic import create_model, model_validator
+
+from legfem.common.errors import InputError
+from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
+from legfem.common.units import FloatArray
+from legfem.data.channels import CHANNELS, ChannelAccuracy, ChannelKind, RecordedChannel
+from legfem.data.formats import read_sheets
+from legfem.data.formats.sheet import Column, Quantity, measures, unit_named
+from legfem.data.reader import channel_of
+from legfem.data.recording import Recording, backwards, not_increasing
+
+TRIAL = "{trial}"
+"""In the name of a file: the name of the trial that it belongs to."""
+
+
+class RecordedChannelEntry(FileTable):
+    """``[channels.NAME]``: where a channel is found, and how accurate it is; what isn't given is usual."""
+
+    file: Text | None = None
+    """Table of ``time_s`` and the channel, within the subject's folder; a column of the recordings without it."""
+    column: Text | None = None
+    """Of that table, where its name isn't the channel's."""
+    sd_mm: Positive | None = None
+    sd_N: Positive | None = None
+    bias_mm: NotNegative | None = None
+    bias_N: NotNegative | None = None
+    slow_mm: NotNegative | None = None
+    slow_N: NotNegative | None = None
+    gain_percent: NotNegative | None = None
+    lag_s: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _file_within(self) -> RecordedChannelEntry:
+        if self.file is not None and (PurePath(self.file).is_absolute() or ".." in PurePath(self.file).parts):
+            raise trouble("file", f"{self.file!r} leaves the folder", "name one within it")
+        if self.column is not None and self.file is None:
+            raise trouble("column", "is given without a file", "name the file, or call the recording's column as usual")
+        return self
+
+    def accuracy(self, kind: ChannelKind, source: Path) -> ChannelAccuracy:
+        """Return what is stated of a kind's accuracy, and what is usual of the rest.
+
+        Raises
+        ------
+        InputError
+            If an error is given in another unit, or clocks that are a second apart.
+        """
+        usual, field = kind.usual, f"channels.{kind.name}"
+        other = "mm" if kind.unit == "N" else "N"
+        for name in ("sd", "bias", "slow"):
+            if getattr(self, f"{name}_{other}") is not None:
+                raise InputError(
+                    source, f"{field}.{name}_{other}", f"the channel is in {kind.unit}", f"give {name}_{kind.unit}"
+                )
+        if self.lag_s is not None and self.lag_s >= LONGEST_LAG_S:
+            raise InputError(
+                source,
+                f"{field}.lag_s",
+                f"clocks that may be {self.lag_s:g} s apart say nothing of where the cylinder was",
+                "bring both to one clock (tap the cylinder, and look for it in both)",
+            )
+        given = {
+            "reading": getattr(self, f"sd_{kind.unit}"),
+            "bias": getattr(self, f"bias_{kind.unit}"),
+            "slow": getattr(self, f"slow_{kind.unit}"),
+            "gain": None if self.gain_percent is None else self.gain_percent / 100,
+            "lag": self.lag_s,
+        }
+        return replace(usual, **{name: value for name, value in given.items() if value is not None})
+
+
+_FIELDS: dict[str, Any] = dict.fromkeys(CHANNELS, (RecordedChannelEntry | None, None))
+ChannelsEntry: type[FileTable] = create_model("ChannelsEntry", __base__=FileTable, __module__=__name__, **_FIELDS)
+"""``[channels]``: an entry for each of what was recorded beside the force."""
+
+LONGEST_LAG_S = 1.0
+"""Of a channel's clock, from which on it is refused, s."""
+
+
+def with_channels(toml: Path, given: FileTable, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    """Return recordings with the channels that a subject's file names, and the accuracy that it states.
+
+    Raises
+    ------
+    InputError
+        If a channel's file or column isn't there or can't be read.
+    """
+    entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
+    for name, entry in entries.items():
+        kind = CHANNELS[name]
+        accuracy = entry.accuracy(kind, toml)
+        if not recordings:
+            continue
+        if entry.file is None:
+            recordings = [_stated(one, kind, accuracy) for one in recordings]
+            if not any(channel.name == name for one in recordings for channel in one.channels):
+                raise InputError(
+                    toml,
+                    f"channels.{name}",
+                    f"no recording has a column {kind.column}",
+                    "add it, its cells empty where nothing was read, or name a file",
+                )
+            continue
+        if len(recordings) > 1 and TRIAL not in entry.file:
+            raise InputError(
+                toml,
+                f"channels.{name}.file",
+                f"'{entry.file}' is one file for {len(recordings)} trials",
+                f"give one a trial, and write {TRIAL} for the trial's name, as in us-{TRIAL}.csv",
+            )
+        recordings = [_with_file(toml.parent, entry, kind, accuracy, one) for one in recordings]
+    return tuple(recordings)
+
+
+def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) -> Recording:
+    stated = (replace(one, accuracy=accuracy) if one.name == kind.name else one for one in recording.channels)
+    return replace(recording, channels=tuple(stated))
+
+
+def _with_file(
+    folder: Path, entry: RecordedChannelEntry, kind: ChannelKind, accuracy: ChannelAccuracy, recording: Recording
+) -> Recording:
+    assert entry.file is not None
+    path = folder / entry.file.replace(TRIAL, recording.trial)
+    if any(one.name == kind.name for one in recording.channels):
+        raise InputError(
+            path, kind.name, f"{recording.trial} has a column {kind.column} too", "keep the column or the file"
+        )
+    time, values = read_channel(path, kind, entry.column)
+    channel = RecordedChannel(kind.name, time, values, accuracy)
+    return replace(recording, channels=(*recording.channels, channel))
+
+
+def read_channel(path: Path, kind: ChannelKind, column: str | None = None) -> tuple[FloatArray, FloatArray]:
+    """Read a channel's file.
+
+    Parameters
+    ----------
+    path
+        A table of ``time_s`` and the channel's column, of few rows or many; or an instrument's file of any kind
+        that recordings may have, whose columns state their units.
+    kind
+        Of the channel.
+    column
+        Name of its column, where that isn't the only one of its unit.
+
+    Returns
+    -------
+    time, values : (k,) array
+        s, and the kind's unit.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, or time doesn't increase.
+    """
+    try:
+        table = read_table(path, ("time_s", column or kind.column))
+        time, values = (table[name].to_numpy(dtype=np.float64) for name in table)
+    except InputError as error:
+        if error.field != "header":
+            raise
+        time, values = _of_instrument(path, kind, column, error)
+    rows = not_increasing(time)
+    if rows:
+        raise InputError(path, f"time, row {rows[0] + 1}", f"{backwards(time, rows[0])})", "sort the rows by time")
+    return time, values
+
+
+def _of_instrument(path: Path, kind: ChannelKind, column: str | None, own: InputError) -> tuple[FloatArray, FloatArray]:
+    try:
+        sheets = read_sheets(path)
+    except InputError:
+        raise own from None
+    columns = [one for sheet in sheets for one in sheet.columns]
+    timed = [c for c in columns if measures(c, "time")]
+    quantity: Quantity = "force" if kind.unit == "N" else "displacement"
+    able = [c for c in columns if measures(c, quantity) and c not in timed]
+    named = [c for c in able if c.name == column] if column else [c for c in able if channel_of(c) == kind] or able
+    if len(timed) != 1 or len(named) != 1:
+        there = ", ".join(f"'{c.name}' in {c.unit or 'no unit'}" for c in columns)
+        what = "time" if len(timed) != 1 else kind.name
+        raise InputError(
+            path,
+            what,
+            f"no one column of {there} is it",
+            f"give time_s,{kind.column}, or name the column under [channels.{kind.name}]",
+        )
+    time, values = (c.values * factor for c in (timed[0], named[0]) for factor in (_factor(c),))
+    return time, values
+
+
+def _factor(column: Column) -> float:
+    unit = unit_named(column.unit or "")
+    return 1.0 if unit is None else unit.factor

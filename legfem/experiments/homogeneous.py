@@ -1,0 +1,191 @@
+r"""A specimen in which the strain is the same everywhere: no mesh, the stress of any law in closed form.
+
+A body says its deformation gradient :math:`F` at a displacement of what moves it, up to stretches along axes that
+nothing holds. With the energy's derivatives :math:`w = \partial U / \partial \bar I_1` and
+:math:`p = \partial U / \partial J`, the law's own, :math:`b = F F^T` and :math:`J = \det F`, the Kirchhoff stress is
+
+.. math:: \tau = 2 w J^{-2/3} \Bigl(b - \frac{\mathrm{tr}\, b}{3} I\Bigr) + p J I + \tau^f,
+
+the free stretches are those at which :math:`\tau` vanishes along their axes, and the nominal stress is
+:math:`P = \tau F^{-T}` (R. W. Ogden, Non-linear Elastic Deformations (1984), section 4.3). Fibres
+(`legfem.mechanics.terms.Fibres`) along a principal direction f don't shear, since :math:`I_5 = I_4^2` there, and add
+
+.. math:: \tau^f_f = \tfrac12 (E_L - 3 \mu_T) (\lambda_f^2 - 1) \lambda_f^2.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from legfem.common.errors import InputError, check_positive
+from legfem.common.units import FloatArray
+from legfem.experiments.experiment import ProtocolTest, Solved, sample_protocol
+from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.terms import Fibres, Tissue
+from legfem.solve.path import Path
+from legfem.solve.protocol import Protocol
+from legfem.solve.report import SolveReport
+
+# Of every stretch of a protocol.
+_POINTS = 80
+# Of the length: nothing can be pressed to nothing.
+_SHORTEST = 0.05
+_NEWTON_STEPS = 40
+_IMAGINARY = 1e-30
+# Of the stretches' logarithms.
+_MOVE, _SMALL, _FARTHEST = 1e-7, 1e-15, 0.3
+
+
+@dataclass(frozen=True)
+class HomogeneousBody(ABC):
+    """Sizes of a specimen that is strained alike everywhere.
+
+    Parameters
+    ----------
+    length : float
+        By which a displacement is a strain, undeformed (mm).
+    area : float
+        On which the force acts, undeformed (mm2).
+    """
+
+    length: float
+    area: float
+
+    free: ClassVar[tuple[int, ...]]
+    """Axes along which nothing pulls: their stretches follow."""
+    component: ClassVar[tuple[int, int]]
+    """Of the nominal stress that is recorded."""
+
+    def __post_init__(self) -> None:
+        """Check the sizes."""
+        check_positive(self, "length", "area")
+
+    @property
+    def sign(self) -> float:
+        """Of the strain in which displacement and force count as positive."""
+        return 1.0
+
+    @abstractmethod
+    def gradient(self, strain: Any, free: Any) -> Any:
+        """Return the deformation gradient (n, 3, 3) at strains (n,), with the free axes' stretches (k, n)."""
+
+    @abstractmethod
+    def free_stretch(self, strain: Any) -> Any:
+        """Return the stretch (n,) of the free axes at which nothing changes its volume."""
+
+    def nominal_over_true(self, strain: FloatArray) -> FloatArray:
+        """Return the recorded component of the nominal stress over that of the true one, (n,), at a kept volume."""
+        free = np.tile(self.free_stretch(strain), (len(self.free), 1))
+        column = self.component[1]
+        return np.asarray(np.linalg.inv(self.gradient(strain, free))[:, column, column].real)
+
+
+@dataclass(frozen=True, eq=False)
+class HomogeneousTest(ProtocolTest):
+    """The body's test, an `legfem.experiments.experiment.Experiment`.
+
+    Parameters
+    ----------
+    test
+        Sizes.
+    law
+        Law of the tissue, whose parameters are named ``deep.C10`` and so on.
+    fibres
+        Fibres of the tissue along an axis: the second is the load's, the others are across.
+    """
+
+    test: HomogeneousBody
+    law: Hyperelastic
+    fibres: Fibres | None = None
+
+    def __post_init__(self) -> None:
+        """Check that fibres aren't sheared."""
+        if self.fibres is not None and sorted(map(abs, self.fibres.axis)) != [0.0, 0.0, 1.0]:
+            raise InputError("bar", "fibres", "are oblique: the bar would shear", "turn them along or across")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the law and the fibres by full name."""
+        own = {f"deep.{name}": value for name, value in self.law.parameters.items()}
+        return own | ({} if self.fibres is None else self.fibres.parameters)
+
+    def with_terms(self, terms: Sequence[object]) -> Self:
+        """Return the test with the laws and fibres among a model's terms; the others need a mesh."""
+        changed = self
+        for term in terms:
+            if isinstance(term, Tissue):
+                changed = replace(changed, law=term.law)
+            elif isinstance(term, Fibres):
+                changed = replace(changed, fibres=term)
+        return changed
+
+    def _follow(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
+        """Move the body along a protocol.
+
+        Derivatives are exact, by a complex step (J. N. Lyness, C. B. Moler, SIAM J. Numer. Anal. 4
+        (1967) 202-210).
+        """
+        parameters = {**self.parameters, **(values or {})}
+        target = protocol.depth
+        farthest = target if self.test.sign > 0 else min(target, (1 - _SHORTEST) * self.test.length)
+        time, at = sample_protocol(protocol, _POINTS, farthest)
+        force = self._force(parameters, at)
+        by = {}
+        for name in sensitivities:
+            moved = {**parameters, name: parameters[name] + 1j * _IMAGINARY}
+            by[name] = self._force(moved, at).imag / _IMAGINARY
+        path = Path(time, at, force.real, by)
+        complete = farthest >= target
+        reason = "" if complete else "the specimen is pressed to nothing"
+        report = SolveReport(float(at.max()), target, complete, reason)
+        return Solved(parameters, path.loading, path, report)
+
+    def _force(self, parameters: Mapping[str, Any], at: FloatArray) -> Any:
+        """Return the force (n,), N, with complex numbers where a parameter is complex."""
+        own = {name.removeprefix("deep."): value for name, value in parameters.items()}
+        law = replace(self.law, **{name: own[name] for name in self.law.parameters})
+        body, sign = self.test, self.test.sign
+        strain = sign * at / body.length + 0j
+        axes = list(body.free)
+
+        def stresses(free: Any) -> tuple[Any, Any]:
+            gradient = body.gradient(strain, np.exp(free))
+            return gradient, self._kirchhoff(law, own, gradient)
+
+        free = np.tile(np.log(body.free_stretch(strain)), (len(axes), 1))
+        for _ in range(_NEWTON_STEPS if axes else 0):
+            value = stresses(free)[1][:, axes, axes]
+            columns = []
+            for k in range(len(axes)):
+                move = _MOVE * np.eye(len(axes))[k][:, None]
+                rise = (stresses(free + move)[1] - stresses(free - move)[1])[:, axes, axes]
+                columns.append(rise.real / (2 * _MOVE))
+            change = -np.linalg.solve(np.stack(columns, axis=-1), value[..., None])[..., 0].T
+            longest = np.abs(change).max(axis=0)
+            free = free + change * np.minimum(1.0, _FARTHEST / np.maximum(longest, _SMALL))
+            if longest.max() < _SMALL:
+                break
+        gradient, kirchhoff = stresses(free)
+        nominal = np.linalg.solve(gradient, np.swapaxes(kirchhoff, 1, 2))
+        row, column = body.component
+        return sign * body.area * nominal[:, column, row]
+
+    def _kirchhoff(self, law: Hyperelastic, own: Mapping[str, Any], gradient: Any) -> Any:
+        """Return the Kirchhoff stress (n, 3, 3), MPa, at deformation gradients (n, 3, 3)."""
+        unit = np.eye(3)
+        square, volume = gradient @ np.swapaxes(gradient, 1, 2), np.linalg.det(gradient)
+        total, shrunk = np.trace(square, axis1=1, axis2=2), volume ** (-2 / 3)
+        deviator = shrunk[:, None, None] * (square - total[:, None, None] * unit / 3)
+        slope = 2 * law.distortion_slope(shrunk * total - 3)
+        found = slope[:, None, None] * deviator + (law.volumetric_slope(volume) * volume)[:, None, None] * unit
+        if self.fibres is not None:
+            # The load's own axis is the second of a section's.
+            k = (1, 0, 2)[int(np.argmax(np.abs(self.fibres.axis)))]
+            stretch = square[:, k, k]
+            found[:, k, k] += own["fibres.extension"] / 2 * (stretch - 1) * stretch
+        return found

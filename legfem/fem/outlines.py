@@ -1,0 +1,177 @@
+r"""Outlines of a section's parts as it deforms, where lines cross them, and how crossings move.
+
+A deformed outline is :math:`x(s) = X(s) + u(X(s))`, quadratic along every edge of the mesh. A line
+through :math:`o` along :math:`t`, at an offset :math:`e` beside it, meets it where
+
+.. math:: c(s) = (x(s) - o) \cdot n - e = 0, \qquad a = (x(s) - o) \cdot t,
+
+with :math:`n` across the line. As the nodes move at the rates :math:`x'`, the crossing slides along
+the outline, and its place along the line changes by
+
+.. math:: a' = x' \cdot t - \frac{a_s}{c_s}\, x' \cdot n.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem, la
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.fem.spaces import LegSpaces
+
+_EDGES = np.array([[1, 2, 3], [2, 0, 4], [0, 1, 5]])
+"""Nodes of a quadratic triangle's edges: their ends, then their middle."""
+_ROUND = 1e-9
+"""By how much a crossing may lie beyond the ends of its edge, over its length: at a node it is both edges'."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Edges of a section's mesh in any order, those of all ranks.
+
+    Parameters
+    ----------
+    nodes : (n, 3) int array
+        The rank's edges as nodes of the displacement space: ends, then middle.
+    places : (m, 3, 2) array
+        Undeformed nodes of all ranks' edges, mm.
+    comm
+        The ranks.
+    """
+
+    nodes: NDArray[np.int32]
+    places: FloatArray
+    comm: MPI.Intracomm
+
+    def values(self, nodal: FloatArray) -> FloatArray:
+        """Return a field's values at the edges' nodes, (m, 3, 2), from those at the rank's nodes, (nodes, 2)."""
+        return np.concatenate(self.comm.allgather(nodal[self.nodes]))
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where a line first meets an outline.
+
+    Parameters
+    ----------
+    edge
+        Number of the edge.
+    position
+        Along the edge, from 0 to 1.
+    along
+        Along the line, from its origin (mm).
+    slip
+        a_s / c_s: how far along the line the crossing moves as the outline moves by 1 across it.
+    """
+
+    edge: int
+    position: float
+    along: float
+    slip: float
+
+    def rate(self, rates: FloatArray, direction: FloatArray) -> float:
+        """Return the derivative of its place along the line, from those of the edges' nodes (m, 3, 2)."""
+        moves = _shapes(self.position) @ rates[self.edge]
+        return float(moves @ direction - self.slip * (moves @ across(direction)))
+
+
+def across(direction: FloatArray) -> FloatArray:
+    """Return a plane's direction turned by 90 degrees, counter-clockwise."""
+    return np.array([-direction[1], direction[0]])
+
+
+def first_crossing(
+    points: FloatArray, origin: FloatArray, direction: FloatArray, beside: float = 0.0
+) -> Crossing | None:
+    """Return the first crossing of a line with an outline; None where there is none.
+
+    Parameters
+    ----------
+    points
+        Deformed nodes of the outline's edges, (m, 3, 2), mm.
+    origin, direction
+        A point on the line (mm) and its unit vector.
+    beside
+        How far the line is shifted to the left of its direction (mm).
+    """
+    offset = (points - origin) @ across(direction) - beside
+    along = (points - origin) @ direction
+    first, last, middle = offset.T
+    # The edge is within the hull of its Bezier points.
+    hull = np.stack([first, last, 2 * middle - 0.5 * (first + last)])
+    found = []
+    for edge in np.flatnonzero((hull.min(axis=0) <= _ROUND) & (hull.max(axis=0) >= -_ROUND)):
+        square, linear, constant = _coefficients(offset[edge])
+        for position in _roots(square, linear, constant):
+            slope = 2 * square * position + linear
+            if slope != 0.0:
+                bend, rise, _ = _coefficients(along[edge])
+                place = float(_shapes(position) @ along[edge])
+                found.append(Crossing(int(edge), position, place, (2 * bend * position + rise) / slope))
+    return min(found, key=lambda crossing: crossing.along, default=None)
+
+
+def _shapes(position: float) -> FloatArray:
+    """Return the shape functions of an edge's ends and middle."""
+    s = position
+    return np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+
+
+def _coefficients(nodal: FloatArray) -> tuple[float, float, float]:
+    """Return those of s^2, s and 1 of a field along an edge."""
+    first, last, middle = map(float, nodal)
+    return 2 * first + 2 * last - 4 * middle, 4 * middle - 3 * first - last, first
+
+
+def _roots(square: float, linear: float, constant: float) -> list[float]:
+    """Return the real roots in an edge of a polynomial of second degree, nearly linear ones too."""
+    under = linear**2 - 4 * square * constant
+    if under < 0:
+        return []
+    half = -0.5 * (linear + np.copysign(np.sqrt(under), linear))
+    roots = [constant / half] if half else []
+    if square:
+        roots.append(half / square)
+    return [float(np.clip(root, 0.0, 1.0)) for root in roots if -_ROUND <= root <= 1 + _ROUND]
+
+
+def outline_of_facets(spaces: LegSpaces, tag: int) -> Outline:
+    """Return the outline that a mesh's tagged facets make, such as its skin."""
+    topology = spaces.mesh.topology
+    topology.create_connectivity(1, 2)
+    topology.create_connectivity(2, 1)
+    behind, sides = topology.connectivity(1, 2), topology.connectivity(2, 1)
+    facets = spaces.facet_tags.find(tag)
+    cells = np.array([behind.links(facet)[0] for facet in facets], dtype=np.int32)
+    edges = np.array(
+        [np.flatnonzero(sides.links(cell) == facet)[0] for cell, facet in zip(cells, facets, strict=True)], dtype=int
+    )
+    return _gathered(spaces, cells, edges)
+
+
+def outline_between(spaces: LegSpaces, one: int, other: int) -> Outline:
+    """Return the outline along which cells of two tags meet: edges of the first's cells."""
+    marks = fem.Function(spaces.displacement_space)
+    dofs, size = spaces.displacement_space.dofmap.list, spaces.dimension
+    tags = spaces.cell_tags
+    owned = tags.indices < spaces.mesh.topology.index_map(2).size_local
+    marks.x.array[size * dofs[tags.indices[owned & (tags.values == other)]]] = 1.0
+    # The neighbour may be another rank's.
+    marks.x.scatter_reverse(la.InsertMode.add)
+    marks.x.scatter_forward()
+    cells = tags.indices[owned & (tags.values == one)]
+    shared = marks.x.array[size * dofs[cells][:, _EDGES[:, 2]]] > 0
+    where, edges = np.nonzero(shared)
+    return _gathered(spaces, cells[where], edges)
+
+
+def _gathered(spaces: LegSpaces, cells: NDArray[np.int32], edges: NDArray[np.int_]) -> Outline:
+    """Return the outline along local edges of cells."""
+    space, comm = spaces.displacement_space, spaces.mesh.comm
+    nodes = np.take_along_axis(space.dofmap.list[cells], _EDGES[edges], axis=1).astype(np.int32)
+    places = space.tabulate_dof_coordinates()[:, :2]
+    return Outline(nodes, np.concatenate(comm.allgather(places[nodes])), comm)

@@ -1,0 +1,259 @@
+"""What a kind of test says of itself: its table of ``specimen.toml``, its sizes, its model, what is read of it.
+
+Everything else (identification, diagnosis, pages, the form in a browser) works with that; see `legfem.specimens.kinds`.
+"""
+
+from __future__ import annotations
+
+import typing
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Self
+
+from pydantic import model_validator
+
+from legfem.common.doubts import Doubt, PhysicalRange
+from legfem.common.input_files import FileTable, Text, trouble
+from legfem.data import Instrument, Recording, Segmentation
+from legfem.data.folder import RecordingsEntry
+from legfem.data.reader import read_samples
+from legfem.data.stress_tables import StressTable
+from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer
+from legfem.experiments.experiment import Solved
+from legfem.mechanics.contact import ContactSettings
+from legfem.mechanics.materials import Hyperelastic
+from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.solve.protocol import Protocol
+from legfem.solve.settings import StepSettings
+from legfem.specimens.course import read_specimen
+from legfem.specimens.fibre_directions import WORDS, Direction
+
+Base = Literal["bonded", "sliding"]
+Faces = Literal["rough", "frictionless"]
+type Law = Hyperelastic | tuple[Layer, ...]
+"""Of one tissue, or of layers from the base up."""
+
+
+class SizeError(Exception):
+    """A size, what is wrong with it and how to mend that."""
+
+
+class StressTableEntry(FileTable):
+    """``table`` in ``[recordings]``: files are tables of stretch and stress without a time."""
+
+    stretch: Text | None = None
+    """Column of the length over the undeformed one."""
+    strain: Text | None = None
+    """Column of the stretch less one, or the amount of shear, in its place."""
+    percent: bool = False
+    """Whether the strain is in percent."""
+    stress: Text
+    unit: Text
+    """Of the stress."""
+    measure: Literal["nominal", "true"] | None = None
+    """Nominal (engineering) stress is the force over the undeformed area; in simple shear both are alike."""
+    sheet: Text | None = None
+
+    @model_validator(mode="after")
+    def _one_deformation(self) -> Self:
+        if (self.stretch is None) == (self.strain is None):
+            many = "is missing" if self.stretch is None else "is given beside strain"
+            raise trouble("stretch", many, "give the column of one of them")
+        return self
+
+    @property
+    def columns(self) -> StressTable:
+        """Where stretch and stress are found."""
+        stretched = self.stretch is not None
+        column = self.stretch or self.strain or ""
+        return StressTable(column, self.stress, self.unit, stretched, self.percent, self.sheet)
+
+
+class SpecimenRecordingsEntry(RecordingsEntry):
+    """``[recordings]`` of specimens, optional."""
+
+    table: StressTableEntry | None = None
+
+
+@dataclass(frozen=True)
+class ShownAxes:
+    """How displacement (mm) and force (N) are shown."""
+
+    way: str = "displacement"
+    way_unit: str = "mm"
+    ways: float = 1.0
+    """Of its unit, a mm."""
+    load: str = "force"
+    load_unit: str = "N"
+    loads: float = 1.0
+    """Of its unit, a N."""
+
+    def load_text(self, force: float, digits: int = 3) -> str:
+        """Return a force (N) with its unit."""
+        return f"{self.loads * force:.{digits}g} {self.load_unit}"
+
+
+class SpecimenTest(typing.Protocol):
+    """A test that can be solved, an `legfem.experiments.experiment.Experiment` that takes more terms."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the model by full name."""
+
+    def solve(
+        self,
+        values: Mapping[str, float] | None = None,
+        protocol: Protocol | float | None = None,
+        sensitivities: Sequence[str] = (),
+    ) -> Solved:
+        """Return the outcome for a protocol, up to where the solution came."""
+
+    def with_terms(self, terms: Sequence[Any]) -> Self:
+        """Return the test with more terms."""
+
+
+class SpecimenKind[Entry: FileTable, Body](ABC):
+    """A kind of test on a specimen; an entry is what its table states, a body a frozen dataclass of sizes (mm)."""
+
+    table: ClassVar[str]
+    """Of ``specimen.toml``."""
+    entry: ClassVar[type[FileTable]]
+    body: ClassVar[type]
+    words: ClassVar[str]
+    """What it is: "a ball on a layer"."""
+    done: ClassVar[str]
+    """What was done with specimens: "a ball pressed them"."""
+    followed: ClassVar[str]
+    """How stiffness follows the size that is most easily wrong, as a clause."""
+    note: ClassVar[str] = ""
+    """What displacement and force stand for, where that isn't plain, as sentences."""
+    own: ClassVar[tuple[str, ...]]
+    """Keys of its table that specimens of one folder may have of their own."""
+    ranges: ClassVar[Mapping[str, PhysicalRange]] = {}
+    """Of the keys that it alone has."""
+    layered: ClassVar[bool] = False
+    """Whether it may be on layers."""
+    directions: ClassVar[tuple[Direction, ...]] = ("load",)
+    """Of fibres that leave it as symmetric as it is."""
+    as_force: ClassVar[tuple[str, ...]] = ()
+    """Sizes of the body that the force is in proportion to, as to a stiffness."""
+    relaxes_as_a_whole: ClassVar[bool] = False
+    """Whether its model is elastic, so that what relaxes is added to its force."""
+    starts_at_contact: ClassVar[bool] = False
+    cube: ClassVar[Mapping[str, float]] = {}
+    """Sizes by key of what a table of stretch and stress is of: any will do. Empty where none can be read."""
+    no_slip: ClassVar[str] = "the faces are said to be free of friction"
+    """Why nothing can slip that doesn't slip as stated."""
+
+    @abstractmethod
+    def body_of(self, given: Entry) -> Body:
+        """Return the sizes that a table states.
+
+        Raises
+        ------
+        SizeError
+            For one that is missing.
+        """
+
+    @abstractmethod
+    def model(self, body: Body, law: Law, depth: float) -> SpecimenTest:
+        """Return the test, its mesh and steps fit for a depth (mm)."""
+
+    def slipping(self, body: Body) -> Body:
+        """Return the body with faces that don't hold what they touch."""
+        return body
+
+    def level(self, direction: Direction) -> str:
+        """Return what the directions of fibres share in which stiffness and the fibres' ratio trade off alike."""
+        return WORDS[direction]
+
+    def slenderness(self, body: Body) -> tuple[float, str] | None:
+        """Return height over width where it could buckle, and the key of the width."""
+        return None
+
+    def presses(self, body: Body) -> bool:
+        """Return whether displacement shortens the specimen."""
+        return True
+
+    def extent(self, body: Body) -> float | None:
+        """Return the size (mm) in the direction of the displacement, beyond which it can't go; None without."""
+        return getattr(body, "thickness", None)
+
+    def loaded_area(self, body: Body) -> float | None:
+        """Return the area (mm2) of a pressure that is recorded in the force's place."""
+        return None
+
+    def doubts(self, recording: Recording, body: Body) -> list[Doubt]:
+        """Return what is unlikely in a recording of this kind alone."""
+        return []
+
+    def axes(self, body: Body, recording: Recording) -> ShownAxes:
+        """Return as what a recording is shown."""
+        return ShownAxes()
+
+    def read(
+        self, path: Path, given: SpecimenRecordingsEntry, body: Body, errors: Instrument | None, name: str
+    ) -> Segmentation:
+        """Read a file of a recording.
+
+        Raises
+        ------
+        InputError
+            If it can't be read, or nothing was pressed.
+        """
+        samples = read_samples(path, given.channels(), self.loaded_area(body))
+        at_contact = given.starts_at_contact or self.starts_at_contact
+        return read_specimen(replace(samples, trial=name), errors, at_contact)
+
+
+def needed(entry: FileTable, key: str, remedy: str = "give it with the test, or with every [[specimen]]") -> float:
+    """Return a size that a table has to state.
+
+    Raises
+    ------
+    SizeError
+        If it doesn't.
+    """
+    value: float | None = getattr(entry, key)
+    if value is None:
+        raise SizeError(key, "missing", remedy)
+    return value
+
+
+LABS = "specimens and indenters of a lab"
+LENGTH_UNITS = {"cm": 10.0, "m": 1e3, "micrometres": 1e-3}
+
+
+def length_range(what: str, low: float, high: float) -> PhysicalRange:
+    """Return where a length of a lab usually lies (mm)."""
+    return PhysicalRange(what, "mm", (low, high), (0.02, 1000.0), LABS, LENGTH_UNITS)
+
+
+_STEPS, _ELEMENTS = 20, 5
+"""Of a shallow test: steps to its depth, and elements across half of its contact."""
+
+
+def settings_to(depth: float) -> AxisymmetricSettings:
+    """Return settings for a depth (mm)."""
+    usual = AxisymmetricSettings()
+    # The same ones at any stiffness: forces are compared and differentiated.
+    steps = StepSettings.regular(
+        first=min(usual.steps.first, depth / _STEPS), largest=min(usual.steps.largest, depth / 10)
+    )
+    # A shallow test's forces are of millinewtons, which the volume of large elements rounds.
+    newton = replace(usual.newton, absolute_tolerance=1e-10)
+    return replace(usual, steps=steps, newton=newton)
+
+
+def onset_to(faces: Faces, depth: float) -> ContactSettings:
+    """Return a contact that sets on well within a depth (mm)."""
+    usual = ContactSettings(tangential=faces, stiffness=4000.0)
+    return replace(usual, onset=min(usual.onset, 2e-3 * depth))
+
+
+def round_indenter(radius: float, faces: Faces, depth: float, usual_size: float) -> AxisymmetricSettings:
+    """Return settings for a round indenter: elements resolve the contact, its onset the depth (mm)."""
+    size = min(usual_size, (radius * depth) ** 0.5 / _ELEMENTS)
+    return replace(settings_to(depth), mesh=MeridianMeshSettings(size), contact=onset_to(faces, depth))

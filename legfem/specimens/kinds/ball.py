@@ -1,0 +1,51 @@
+"""A rigid ball on a round layer on a rigid base."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from legfem.common.input_files import FileTable, Positive
+from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer
+from legfem.specimens.kind import Base, Faces, Law, SpecimenKind, length_range, needed, round_indenter
+
+
+class BallEntry(FileTable):
+    """``[ball]``: a rigid ball on a round layer on a rigid base."""
+
+    thickness_mm: Positive | None = None
+    diameter_mm: Positive | None = None
+    ball_diameter_mm: Positive
+    ball: Faces = "rough"
+    base: Base = "bonded"
+
+
+class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
+    """The ball."""
+
+    table: ClassVar = "ball"
+    entry: ClassVar = BallEntry
+    body: ClassVar = BallOnLayer
+    words: ClassVar = "a ball on a layer"
+    done: ClassVar = "a ball pressed them on a rigid base"
+    # Hertz.
+    followed: ClassVar = (
+        "a ball_diameter_mm of half the true value makes it about 1.4 times as large, or twice on a thin layer"
+    )
+    own: ClassVar = ("thickness_mm", "diameter_mm")
+    ranges: ClassVar = {"ball_diameter_mm": length_range("a ball's diameter", 0.5, 80.0)}
+    layered: ClassVar = True
+
+    def body_of(self, given: BallEntry) -> BallOnLayer:
+        """Return the sizes."""
+        thickness, diameter = needed(given, "thickness_mm"), needed(given, "diameter_mm")
+        return BallOnLayer(thickness, given.ball_diameter_mm / 2, diameter / 2, given.ball, given.base)
+
+    def model(self, body: BallOnLayer, law: Law, depth: float) -> BallIndentation:
+        """Return the test, solved by finite elements."""
+        radius = body.ball_radius
+        return BallIndentation(body, law, round_indenter(radius, body.ball, depth, radius / 8))
+
+    def slipping(self, body: BallOnLayer) -> BallOnLayer:
+        """Return it with a ball that lets the tissue slip."""
+        return replace(body, ball="frictionless")

@@ -1,0 +1,40 @@
+"""A bar or cylinder whose ends don't keep it from going sideways."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from legfem.common.input_files import FileTable, Positive
+from legfem.experiments.uniaxial import UniaxialSpecimen
+from legfem.specimens.homogeneous import HomogeneousKind
+from legfem.specimens.kind import needed
+
+
+class BarEntry(FileTable):
+    """``[uniaxial]``: a bar or cylinder whose ends don't keep it from going sideways."""
+
+    direction: Literal["tension", "compression"]
+    length_mm: Positive | None = None
+    area_mm2: Positive | None = None
+
+
+class BarKind(HomogeneousKind[BarEntry, UniaxialSpecimen]):
+    """The bar."""
+
+    table: ClassVar = "uniaxial"
+    entry: ClassVar = BarEntry
+    body: ClassVar = UniaxialSpecimen
+    words: ClassVar = "a bar"
+    done: ClassVar = "a bar pulled or pressed along its length"
+    directions: ClassVar = ("load", "across")
+    no_slip: ClassVar = "a bar's ends are free as stated"
+    one_way: ClassVar = 'the other direction of [uniaxial], "tension" or "compression"'
+
+    def body_of(self, given: BarEntry) -> UniaxialSpecimen:
+        """Return the sizes."""
+        return UniaxialSpecimen(needed(given, "length_mm"), needed(given, "area_mm2"), given.direction)
+
+    def slenderness(self, body: UniaxialSpecimen) -> tuple[float, str] | None:
+        """Return length over width of one that is pressed."""
+        return (body.length / math.sqrt(body.area), "area_mm2") if self.presses(body) else None

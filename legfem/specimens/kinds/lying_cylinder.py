@@ -1,0 +1,58 @@
+"""A rigid cylinder lying across a block on a rigid base, in plane strain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from legfem.common.input_files import FileTable, Positive
+from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
+from legfem.specimens.fibre_directions import WORDS, Direction
+from legfem.specimens.kind import Base, Faces, Law, SpecimenKind, length_range, needed, round_indenter
+
+
+class CylinderEntry(FileTable):
+    """``[cylinder]``: a rigid cylinder lying across a block on a rigid base, in plane strain."""
+
+    cylinder_diameter_mm: Positive
+    thickness_mm: Positive | None = None
+    width_mm: Positive | None = None
+    """Of the block, across the cylinder."""
+    length_mm: Positive | None = None
+    """Over which both touch, along the cylinder."""
+    cylinder: Faces = "rough"
+    base: Base = "bonded"
+
+
+class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
+    """The cylinder."""
+
+    table: ClassVar = "cylinder"
+    entry: ClassVar = CylinderEntry
+    body: ClassVar = CylinderOnBlock
+    words: ClassVar = "a cylinder across a block"
+    done: ClassVar = "a cylinder lying across a block pressed it"
+    followed: ClassVar = "a length_mm of half the true value makes it twice as large"
+    own: ClassVar = ("thickness_mm", "width_mm", "length_mm")
+    ranges: ClassVar = {"cylinder_diameter_mm": length_range("a cylinder's diameter", 1.0, 100.0)}
+    layered: ClassVar = True
+    directions: ClassVar = ("load", "across", "cylinder")
+    as_force: ClassVar = ("length",)
+
+    def body_of(self, given: CylinderEntry) -> CylinderOnBlock:
+        """Return the sizes."""
+        thickness, width, length = (needed(given, key) for key in self.own)
+        return CylinderOnBlock(thickness, width, length, given.cylinder_diameter_mm / 2, given.cylinder, given.base)
+
+    def model(self, body: CylinderOnBlock, law: Law, depth: float) -> LateralCylinder:
+        """Return the test, solved by finite elements."""
+        radius = body.cylinder_radius
+        return LateralCylinder(body, law, round_indenter(radius, body.cylinder, depth, radius / 16))
+
+    def slipping(self, body: CylinderOnBlock) -> CylinderOnBlock:
+        """Return it with a cylinder that lets the tissue slip."""
+        return replace(body, cylinder="frictionless")
+
+    def level(self, direction: Direction) -> str:
+        """In plane strain fibres along the travel and across resist small strain alike."""
+        return WORDS["cylinder"] if direction == "cylinder" else "in the cylinder's plane"

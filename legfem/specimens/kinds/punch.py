@@ -1,0 +1,52 @@
+"""A rigid flat-ended cylinder, end-on, on a round layer on a rigid base."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from legfem.common.input_files import FileTable, Positive
+from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
+from legfem.specimens.kind import Base, Faces, Law, SpecimenKind, length_range, needed, onset_to, settings_to
+
+
+class PunchEntry(FileTable):
+    """``[punch]``: a rigid flat-ended cylinder, end-on, on a round layer on a rigid base."""
+
+    thickness_mm: Positive | None = None
+    diameter_mm: Positive | None = None
+    punch_diameter_mm: Positive
+    edge_mm: Positive | None = None
+    """Radius of the edge's rounding; a twentieth of the punch's without it."""
+    punch: Faces = "rough"
+    base: Base = "bonded"
+
+
+class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
+    """The punch."""
+
+    table: ClassVar = "punch"
+    entry: ClassVar = PunchEntry
+    body: ClassVar = PunchOnLayer
+    words: ClassVar = "a flat punch on a layer"
+    done: ClassVar = "a flat punch pressed them on a rigid base"
+    # Boussinesq.
+    followed: ClassVar = "a punch_diameter_mm of half the true value makes it at least twice as large"
+    own: ClassVar = ("thickness_mm", "diameter_mm")
+    ranges: ClassVar = {"punch_diameter_mm": length_range("a punch's diameter", 0.5, 80.0)}
+    layered: ClassVar = True
+
+    def body_of(self, given: PunchEntry) -> PunchOnLayer:
+        """Return the sizes."""
+        radius, edge = given.punch_diameter_mm / 2, given.edge_mm
+        thickness, diameter = needed(given, "thickness_mm"), needed(given, "diameter_mm")
+        return PunchOnLayer(thickness, radius, edge or 0.05 * radius, diameter / 2, given.punch, given.base)
+
+    def model(self, body: PunchOnLayer, law: Law, depth: float) -> FlatPunchIndentation:
+        """Return the test, solved by finite elements."""
+        settings = replace(settings_to(depth), contact=onset_to(body.punch, depth))
+        return FlatPunchIndentation(body, law, settings)
+
+    def slipping(self, body: PunchOnLayer) -> PunchOnLayer:
+        """Return it with a punch that lets the tissue slip."""
+        return replace(body, punch="frictionless")

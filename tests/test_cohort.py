@@ -1,0 +1,157 @@
+"""A cohort: who is in it, what a failure costs, what is done again, and the table that comes of it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from making import write_subject
+from making_results import result
+from typer.testing import CliRunner
+
+import legfem as lf
+from legfem.api.cohorts import Expected
+from legfem.cohort.members import find_members
+from legfem.cohort.rows import Judged, Row, cohort_model, models_of
+from legfem.cohort.table import cohort_frame, units_frame
+from legfem.commands.cohort import app
+from legfem.inverse.document import fit_document
+from legfem.legs.document import LegDocument
+from legfem.legs.schema import SUBJECTS
+
+
+def folders(at: Path, *names: str, table: str = "") -> Path:
+    for name in names:
+        (at / name).mkdir(parents=True)
+        (at / name / "subject.toml").write_text("")
+    if table:
+        (at / "cohort.csv").write_text(table)
+    return at
+
+
+def test_every_folder_with_a_subject_is_a_member_or_those_that_a_pattern_names(tmp_path: Path) -> None:
+    folders(tmp_path, "P1/left", "P1/right", "P2/left", ".old/P3")
+    assert [one.name for one in find_members(tmp_path, "identify").every] == ["P1/left", "P1/right", "P2/left"]
+    assert [one.name for one in find_members(tmp_path, "identify", "P*/right").every] == ["P1/right"]
+    with pytest.raises(lf.InputError, match=r"no folder below it holds leg\.toml; check the path"):
+        find_members(tmp_path, "stocking")
+
+
+@pytest.mark.parametrize("form", ["csv", "semicolons", "xlsx"])
+def test_a_table_says_what_is_known_of_each(tmp_path: Path, form: str) -> None:
+    folders(tmp_path, "a", "b", "c")
+    text = "Subject,folder,Group,side,Age,BMI,note\nAnn,a,patient,L,41,23.5,\nBob,b,,right,,24.1,first\n\n"
+    if form == "csv":
+        (tmp_path / "cohort.csv").write_text(text)
+    elif form == "semicolons":
+        (tmp_path / "cohort.csv").write_text(text.replace(",", ";").replace("23.5", "23,5"))
+    else:
+        header, *rows = (line.split(",") for line in text.split("\n")[:3])
+        pd.DataFrame(rows, columns=header).to_excel(tmp_path / "cohort.xlsx", index=False)
+    found = find_members(tmp_path, "identify")
+    first, second = found.every
+    assert (first.name, first.person, second.person) == ("a", "Ann", "Bob")
+    assert first.given == {"subject": "Ann", "group": "patient", "side": "left", "age": 41.0, "bmi": 23.5}
+    assert second.given == {"subject": "Bob", "side": "right", "bmi": 24.1, "note": "first"}
+    assert found.notes == (f"Not in {found.table.name}, and so left out: c (1).",)
+
+
+WRONG = {
+    "twice": ("folder\na\nb\na\n", "folder, line 4: 'a' stands in line 2 too; remove one"),
+    "twice by another path": ("folder\na\n./a\n", "folder, line 3: './a' stands in line 2 too"),
+    "no name": ("folder,age\na,3\n,4\n", "folder, line 3: is empty; name a folder"),
+    "no column": ("leg,age\na,3\n", "header: there is neither folder nor subject; add a column folder"),
+    "a column twice": ("folder,Age,age\na,3,4\n", "header: column 'age' is there twice"),
+    "none there": ("folder\nx\ny\n", "folder: none of 2 folders is there; write paths as seen from"),
+    "no date": ("folder,date\na,1/2/26\n", "date, line 2: '1/2/26' is no date; write 2026-01-31"),
+    "no rows": ("folder,date\n", "rows: there are none; give a row a folder"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_with_a_table_is_one_line(tmp_path: Path, name: str) -> None:
+    text, line = WRONG[name]
+    folders(tmp_path, "a", "b", table=text)
+    done = CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "out"), "--jobs", "1"])
+    assert done.exit_code == 2 and done.stderr.count("\n") == 1
+    assert line in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_not_there_costs_its_own_row(tmp_path: Path) -> None:
+    folders(tmp_path, "P1", "P22", table="folder\nP1\nP2\n")
+    first, second = find_members(tmp_path, "identify").every
+    assert not first.problem
+    assert second.problem.endswith("line 3: folder 'P2' is not there; did you mean 'P22'?")
+
+
+def document(law: str = "both") -> dict:
+    laws = ("neo-hookean", "reduced-polynomial") if law == "both" else (law,)
+    return fit_document([result(name) for name in laws], LegDocument())
+
+
+def test_a_row_holds_what_the_documents_of_commands_hold() -> None:
+    models = models_of(document())
+    assert set(models) == {"neo-hookean", "reduced-polynomial"}
+    given = document()["laws"]["reduced-polynomial"]["parameters"]["c20_deep"]
+    c20 = models["reduced-polynomial"].measures["c20_deep"]
+    assert (c20.value, [c20.low, c20.high], c20.unit) == (given["value"], given["ci95"], "kPa")
+    assert c20.sd == given["standard_error"]
+    curve = models["neo-hookean"].curve
+    assert 20 < len(curve.displacement_mm) <= 40 and len(curve.measured_N) == len(curve.displacement_mm)
+
+
+def test_legs_are_compared_under_the_law_that_most_of_them_ask_for() -> None:
+    asked = ["neo-hookean", "reduced-polynomial", "reduced-polynomial"]
+    rows = [Row(str(k), judged=Judged("sound", "", (), law)) for k, law in enumerate(asked)]
+    assert cohort_model([*rows, Row("x", problem="broken"), Row("y", problem="broken")]) == "reduced-polynomial"
+
+
+def test_the_table_has_a_unit_and_a_meaning_for_every_column(tmp_path: Path) -> None:
+    folders(tmp_path, "a", "b", table="folder,group,age\na,=patient,41\nb,control,\n")
+    members = find_members(tmp_path, "identify").every
+    done = Row("a", judged=Judged("sound", "", (), "neo-hookean"), models=models_of(document()))
+    rows = [done, Row("b", problem="no")]
+    frame = cohort_frame(members, rows)
+    units = units_frame(frame, rows).set_index("column")
+    assert list(units.index) == list(frame)
+    assert units.loc["neo_hookean_c10_deep_low_kPa", "unit"] == "kPa"
+    assert frame.loc[1, "problem"] == "no" and frame["neo_hookean_c10_deep_kPa"].notna().tolist() == [True, False]
+    cohort = lf.Cohort(find_members(tmp_path, "identify"), None, tuple(rows))
+    assert list(cohort.to_frame()) == list(frame)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two legs that come with legfem, and a broken one."""
+    folder = tmp_path_factory.mktemp("study")
+    for name in ("1", "3"):
+        shutil.copytree(SUBJECTS.find(name), folder / f"P{name}")
+    write_subject(folder / "broken")
+    (folder / "broken" / "subject.toml").write_text("diameter = 3\n")
+    return folder
+
+
+def test_two_legs_are_identified_and_kept_and_a_broken_one_costs_its_row(study: Path, tmp_path: Path, capfd) -> None:
+    asked = {"law": "neo-hookean", "depth": 5.0, "mesh": "coarse", "out": tmp_path / "out"}
+    before = lf.cohort(study, dry_run=True, **asked)
+    assert isinstance(before, Expected) and before.states == ("new",) * 3 and before.waiting == 3
+    found = lf.cohort(study, progress=True, **asked)
+    assert "1/3  P1" in (said := capfd.readouterr().err) and "left" in said
+    assert [row.done for row in found.rows] == [True, True, False]
+    assert found.rows[2].problem.startswith(f"{study / 'broken' / 'subject.toml'}: ")
+    found.write(tmp_path / "out")
+    table = pd.read_csv(tmp_path / "out" / "cohort.csv")
+    assert found.plot().axes[0].get_xlabel() == "c10_deep (kPa)"
+    assert ((table["neo_hookean_c10_deep_low_kPa"] < table["neo_hookean_c10_deep_kPa"])[:2]).all()
+    assert (tmp_path / "out" / table["report"][0]).is_file()
+    # A date that changes changes nothing that is computed; a recording does.
+    recording = next((study / "P3" / "recordings").glob("*.csv"))
+    recording.write_text(recording.read_text() + "\n")
+    (study / "cohort.csv").write_text("folder,date\nP1,2026-01-31\nP3,2026-02-28\nbroken,\n")
+    again = lf.cohort(study, dry_run=True, **asked)
+    assert again.states == ("known", "changed", "known") and "as of the 1 done here" in again.summary()
+    other = lf.cohort(study, dry_run=True, **asked | {"depth": 6.0})
+    assert other.states == ("changed",) * 3

@@ -1,0 +1,159 @@
+"""Channels of a pressed section beside its force: exact derivatives, geometry and balance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from making_derivatives import PRECISE
+from making_mechanics import COARSE, fixed_steps, subject_3
+
+from legfem.data.channels import CHANNELS
+from legfem.experiments.experiment import Solved
+from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.section_channels import BESIDE_MM, skin_rise
+from legfem.fem.outlines import first_crossing
+from legfem.geometry.indenter import Indenter
+from legfem.geometry.section import LegSection
+from legfem.mechanics.contact import ContactSettings
+from legfem.meshing.section import SectionMeshSettings
+
+NAMES = ("deep.C10", "superficial.C10", "superficial.D1", "fascia.C10")
+THICKNESSES = ("fat_thickness", "muscle_thickness")
+SETTINGS = PlaneStrainSettings(mesh=COARSE, contact=ContactSettings(onset=0.02), newton=PRECISE, steps=fixed_steps(0.5))
+DEPTH = 8.0
+
+
+@pytest.fixture(scope="module")
+def test() -> PlaneStrainIndentation:
+    return PlaneStrainIndentation(*subject_3(), SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def solved(test) -> Solved:
+    return test.solve(depth=DEPTH, sensitivities=NAMES)
+
+
+def test_every_channel_is_a_known_kind(solved):
+    assert set(solved.path.channels) <= set(CHANNELS)
+    assert {"lateral_force", *THICKNESSES, *map(skin_rise, BESIDE_MM)} == set(solved.curve.channels)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_are_those_of_differences(test, solved, name):
+    value, change = test.parameters[name], 1e-4
+    ahead, behind = (test.solve({name: value * (1 + by)}, DEPTH).path for by in (change, -change))
+    for channel, by in solved.path.channel_sensitivities.items():
+        difference = (ahead.channels[channel] - behind.channels[channel]) / (2 * change * value)
+        assert np.abs(by[name] - difference).max() < 1e-4 * np.abs(difference).max(), channel
+
+
+def test_derivatives_turn_with_the_travel(test):
+    placed = {"placement": LateralPlacement(tilt_deg=12.0, offset_mm=4.0)}
+    name, value, change = "superficial.C10", test.parameters["superficial.C10"], 1e-4
+    exact = test.solve(depth=4.0, sensitivities=[name], **placed).path
+    ahead, behind = (test.solve({name: value * (1 + by)}, 4.0, **placed).path for by in (change, -change))
+    for channel, by in exact.channel_sensitivities.items():
+        difference = (ahead.channels[channel] - behind.channels[channel]) / (2 * change * value)
+        assert np.abs(by[name] - difference).max() < 1e-4 * np.abs(difference).max(), channel
+
+
+def test_force_and_lateral_force_are_the_bones_reaction(test):
+    placement = LateralPlacement(tilt_deg=12.0)
+    path = test.solve(depth=DEPTH, placement=placement).path
+    reaction = -test.system.balance().bone_reaction * test.indenter.length
+    travel = placement.travel(test.section_mesh.direction)
+    assert path.force[-1] == pytest.approx(reaction @ travel, rel=1e-6)
+    assert path.channels["lateral_force"][-1] == pytest.approx(reaction @ [-travel[1], travel[0]], rel=1e-6)
+    assert abs(path.channels["lateral_force"][-1]) > 0.02 * path.force[-1]
+
+
+def test_thicknesses_at_first_touch_are_the_section_s(test, solved):
+    section, indenter = test.section, test.indenter
+    line = shapely.LineString([indenter.aim - 200 * indenter.direction, indenter.aim + 200 * indenter.direction])
+
+    def place(polygon: shapely.Polygon) -> float:
+        return float(((shapely.get_coordinates(line & polygon.exterior) - indenter.aim) @ indenter.direction).min())
+
+    skin = place(shapely.Polygon(test.section_mesh.outline))
+    fascia, bone = (
+        place(section.polygon("fascia")),
+        min(place(section.polygon(b)) for b in ("tibia", "fibula") if line.intersects(section.polygon(b))),
+    )
+    inner = place(section.polygon("fascia").buffer(-section.fascia_thickness))
+    channels = solved.path.channels
+    # Beside the skin's corners, outlines are smoothed and meshed: 0.05 mm.
+    assert channels["fat_thickness"][0] == pytest.approx(fascia - skin, abs=0.05)
+    assert channels["muscle_thickness"][0] == pytest.approx(bone - inner, abs=0.05)
+    assert all(channels[skin_rise(beside)][0] == 0.0 for beside in BESIDE_MM)
+
+
+def test_the_skin_under_the_cylinder_is_as_deep_as_the_cylinder(test, solved):
+    """Layers, fascia and what the skin has sunk add up: the bone doesn't move."""
+    channels, path = solved.path.channels, solved.path
+    lost = sum(channels[name][0] - channels[name] for name in THICKNESSES)
+    # The fascia is 0.5 mm thick and the contact's penalty lets the cylinder sink in a little.
+    assert np.abs(lost - path.displacement)[1:].max() < 0.25
+    assert all((np.diff(channels[name]) < 0).all() for name in THICKNESSES)
+
+
+def test_the_skin_beside_is_where_its_deformed_polygon_is(test):
+    """Against shapely on the deformed skin's nodes, whose chords are a little inside."""
+    rises = test.solve(depth=DEPTH).path.channels
+    system, travel = test.system, test.section_mesh.direction
+    left = np.array([-travel[1], travel[0]])
+    nodes = system.spaces.skin_space.tabulate_dof_coordinates()[:, :2]
+    moved = nodes + system.skin.domain.unknown.x.array.reshape(-1, 2)
+    edges = system.spaces.skin_space.dofmap.list
+    halves = np.concatenate([edges[:, [0, 2]], edges[:, [2, 1]]])
+    for beside in BESIDE_MM:
+        origin = system.start + beside * left - 200 * travel
+        line = shapely.LineString([origin, origin + 400 * travel])
+        before, after = (line & shapely.MultiLineString(list(points[halves])) for points in (nodes, moved))
+        place = [((shapely.get_coordinates(crossing) - origin) @ travel).min() for crossing in (before, after)]
+        assert rises[skin_rise(beside)][-1] == pytest.approx(place[0] - place[1], abs=0.02)
+
+
+def symmetric() -> tuple[LegSection, Indenter]:
+    turn = 2 * np.pi * (np.arange(240) + 0.5) / 240
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    bones = (9 * circle + [-18, 0], 9 * circle + [18, 0])
+    section = LegSection(50 * circle, 43 * circle, *bones, fascia_thickness=0.6)
+    return section, Indenter(15.0, 50.0, np.array([0.0, 0.0]), -90.0)
+
+
+def test_a_symmetric_leg_has_no_lateral_force_and_no_bone_ahead():
+    """The line passes between the bones: there is no muscle thickness. The mesh isn't symmetric: 0.3 %."""
+    *_, tissues = subject_3()
+    settings = replace(SETTINGS, mesh=SectionMeshSettings())
+    path = PlaneStrainIndentation(*symmetric(), tissues, settings).solve(depth=DEPTH).path
+    assert "muscle_thickness" not in path.channels
+    assert np.abs(path.channels["lateral_force"]).max() < 3e-3 * path.force[-1]
+    left, right = (path.channels[skin_rise(beside)][-1] for beside in (25.0, -25.0))
+    assert left == pytest.approx(right, rel=0.02)
+
+
+def test_a_line_meets_a_patch_that_is_stretched_uniformly_where_geometry_says():
+    """Two edges of a straight outline, sheared and compressed; the line meets their common node."""
+    ends = np.array([[[-2.0, 1.0], [0.0, 1.0]], [[0.0, 1.0], [3.0, 1.0]]])
+    nodes = np.concatenate([ends, ends.mean(axis=1, keepdims=True)], axis=1)
+    strain = np.array([[0.1, 0.3], [0.05, -0.2]])
+    moved = nodes + nodes @ strain.T
+    found = first_crossing(moved, np.array([0.4, 5.0]), np.array([0.0, -1.0]))
+    # x = 1.1 X + 0.3 and y = 0.05 X + 0.8 on the outline Y = 1.
+    at = (0.4 - 0.3) / 1.1
+    assert found.along == pytest.approx(5.0 - (0.05 * at + 0.8), rel=1e-12)
+    # By the size of the strain, the place at 0.4 changes as that of the same formula.
+    rate = found.rate(nodes @ strain.T, np.array([0.0, -1.0]))
+    step = 1e-6
+    further = (0.4 - 0.3 * (1 + step)) / (1 + 0.1 * (1 + step))
+    change = (1 - 0.2 * (1 + step) + 0.05 * (1 + step) * further) - (0.05 * at + 0.8)
+    assert rate == pytest.approx(-change / step, rel=1e-5)
+
+
+def test_a_line_beside_an_outline_meets_nothing():
+    edge = np.array([[[0.0, 0.0], [1.0, 0.0], [0.5, 0.1]]])
+    assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0])) is None
+    assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0]), beside=1.2) is None
