@@ -69,6 +69,7 @@ def diagnosed_of(
     asked: Sequence[str] | None = None,
     law: LawName = "reduced-polynomial",
     accuracy: Accuracy | None = None,
+    library: ClosedForm | None = None,
 ) -> Diagnosis:
     """Return the diagnosis of observations, by closed-form responses.
 
@@ -82,8 +83,11 @@ def diagnosed_of(
         Of the base model.
     accuracy
         How well the leg is known.
+    library
+        Of its responses.
     """
     able, _ = shown_mechanisms(observed, None)
     left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
-    library = ClosedForm(missing=dict.fromkeys(left, "its solutions did not follow the protocol to the end"))
+    missing = dict.fromkeys(left, "its solutions did not follow the protocol to the end")
+    library = replace(library or ClosedForm(), missing=missing)
     return diagnose_body(observed, INSTRUMENT, law, library, None, Silent(), accuracy)  # type: ignore[arg-type]

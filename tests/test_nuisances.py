@@ -36,7 +36,7 @@ from legfem.legs.subject import LegAccuracy
 
 
 def effects_of(*given) -> dict[str, FloatArray]:
-    return {one.name: one.force for one in nuisance_effects(*given)}
+    return {one.name: one.effect for one in nuisance_effects(*given)}
 
 
 OUTLINE = Cause("outlines", GEOMETRY_DOF)

@@ -63,7 +63,7 @@ def test_at_its_null_it_leaves_the_force_of_the_model_without_it(solved, mechani
 @pytest.mark.slow
 def test_its_derivatives_are_those_of_the_force(solved, mechanism):
     """Central differences of the excess at two of the places."""
-    rows = solved.by_derivatives(mechanism, None, MUSCLE)
+    rows = solved.by_derivatives(mechanism, None, MUSCLE)["force"]
     assert rows.shape == (9, len(solved.grid))
     assert np.all(rows > 0), "stiffer anywhere is a greater force"
     step, far = 1e-3, slice(3, None)

@@ -27,6 +27,7 @@ from legfem.data.smoothing import (
     velocity_window,
     without_outliers,
 )
+from legfem.data.stress_tables import roughness
 
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
 # A still stretch of less way than this share of the recording's holds whatever its speed.
@@ -150,12 +151,13 @@ class Segmentation:
     @cached_property
     def force_noise(self) -> float:
         """Standard deviation of the force from sample to sample, N."""
-        return sample_noise(self.recording.force)
+        recording = self.recording
+        return sample_noise(recording.force) if recording.timed else roughness(recording.displacement, recording.force)
 
     @cached_property
     def displacement_noise(self) -> float:
         """Standard deviation of the displacement from sample to sample, mm."""
-        return sample_noise(self.recording.displacement)
+        return sample_noise(self.recording.displacement) if self.recording.timed else 0.0
 
     @cached_property
     def detected(self) -> Contact:
@@ -230,6 +232,11 @@ class Segmentation:
         return self._segments[1]
 
     @property
+    def touched(self) -> float:
+        """Time of first contact by the recording's clock, s: that which the segments' times count from."""
+        return self._segments[2]
+
+    @property
     def phases(self) -> tuple[str, ...]:
         """Names of the segments' phases in order."""
         return tuple(segment.phase for segment in self.segments)
@@ -245,7 +252,7 @@ class Segmentation:
         return self.depth + self.contact.displacement
 
     @cached_property
-    def _segments(self) -> tuple[tuple[Segment, ...], bool]:
+    def _segments(self) -> tuple[tuple[Segment, ...], bool, float]:
         recording, labels, contact, smoothed = self.recording, self.labels, self.contact, self.smooth
         deepest = float(recording.displacement.max()) - contact.displacement
         least = least_way(recording.displacement, self.scales.way)
@@ -309,7 +316,7 @@ class Segmentation:
             )
         if segments[-1].phase == AIR:
             segments.pop()
-        return tuple(segments), pressed_again
+        return tuple(segments), pressed_again, start_time
 
 
 def segment(

@@ -15,7 +15,7 @@ from legfem.inverse.predictor import onset_name
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors of predicting what a fit didn't see."""
+    """Errors of predicting forces that a fit didn't see."""
 
     how: str
     rmse: float
@@ -65,13 +65,14 @@ def held_out(problem: LinearisedProblem, fitted: LinearisedFit, errors: ErrorMod
         shapes = {f"{m.name}.{p.name}" for m in fitted.mechanisms for p in m.parameters[1:]}
         # Where a trial is touched is its own, and no other trial tells of it.
         onsets = {onset_name(int(k)) for k in np.unique(observed.trial[fold])}
-        refit = fit(problem.without(fold), fitted.mechanisms, fitted.values, shapes | onsets)
-        squares += float(np.sum(refit.residual[fold] ** 2))
-        noise += float(np.sum(_between_trials(errors or problem.errors)[fold]))
+        refit = fit(problem.without(fold[observed.nearest]), fitted.mechanisms, fitted.values, shapes | onsets)
+        forces = np.flatnonzero(fold)
+        squares += float(np.sum(refit.residual[forces] ** 2))
+        noise += float(np.sum(_between_trials(errors or problem.errors)[forces]))
         count += int(fold.sum())
     return HeldOut(how, float(np.sqrt(squares / count)), float(np.sqrt(noise / count)))
 
 
 def _between_trials(errors: ErrorModel) -> NDArray[np.float64]:
-    """Return the variance (n,), N^2, of what differs from trial to trial."""
+    """Return the variance (N,) of what differs from trial to trial."""
     return np.asarray(errors.trial_sd**2 + errors.gain_sd**2 * np.sum(errors.gains**2, axis=1) + errors.zero_sd**2)

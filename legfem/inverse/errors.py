@@ -23,10 +23,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD
+from legfem.inverse.channel_errors import channel_covariance, shared_errors
 from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.inverse.trial_noise import Noise, Observed, trial_covariance
 
@@ -43,21 +44,21 @@ ZERO_FACTORS = (0.37, 1.0, 2.7)
 
 @dataclass(frozen=True, eq=False)
 class ErrorModel:
-    """The covariance of the observations about the prediction, in its parts.
+    """The covariance of the N readings about the prediction, in its parts.
 
     Parameters
     ----------
     noise
         Of the trials.
     dense
-        (n, n), N^2: the trials' noise and the model's error.
+        (N, N), in the readings' units: the trials' noise and the model's error.
     known
-        (n, k), N: effects of what the model doesn't know, an effect of one standard deviation a
+        (N, k): effects of what the model doesn't know, an effect of one standard deviation a
         column; the load cell's common gain among them.
     gains, zeros
-        (n, R): effects of a trial's gain of 1 (N) and of a zero of 1 N.
+        (N, R): effects of a trial's gain of 1 (N) and of a zero of 1 N; none on further channels.
     trial_sd
-        (n,), N: of one trial's values by its noise.
+        (N,): of one trial's values by its noise.
     gain_sd, zero_sd
         What `covariance` takes, of a trial's gain and zero (N).
     names
@@ -125,11 +126,11 @@ class ErrorModel:
 def error_model(
     observed: Observed,
     noise: Noise,
-    force: FloatArray,
+    prediction: FloatArray,
     unknowns: Sequence[tuple[str, FloatArray]] = (),
     numerical: float = NUMERICAL_ERROR,
 ) -> ErrorModel:
-    """Return the errors of observations about a model.
+    """Return the errors of observations about a model, of the force and of every further channel.
 
     Parameters
     ----------
@@ -137,26 +138,38 @@ def error_model(
         The recordings.
     noise
         See `estimate_noise`.
-    force
-        (n,), N: that the model predicts.
+    prediction
+        (N,): readings that the model predicts, the n forces (N) first.
     unknowns
-        Names and effects (n,), N, of one standard deviation of what the model doesn't know.
+        Names and effects (N,) of one standard deviation of what the model doesn't know.
     numerical
         Relative error of the model's force.
     """
     own = trial_covariance(observed, noise)
+    force, others = prediction[: len(own)], prediction[len(own) :]
     trials = np.eye(int(observed.trial.max()) + 1)[observed.trial]
-    names = ("load cell's gain", *(name for name, _ in unknowns))
-    columns = [COMMON_GAIN_SD * force, *(effect for _, effect in unknowns)]
+    blocks: list[FloatArray] = [numerical_covariance(observed.displacement, force, numerical) + own]
+    spread: list[FloatArray] = [np.sqrt(np.diag(own))]
+    columns = {"load cell's gain": np.concatenate([COMMON_GAIN_SD * force, np.zeros(len(others))]), **dict(unknowns)}
+    first = len(force)
+    for one in observed.channels:
+        here = slice(first, first + len(one.values))
+        blocks.append(channel_covariance(one, observed, prediction[here], noise.correlation_time))
+        spread.append(np.sqrt(np.diag(blocks[-1])))
+        for name, effect in shared_errors(one, prediction[here]).items():
+            columns[name] = np.zeros(len(prediction))
+            columns[name][here] = effect
+        first = here.stop
+    none = np.zeros((len(others), trials.shape[1]))
     return ErrorModel(
         noise,
-        numerical_covariance(observed.displacement, force, numerical) + own,
-        np.column_stack(columns),
-        trials * force[:, None],
-        trials,
-        np.sqrt(np.diag(own)),
+        np.asarray(block_diag(*blocks)),
+        np.column_stack(list(columns.values())),
+        np.vstack([trials * force[:, None], none]),
+        np.vstack([trials, none]),
+        np.concatenate(spread),
         zero_sd=noise.zero_sd,
-        names=names,
+        names=tuple(columns),
     )
 
 

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.inverse.discrepancy import Discrepancy, possible_discrepancies, with_discrepancy
+from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales, possible_discrepancies, with_discrepancy
 from legfem.inverse.evidence import Evidence, probabilities
 from legfem.inverse.explanation import INEXACT, Explained, Explanation, counts_for, log_bayes_factor, singles_of
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
@@ -188,10 +188,14 @@ def _shares_beside(
     problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit, unknowns: Sequence[Discrepancy]
 ) -> list[float]:
     """Return the logarithms of the shares of unknown errors beside a model with mechanisms."""
-    shown = shown_effect(problem, fitted, base)
-    largest = float(np.abs(base.prediction).max())
-    most = INEXACT_SHARE * shown / largest
-    fits = [u.covariance is not None and u.size <= max(most, unknowns[1].size) for u in unknowns]
+    scales = discrepancy_scales(problem.predictor.observed, base.prediction)
+    # In a channel that a mechanism doesn't change its form leaves nothing either.
+    shown = zip(shown_effects(problem, fitted, base), scales, strict=True)
+    most = [max(INEXACT_SHARE * effect / scale, unknowns[1].size) for effect, scale in shown]
+    fits = [
+        u.covariance is not None and all(size <= own for size, own in zip(u.by_channel, most, strict=True))
+        for u in unknowns
+    ]
     share = np.log(INEXACT / max(sum(fits), 1))
     return [
         float(np.log(1 - INEXACT)) if u.covariance is None else (float(share) if small else -np.inf)
@@ -229,13 +233,13 @@ def _beside(problem: LinearisedProblem, fitted: LinearisedFit, aware: Linearised
     return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.sensitivities))
 
 
-def shown_effect(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> float:
-    """Return the root mean square (N) of what a mechanism changes that the base model can't."""
+def shown_effects(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> list[float]:
+    """Return the root mean square of what a mechanism changes that the base model can't, by channel in its unit."""
     change = fitted.prediction - base.prediction
     basis = np.linalg.qr(base.jacobian)[0]
     white = problem.whitened(change)
     rest = problem.errors.lower @ (white - basis @ (basis.T @ white)) if problem.kept is None else change
-    return float(np.sqrt(np.mean(rest**2)))
+    return [float(np.sqrt(np.mean(rest[span] ** 2))) for span in problem.predictor.observed.data.spans]
 
 
 def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
@@ -343,7 +347,8 @@ def base_about_solution(
     if offset is None:
         return problem, base, float("nan")
     problem = problem.corrected(offset)
-    error = float(np.abs(offset).max() / np.abs(base.prediction).max())
+    forces = slice(len(problem.predictor.observed.force))
+    error = float(np.abs(offset[forces]).max() / np.abs(base.prediction[forces]).max())
     return problem, ordinary_fit(problem, [base.values]), error
 
 
@@ -374,7 +379,9 @@ def refitted_about_solutions(
         problem = problem.corrected(offset)
         fitted = fit(problem, fitted.mechanisms, fitted.values)
         made.append((problem, fitted))
-        if np.abs(fitted.prediction - before).max() < _STAYS * np.median(problem.errors.trial_sd):
+        moved, spread = np.abs(fitted.prediction - before), problem.errors.trial_sd
+        spans = problem.predictor.observed.data.spans
+        if all(moved[span].max() < _STAYS * np.median(spread[span]) for span in spans):
             return *made[-1], True
     if not made:
         return problem, fitted, False
@@ -382,7 +389,7 @@ def refitted_about_solutions(
 
 
 def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
-    """Return the full prediction less the emulated one (n,), N; None where it stopped."""
+    """Return the full prediction less the emulated one (N,); None where it stopped."""
     plain = replace(predictor, offset=0.0)
     full = replace(plain, responses=solved)
     difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)

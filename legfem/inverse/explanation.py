@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 from scipy.special import expit, logit
 
 from legfem.common.units import FloatArray
-from legfem.inverse.discrepancy import Discrepancy
+from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
 from legfem.inverse.posterior import Mixture, MixtureComponents, Posterior
 
@@ -76,6 +76,19 @@ class Explanation:
     def excess_misfit(self) -> float:
         """What its mechanisms leave of the misfit beyond noise at the least."""
         return (self.fit_without_discrepancy or self.fit).excess_misfit
+
+    @cached_property
+    def excess_by_channel(self) -> tuple[float, ...]:
+        """The same of each channel by itself, of none where the force is all that was recorded."""
+        observed = self.problem.predictor.observed
+        if not observed.channels:
+            return ()
+        residual, total = (self.fit_without_discrepancy or self.fit).residual, self.problem.errors.covariance
+        found = []
+        for span in observed.data.spans:
+            white = solve_triangular(cholesky(total[span, span], lower=True), residual[span], lower=True)
+            found.append(max(float(white @ white) - len(white), 0.0))
+        return tuple(found)
 
     @property
     def is_base(self) -> bool:
@@ -191,11 +204,14 @@ class Explained:
         return held
 
     def describes(self, one: Explanation) -> bool:
-        """Whether it leaves no more of the base model's misfit than it takes up, or than noise is.
+        """Whether it leaves no more of the base model's misfit than it takes up, or than noise is; in every channel.
 
         Misfits are sums of squares over the errors', beyond the one that noise makes a value.
         """
-        return one.excess_misfit <= max(self.base.excess_misfit - one.excess_misfit, float(len(one.fit.residual)))
+        before, after = ([e.excess_misfit, *e.excess_by_channel] for e in (self.base, one))
+        channels = one.problem.predictor.observed.data.channels if one.excess_by_channel else ()
+        sizes = [len(one.fit.residual), *map(len, channels)]
+        return all(left <= max(was - left, float(n)) for was, left, n in zip(before, after, sizes, strict=True))
 
     @property
     def adequacy(self) -> float:
@@ -212,11 +228,10 @@ class Explained:
         An error of unknown shape below a trial's noise is no contradiction: real noise is never
         quite as assumed.
         """
-        noise = float(self.base.problem.errors.trial_sd.max())
-        largest = float(np.abs(self.base.fit.prediction).max())
-        return tuple(
-            e for e in self.every if e.is_base or (e.unnamed and e.posterior.discrepancy_size * largest < noise)
-        )
+        observed, spread = self.base.problem.predictor.observed, self.base.problem.errors.trial_sd
+        scales = discrepancy_scales(observed, self.base.fit.prediction)
+        most = min(float(spread[span].max()) / scale for span, scale in zip(observed.data.spans, scales, strict=True))
+        return tuple(e for e in self.every if e.is_base or (e.unnamed and e.posterior.discrepancy_size < most))
 
     def _adds(self, one: Explanation) -> bool:
         most = max(self.adequate, key=lambda e: e.posterior.log_evidence)
@@ -241,7 +256,7 @@ def log_bayes_factor(one: Explanation, nothing: Explanation) -> float:
 
 
 def unknown_course(explanation: Explanation, unknowns: Sequence[Discrepancy]) -> FloatArray:
-    """Return the expected course (n,), N, of what is unknown beside an explanation, if it is."""
+    """Return the expected course (N,) of what is unknown beside an explanation, if it is."""
     residual, total = explanation.fit.residual, explanation.problem.errors.covariance
     course = np.zeros_like(residual)
     shares = explanation.posterior.discrepancy_weights

@@ -8,7 +8,7 @@ of one leg share it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +19,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.emulator import Emulator
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
+from legfem.inverse.responses import course_at
 
 _REACH = 1.6
 
@@ -45,14 +46,14 @@ class Table:
         return np.asarray((1 - share) * rows[0] + share * rows[-1])
 
 
-def unchanged(mechanism: TissueMechanism, grid: FloatArray) -> Table:
-    """Return the table of a mechanism whose response changes no force."""
-    return Table(np.zeros(1), np.zeros((1, len(mechanism.strengths), len(grid))))
+def unchanged(mechanism: TissueMechanism, length: int) -> Table:
+    """Return the table of a mechanism whose response changes nothing, in rows of some length."""
+    return Table(np.zeros(1), np.zeros((1, len(mechanism.strengths or mechanism.derivatives), length)))
 
 
 @dataclass(frozen=True, eq=False)
 class NuisanceChanges:
-    """Relative changes of the elastic force at a grid of displacement by what isn't known exactly.
+    """Changes of the elastic courses at a grid of displacement by what isn't known exactly, of the force relative.
 
     Parameters
     ----------
@@ -62,11 +63,36 @@ class NuisanceChanges:
         By the name of a displaced geometry, (m,).
     material
         By a parameter's full name: per relative change of it, (m,).
+    channels
+        By channel the absolute changes, at a grid that begins at zero.
     """
 
     grid: FloatArray
     geometric: Mapping[str, FloatArray]
     material: Mapping[str, FloatArray]
+    channels: Mapping[str, NuisanceChanges] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelTables:
+    """Responses of k channels beside the force at zero and at the grid, (m + 1, k) as one row, in their units."""
+
+    names: tuple[str, ...]
+    elastic: Callable[[FloatArray], FloatArray]
+    """Of the stiffness, see `coordinates`."""
+    changes: Mapping[tuple[str, str], Table]
+    """As those of `Library`, absolute; at stations without zero."""
+
+    def columns(self, row: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Return some of the channels of a row, as columns."""
+        return row.reshape(-1, len(self.names))[:, [self.names.index(name) for name in names]]
+
+
+def _nothing(at: FloatArray) -> FloatArray:
+    return np.zeros((*at.shape[:-1], 0))
+
+
+NO_CHANNELS = ChannelTables((), _nothing, {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +112,9 @@ class Library:
     """Mechanisms that have no table, and why."""
     reach: float = _REACH
     """Of ln C10 from the middle, where it holds."""
-    _curves: dict[tuple[str, str], list[PchipInterpolator]] = field(default_factory=dict, init=False, repr=False)
+    beside: ChannelTables = NO_CHANNELS
+    """What is known of channels beside the force."""
+    _curves: dict[tuple[str, str, bool], list[PchipInterpolator]] = field(default_factory=dict, init=False, repr=False)
     """Over the strength, at each of a table's stiffnesses."""
     _weights: list[tuple[Observations, FloatArray]] = field(default_factory=list, init=False, repr=False)
     """Of the recordings last asked for: see `_to_stations`."""
@@ -114,20 +142,50 @@ class Library:
             if mechanism.derivatives:
                 change = mechanism.shares(values) @ table(at[0])
             else:
-                whole = np.expm1(self._at_strength(mechanism, "", values, at[0]))
+                whole = np.expm1(self._at_strength(self.changes, mechanism, "", values, at[0]))
                 change = mechanism.share(values) * whole
             return np.asarray(self._to_stations(observed) @ change)
         keys = [s.key for s in observed.protocols]
         if mechanism.derivatives:
             rows = [self.changes[mechanism.name, key](at[0]) for key in keys]
             return observed.spread([mechanism.shares(values) @ row for row in rows])
-        return observed.spread([self._at_strength(mechanism, k, values, at[0]) for k in keys])
+        return observed.spread([self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys])
 
-    def _at_strength(self, mechanism: TissueMechanism, key: str, values: Values, c10: float) -> FloatArray:
+    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
+        """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
+        return self.beside.columns(self.beside.elastic(coordinates(c10, c20)), names)
+
+    def channel_changes(
+        self,
+        names: Sequence[str],
+        mechanism: TissueMechanism,
+        values: Values,
+        at: Stiffness,
+        observed: Observations,
+        pressed: FloatArray,
+    ) -> FloatArray:
+        """Return what a mechanism adds to channels (n, k) where the tissue is pressed by so much (n,), mm."""
+
+        def row(key: str) -> FloatArray:
+            if mechanism.derivatives:
+                found = np.asarray(mechanism.shares(values) @ self.beside.changes[mechanism.name, key](at[0]))
+                return self.beside.columns(found, names)
+            return self.beside.columns(self._at_strength(self.beside.changes, mechanism, key, values, at[0]), names)
+
+        if mechanism.along_path:
+            return observed.spread([row(stations.key) for stations in observed.protocols])
+        change = row("")
+        if not mechanism.derivatives:
+            change = mechanism.share(values) * change
+        return course_at(self.grid, change, pressed)
+
+    def _at_strength(
+        self, tables: Mapping[tuple[str, str], Table], mechanism: TissueMechanism, key: str, values: Values, c10: float
+    ) -> FloatArray:
         """Return a table's row at a strength: smooth between, in proportion beyond."""
-        first, table = mechanism.parameters[0], self.changes[mechanism.name, key]
+        first, table = mechanism.parameters[0], tables[mechanism.name, key]
         prior = prior_of(first)
-        place = mechanism.name, key
+        place = mechanism.name, key, tables is self.changes
         if place not in self._curves:
             nodes = np.array([prior.departure(v) for v in (null_of(first), *mechanism.strengths)])
             order = np.argsort(nodes)

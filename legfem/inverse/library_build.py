@@ -11,11 +11,20 @@ from scipy.interpolate import CubicSpline, make_smoothing_spline
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import LOADING
-from legfem.inverse.emulator import Emulator, Samples
-from legfem.inverse.library import Library, NuisanceChanges, Table, coordinates, unchanged
+from legfem.inverse.emulator import Emulator, Kriging, Samples
+from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, null_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import BodyModels, Displaced, NotKeptError, SolvedResponses
+from legfem.inverse.responses import (
+    ELASTIC_DERIVATIVES,
+    BodyModels,
+    Columns,
+    Displaced,
+    NotKeptError,
+    SolvedResponses,
+    channels_of,
+    derivative_of,
+)
 from legfem.inverse.stations import Stations
 from legfem.jobs.pool import Workers
 
@@ -50,28 +59,36 @@ class Task:
         return f"{what}{at} at C10 {self.point[0]:.3g}, C20 {self.point[1]:.3g} kPa"
 
 
-def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Mapping[str, FloatArray] | None:
+type Outcome = Mapping[str, Columns]
+"""An entry's changes or courses, by the parameter of which there are several; else of none."""
+_ONE = ""
+
+
+def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Outcome | None:
     """Return an entry; None where its solution stopped."""
     found = _solved(*responses, task)
-    return None if any(np.isnan(values).any() for values in found.values()) else found
+    return None if any(np.isnan(columns["force"]).any() for columns in found.values()) else found
 
 
-def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Mapping[str, FloatArray]:
+def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Outcome:
+    mechanism = task.mechanism
     if task.geometry is not None:
         own = task.geometry
-        return {"change": coarse.displaced(own.moved, own.placement, task.point)}
-    if task.material:
+        found = coarse.displaced(own.moved, own.placement, task.point)
+    elif task.material:
         return coarse.sensitivities(coarse.variants.assumed, task.point)
-    mechanism = task.mechanism
-    if mechanism is None:
-        return solved.elastic(task.point)
-    if mechanism.derivatives:
-        return {"change": coarse.by_derivatives(mechanism, task.stations, task.point)}
-    values = {p.name: null_of(p) for p in mechanism.parameters}
-    solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
-    if task.stations is None:
-        return {"change": coarse.elastic_change(solution, task.point)}
-    return {"change": coarse.path_change(solution, task.stations, task.point)}
+    elif mechanism is None:
+        found = solved.elastic(task.point)
+    elif mechanism.derivatives:
+        found = coarse.by_derivatives(mechanism, task.stations, task.point)
+    else:
+        values = {p.name: null_of(p) for p in mechanism.parameters}
+        solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
+        if task.stations is None:
+            found = coarse.elastic_change(solution, task.point)
+        else:
+            found = coarse.path_change(solution, task.stations, task.point)
+    return {_ONE: found}
 
 
 def tasks_for(
@@ -117,9 +134,9 @@ def tasks_for(
 
 def outcomes_of(
     responses: tuple[SolvedResponses, SolvedResponses], tasks: Sequence[Task], jobs: int, progress: Progress
-) -> dict[int, Mapping[str, FloatArray] | None]:
+) -> dict[int, Outcome | None]:
     """Return tasks' outcomes by their places; processes are started for what isn't kept only."""
-    found: dict[int, Mapping[str, FloatArray] | None] = {}
+    found: dict[int, Outcome | None] = {}
     kept = responses[0].recalling(), responses[1].recalling()
     missing: list[int] = []
 
@@ -240,34 +257,61 @@ def _assembled(
     observed: Observations,
     tissue: Sequence[TissueMechanism],
     tasks: Sequence[Task],
-    outcomes: Sequence[Mapping[str, FloatArray] | None],
+    outcomes: Sequence[Outcome | None],
     middle: float,
 ) -> Library:
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
-    elastic = [(t.point, o) for t, o in done if t.mechanism is None and t.geometry is None and not t.material]
-    c10, c20 = (np.array(values) for values in zip(*(p for p, _ in elastic), strict=True))
-    force, by_c10, by_c20 = (np.array([o[name] for _, o in elastic]) for name in ("force", "deep.C10", "deep.C20"))
-    samples = _samples(c10, c20, force, by_c10 / 1e3, by_c20 / 1e3)
+    elastic = [(t.point, o[_ONE]) for t, o in done if t.mechanism is None and t.geometry is None and not t.material]
+    emulator = Emulator(_samples(elastic, ("force",)))
+    names = _known_throughout(done)
     changes: dict[tuple[str, str], Table] = {}
+    beside: dict[tuple[str, str], Table] = {}
     missing: dict[str, str] = {}
     for m in tissue:
         for key in [s.key for s in observed.protocols] if m.along_path else [""]:
-            table = _table(m, key, tasks, outcomes)
+            table, other = _table(m, key, tasks, outcomes), _table(m, key, tasks, outcomes, names)
             if table is None and m.does_without:
-                table = unchanged(m, solved.grid)
-            if table is None:
+                table = unchanged(m, len(solved.grid))
+                other = unchanged(m, (len(solved.grid) + 1) * len(names))
+            if table is None or other is None:
                 missing[m.name] = "its solutions did not follow the protocol to the end"
             else:
-                changes[m.name, key] = table
-    geometric = {t.geometry.name: o["change"] for t, o in done if t.geometry is not None}
-    material = next((dict(o) for t, o in done if t.material), {})
+                changes[m.name, key], beside[m.name, key] = table, other
+    geometric = {t.geometry.name: o[_ONE] for t, o in done if t.geometry is not None}
+    material = next((o for t, o in done if t.material), {})
     nuisances = NuisanceChanges(
         solved.grid,
-        {name: smoothed(solved.grid, change) for name, change in geometric.items()},
-        {name: smoothed(solved.grid, change) for name, change in material.items()},
+        {name: smoothed(solved.grid, change["force"]) for name, change in geometric.items()},
+        {name: smoothed(solved.grid, change["force"]) for name, change in material.items()},
+        {
+            one: NuisanceChanges(
+                np.concatenate([[0.0], solved.grid]),
+                {name: change[one] for name, change in geometric.items()},
+                {name: change[one] for name, change in material.items()},
+            )
+            for one in names
+        },
     )
-    emulator = Emulator(samples)
-    return Library(solved.grid, emulator, changes, nuisances, middle, missing)
+    tables = ChannelTables(names, _kriging(_samples(elastic, names)), beside) if names else NO_CHANNELS
+    return Library(solved.grid, emulator, changes, nuisances, middle, missing, beside=tables)
+
+
+def _known_throughout(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:
+    """Return the channels beside the force that every solution has."""
+    found = [
+        [name for name in channels_of(columns) if np.isfinite(columns[name]).all()]
+        for _, outcome in done
+        for columns in outcome.values()
+    ]
+    return tuple(name for name in found[0] if all(name in own for own in found)) if found else ()
+
+
+_NUGGET = 1e-8
+
+
+def _kriging(samples: Samples) -> Kriging:
+    """Return channels' elastic courses by the stiffness: themselves, not their logarithms, as they may change sign."""
+    return Kriging(samples.at, samples.force, samples.slopes, _NUGGET)
 
 
 def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
@@ -292,29 +336,47 @@ def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
     return found if np.abs(found - change).max() < _WIGGLE * np.abs(change).max() else change
 
 
-def _samples(c10: FloatArray, c20: FloatArray, force: FloatArray, by_c10: FloatArray, by_c20: FloatArray) -> Samples:
-    """Return solved curves (n, m) with their derivatives (N/kPa) by the coordinates."""
+def _samples(elastic: Sequence[tuple[Stiffness, Columns]], names: Sequence[str]) -> Samples:
+    """Return solved courses (n, m) of channels, each as one row, with their derivatives by the coordinates."""
+    c10, c20 = (np.array(values) for values in zip(*(point for point, _ in elastic), strict=True))
+    course = np.array([_as_row(columns, names) for _, columns in elastic])
+    by_c10, by_c20 = (
+        np.array([_as_row(columns, [derivative_of(name, of) for name in names]) for _, columns in elastic]) / 1e3
+        for of in ELASTIC_DERIVATIVES
+    )
     first = c10[:, None] * by_c10 + c20[:, None] * by_c20
     second = (c10 + c20)[:, None] * by_c20
-    return Samples(coordinates(c10, c20), force, np.stack([first, second], axis=1))
+    return Samples(coordinates(c10, c20), course, np.stack([first, second], axis=1))
+
+
+def _as_row(columns: Columns, names: Sequence[str]) -> FloatArray:
+    """Return channels (..., m) as rows (..., m k), the k channels of a place beside each other."""
+    stacked = np.stack([columns[name] for name in names], axis=-1)
+    return stacked.reshape(*stacked.shape[:-2], -1)
 
 
 def _table(
-    mechanism: TissueMechanism, key: str, tasks: Sequence[Task], outcomes: Sequence[Mapping[str, FloatArray] | None]
+    mechanism: TissueMechanism,
+    key: str,
+    tasks: Sequence[Task],
+    outcomes: Sequence[Outcome | None],
+    names: Sequence[str] = ("force",),
 ) -> Table | None:
     ratios = bool(mechanism.strengths) and not mechanism.along_path
-    rows: dict[float, list[Mapping[str, FloatArray] | None]] = {}
+    rows: dict[float, list[Outcome | None]] = {}
     for task, outcome in zip(tasks, outcomes, strict=True):
         own = "" if task.stations is None else task.stations.key
         if task.mechanism is mechanism and own == key:
             # Where no force is left there is no ratio to tabulate.
-            left = outcome is not None and not (ratios and np.any(outcome["change"] <= -1.0))
+            left = outcome is not None and not (ratios and np.any(outcome[_ONE]["force"] <= -1.0))
             rows.setdefault(task.point[0], []).append(outcome if left else None)
+    if not names:
+        return unchanged(mechanism, 0)
     # One stiffness serves where a solution at the other stopped.
-    whole = {c10: [o["change"] for o in found if o is not None] for c10, found in rows.items()}
+    whole = {c10: [_as_row(o[_ONE], names) for o in found if o is not None] for c10, found in rows.items()}
     whole = {c10: changes for c10, changes in whole.items() if len(changes) == len(rows[c10])}
     if not whole:
         return None
     values = np.array([np.vstack(changes) for changes in whole.values()])
     logs = np.log(list(whole))
-    return Table(logs, np.log1p(values) if ratios else values)
+    return Table(logs, np.log1p(values) if ratios and tuple(names) == ("force",) else values)

@@ -49,8 +49,8 @@ class NuisanceEffect:
     """What one standard deviation of a nuisance parameter does to the prediction."""
 
     name: str
-    force: FloatArray
-    """Change of the force (n,), N."""
+    effect: FloatArray
+    """Change of the readings (N,), in their units."""
     cause: Cause
 
 
@@ -96,11 +96,11 @@ class LinearisedFit:
     prior_z: FloatArray
     """(p,): of those from what was known, in its standard deviations."""
     prediction: FloatArray
-    """(n,), N: at all observations, fitted or not."""
+    """(N,): all readings, fitted or not: the forces first."""
     residual: FloatArray
-    """(n,), N: observed less predicted."""
+    """(N,): observed less predicted."""
     sensitivities: FloatArray
-    """(n, p), N: of the prediction by one standard deviation of each parameter."""
+    """(N, p): of the prediction by one standard deviation of each parameter."""
     whitened: FloatArray
     """(k,): the fitted part's residual over its errors' Cholesky factor."""
     jacobian: FloatArray
@@ -229,10 +229,12 @@ class LinearisedProblem:
         """Return the problem with other errors."""
         return replace(self, errors=errors)
 
-    def with_nuisances(self, noise: Noise, force: FloatArray, effects: Sequence[NuisanceEffect]) -> LinearisedProblem:
-        """Return the problem with the errors of noise and nuisance parameters about a force (n,), N."""
-        known = [(one.name, one.force) for one in effects]
-        errors = error_model(self.predictor.observed, noise, force, known)
+    def with_nuisances(
+        self, noise: Noise, prediction: FloatArray, effects: Sequence[NuisanceEffect]
+    ) -> LinearisedProblem:
+        """Return the problem with the errors of noise and nuisance parameters about a prediction (N,)."""
+        known = [(one.name, one.effect) for one in effects]
+        errors = error_model(self.predictor.observed, noise, prediction, known)
         return replace(self, errors=errors, causes={one.name: one.cause for one in effects})
 
     @cached_property
@@ -309,7 +311,7 @@ def _fit_from(
         return {**fixed, **{p.name: q.value_at(float(x)) for p, q, x in zip(free, priors, z, strict=True)}}
 
     def misfit(z: FloatArray) -> FloatArray:
-        left = predictor.observed.force - predictor(values_at(z), mechanisms)
+        left = predictor.observed.values - predictor(values_at(z), mechanisms)
         return np.concatenate([problem.whitened(left), z])
 
     def slopes(z: FloatArray) -> FloatArray:
@@ -329,7 +331,7 @@ def _fit_from(
         free,
         np.asarray(found.x),
         prediction,
-        predictor.observed.force - prediction,
+        predictor.observed.values - prediction,
         change,
         np.asarray(found.fun[:count]),
         problem.whitened(change),
@@ -348,10 +350,12 @@ def _change(predictor, mechanisms, values_at, z: FloatArray, ends: FloatArray) -
 
 
 _ROUNDS = 4
+_FIRST_SHARE = 0.2
+"""Of a further channel's range: its misfit to begin with."""
 
 
 def ordinary_fit(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
-    """Return the base model's fit with equal weights.
+    """Return the base model's fit with equal weights within each channel.
 
     Parameters
     ----------
@@ -360,20 +364,26 @@ def ordinary_fit(problem: LinearisedProblem, starts: Sequence[Mapping[str, float
     starts
         Where searches begin.
     """
-    found = fit_base(equally_weighted(problem, 0.05 * problem.predictor.observed.force), starts)
+    data = problem.predictor.observed.data
+    force, *others = data.channels
+    sizes = [max(_FIRST_SHARE * float(np.ptp(one.values)), float(one.sd.max())) for one in others]
+    scales = [0.05 * force.values, *(np.full(len(one), size) for one, size in zip(others, sizes, strict=True))]
+    found = fit_base(equally_weighted(problem, np.concatenate(scales)), starts)
     for _ in range(_ROUNDS):
         found = fit(equally_weighted(problem, found.residual), (), found.values)
     return found
 
 
 def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> LinearisedProblem:
-    """Return a problem whose weights are equal, and the misfit's beside what is known."""
+    """Return a problem whose weights are equal within each channel, and its misfit's beside what is known."""
     errors = problem.errors
-    size = max(float(np.sqrt(np.mean(misfit**2))), float(np.median(errors.trial_sd)))
+    sizes = np.empty(len(errors.trial_sd))
+    for span in problem.predictor.observed.data.spans:
+        sizes[span] = max(float(np.sqrt(np.mean(misfit[span] ** 2))), float(np.median(errors.trial_sd[span])))
     return problem.with_errors(
         replace(
             errors,
-            dense=size**2 * np.eye(len(errors.trial_sd)),
+            dense=np.diag(sizes**2),
             known=0.0 * errors.known,
             gains=0.0 * errors.gains,
             zeros=0.0 * errors.zeros,

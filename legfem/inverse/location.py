@@ -43,11 +43,13 @@ class Window:
     time: tuple[float, float]
     """s since first contact."""
     size: float
-    """Mean residual there, N."""
+    """Mean residual there, in the channel's unit."""
     p_value: float
     """Family-wise over all windows."""
     stations: tuple[int, ...]
-    """Observations that it holds."""
+    """Readings that it holds."""
+    channel: str = "force"
+    """Whose readings these are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +57,8 @@ class Windows:
     """All windows that are looked at."""
 
     observed: Observations
-    members: Sequence[tuple[str, FloatArray]]
-    """Trials' names and observations of each."""
+    members: Sequence[tuple[str, NDArray[np.int_]]]
+    """Trials' names and readings of each, all of one channel."""
 
     def significant(self, scores: FloatArray, largest: FloatArray, residual: FloatArray) -> tuple[Window, ...]:
         """Return non-overlapping significant windows, the strongest first.
@@ -83,23 +85,30 @@ class Windows:
             found.append(self._window(name, where, float(p), residual))
         return tuple(found)
 
-    def _window(self, name: str, where: FloatArray, p: float, residual: FloatArray) -> Window:
+    def _window(self, name: str, where: NDArray[np.int_], p: float, residual: FloatArray) -> Window:
         observed = self.observed
-        d, t = observed.displacement[where], observed.time[where]
+        at = observed.nearest[where]
+        d, t = observed.displacement[at], observed.time[at]
+        channel = next(
+            one.name
+            for one, span in zip(observed.data.channels, observed.data.spans, strict=True)
+            if where[0] < span.stop
+        )
         return Window(
             name,
-            str(observed.phase[where[0]]),
+            str(observed.phase[at[0]]),
             (float(d.min()), float(d.max())),
             (float(t.min()), float(t.max())),
             float(residual[where].mean()),
             p,
             tuple(int(i) for i in where),
+            channel,
         )
 
 
 def windows_of(observed: Observations) -> tuple[Windows, FloatArray]:
-    """Return the windows and their boxes (n, k)."""
-    members: list[tuple[str, FloatArray]] = []
+    """Return the windows and their boxes (N, k)."""
+    members: list[tuple[str, NDArray[np.int_]]] = []
     for number, stations in enumerate(observed.protocols):
         trials = observed.trials_of(number)
         starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
@@ -112,10 +121,28 @@ def windows_of(observed: Observations) -> tuple[Windows, FloatArray]:
                 for first in range(0, len(here) - length + 1, max(1, length // 3)):
                     part = here[first : first + length]
                     members += [(name, np.concatenate([start + part for start in at])) for name, at in groups]
-    boxes = np.zeros((len(observed.force), len(members)))
+    members += _channel_windows(observed)
+    boxes = np.zeros((len(observed.values), len(members)))
     for k, (_, where) in enumerate(members):
         boxes[where, k] = 1.0
     return Windows(observed, members), boxes
+
+
+def _channel_windows(observed: Observations) -> list[tuple[str, NDArray[np.int_]]]:
+    """Return the windows of channels beside the force: of all trials of a protocol together, in order along them."""
+    found: list[tuple[str, NDArray[np.int_]]] = []
+    for span in observed.data.spans[1:]:
+        own = np.arange(span.start, span.stop)
+        at = observed.nearest[own]
+        for number in range(len(observed.protocols)):
+            name = ", ".join(observed.trials[k] for k in observed.trials_of(number))
+            for segment in np.unique(observed.segment[at]):
+                here = np.flatnonzero((observed.protocol[at] == number) & (observed.segment[at] == segment))
+                here = here[np.argsort(observed.time[at[here]], kind="stable")]
+                for length in sorted({*(n for n in _LENGTHS if n < len(here)), len(here)} - {0}):
+                    firsts = range(0, len(here) - length + 1, max(1, length // 3))
+                    found += [(name, own[here[first : first + length]]) for first in firsts]
+    return found
 
 
 def runs(marks: NDArray[np.int_]) -> list[tuple[int, int]]:
@@ -133,10 +160,10 @@ class Signature:
 
     mechanism: Mechanism
     direction: FloatArray
-    """(n + p,): whitened, projected off the base parameters; see `LinearisedFit.augmented_residual`."""
+    """(N + p,): whitened, projected off the base parameters; see `LinearisedFit.augmented_residual`."""
     one_sided: bool
     shown: FloatArray
-    """(n,), N: the response before whitening, for a figure."""
+    """(N,): the response before whitening, for a figure."""
     shape: Values
     """Of the parameters beyond the first."""
 

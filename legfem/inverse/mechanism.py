@@ -145,7 +145,10 @@ class Mechanism:
     def relative_change(
         self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
     ) -> FloatArray | None:
-        """Return what it adds to the elastic force, over that (n,); None where it leaves the tissue as it is."""
+        """Return what it adds to the elastic force, over that (n,); None where it leaves the tissue as it is.
+
+        Of a mechanism without finite-element solutions it is one of every force on the cylinder.
+        """
         return None
 
     def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
@@ -157,7 +160,7 @@ class Mechanism:
         return np.ones(len(observed.force))
 
     def force_factor(self, values: Values, observed: Observations) -> FloatArray:
-        """Return the factor on the force (n,)."""
+        """Return the factor on the force (n,), and on every other force on the cylinder."""
         return np.ones(len(observed.force))
 
     def added_force(self, values: Values, observed: Observations) -> FloatArray:

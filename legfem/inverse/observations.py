@@ -1,25 +1,28 @@
-"""All that was recorded of a leg, at the stations, as one vector."""
+"""All that was recorded of a leg as one vector: forces at the stations, then the readings of every further channel."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
 from legfem.data.contact import Contact, contact_at_start
 from legfem.data.segmentation import HOLD, LOADING, UNLOADING, Segmentation
+from legfem.inverse.channel_readings import ChannelReadings, channel_readings
+from legfem.inverse.data import Channel, Data
 from legfem.inverse.stations import Stations, group_trials, read_at, stations_along, stations_of
 from legfem.solve.protocol import Protocol
 
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """Forces at the stations of all trials, trial after trial; arrays are (n,)."""
+    """Forces at the n stations of all trials, trial after trial, and readings of further channels; arrays are (n,)."""
 
     trials: tuple[str, ...]
     protocols: tuple[Stations, ...]
@@ -43,6 +46,25 @@ class Observations:
     the skin the same travel goes less deep."""
     starts_at_contact: bool = False
     """Whether displacement is stated to count from first touch."""
+    channels: tuple[ChannelReadings, ...] = ()
+    """What was recorded beside the force."""
+
+    @cached_property
+    def data(self) -> Data:
+        """All N readings: the force's, then every further channel's."""
+        force_sd = np.sqrt(self.white_variance)
+        force = Channel("force", "N", self.displacement, "displacement_mm", self.force, force_sd)
+        return Data((force, *(one.read_along(self.displacement) for one in self.channels)))
+
+    @property
+    def values(self) -> FloatArray:
+        """All readings, (N,), each in its channel's unit."""
+        return self.data.values
+
+    @cached_property
+    def nearest(self) -> NDArray[np.int_]:
+        """Station nearest to each reading, (N,)."""
+        return np.concatenate([np.arange(len(self.force)), *(one.nearest for one in self.channels)])
 
     def spread(self, by_protocol: Sequence[FloatArray]) -> NDArray[np.float64]:
         """Return values at every protocol's stations as one vector over all trials."""
@@ -89,6 +111,15 @@ class Observations:
         return np.asarray(self._of_stations("segment"), int)
 
     @cached_property
+    def speed(self) -> FloatArray:
+        """Speed of the cylinder, mm/s; negative as it is withdrawn."""
+        by_protocol = []
+        for stations in self.protocols:
+            rates = np.diff(stations.protocol.displacement) / np.diff(stations.protocol.time)
+            by_protocol.append(rates[stations.segment])
+        return self.spread(by_protocol)
+
+    @cached_property
     def stiffness(self) -> FloatArray:
         """Slope dF/dd of the recordings, smoothed, N/mm; in a hold that at its depth."""
         slopes = []
@@ -111,7 +142,7 @@ class Observations:
 
     @cached_property
     def means(self) -> FloatArray:
-        """Matrix (m, n) that takes the mean over a protocol's trials at each of its stations."""
+        """Matrix (m, N) that takes the mean over a protocol's trials at each of its stations, and the rest as it is."""
         rows = []
         for number, stations in enumerate(self.protocols):
             trials = self.trials_of(number)
@@ -120,11 +151,15 @@ class Observations:
                 for trial in trials:
                     row[np.flatnonzero(self.trial == trial)[k]] = 1.0 / len(trials)
                 rows.append(row)
-        return np.array(rows)
+        return np.asarray(block_diag(np.array(rows), np.eye(len(self.values) - len(self.force))))
 
     def trials_of(self, protocol: int) -> list[int]:
         """Return the numbers of a protocol's trials."""
         return [k for k, p in enumerate(self.protocol_of) if p == protocol]
+
+    def forces_of(self, trial: int, values: FloatArray) -> FloatArray:
+        """Return what of readings (n,) or (N,) are the forces of a trial."""
+        return np.asarray(values[np.flatnonzero(self.trial == trial)])
 
     @property
     def repeats(self) -> int:
@@ -164,6 +199,22 @@ class Observations:
     def with_force(self, force: FloatArray) -> Observations:
         """Return the same stations with other forces (N)."""
         return replace(self, force=force)
+
+    def with_channels(self, known: Collection[str]) -> Observations:
+        """Return the observations without channels that a model doesn't know, with a remark on each."""
+        remarks = tuple(
+            f"{one.kind.words} was recorded, but isn't solved for on this leg, so it isn't weighed."
+            for one in self.channels
+            if one.name not in known
+        )
+        kept = tuple(one for one in self.channels if one.name in known)
+        return replace(self, channels=kept, remarks=(*self.remarks, *remarks)) if remarks else self
+
+    def with_values(self, values: FloatArray) -> Observations:
+        """Return the same stations with other readings (N,)."""
+        force, *others = (values[span] for span in self.data.spans)
+        channels = tuple(replace(one, values=own) for one, own in zip(self.channels, others, strict=True))
+        return replace(self, force=force, channels=channels)
 
 
 def blank_observations(protocols: Sequence[Protocol]) -> Observations:
@@ -229,7 +280,8 @@ def observe(trials: Sequence[Segmentation]) -> Observations:
     groups = group_trials(trials)
     protocols = tuple(stations_of([trials[k] for k in group]) for group in groups)
     protocol_of = tuple(next(g for g, group in enumerate(groups) if k in group) for k in range(len(trials)))
-    readings = [read_at(t, protocols[p]) for t, p in zip(trials, protocol_of, strict=True)]
+    stations = [protocols[p] for p in protocol_of]
+    readings = [read_at(t, own) for t, own in zip(trials, stations, strict=True)]
     white = [t.force_noise**2 * r.white_leverage for t, r in zip(trials, readings, strict=True)]
     jitter = [t.displacement_noise**2 * r.jitter_leverage for t, r in zip(trials, readings, strict=True)]
     return Observations(
@@ -245,4 +297,5 @@ def observe(trials: Sequence[Segmentation]) -> Observations:
         tuple(remarks),
         tuple(t.depth for t in trials),
         all(t.contact.known for t in trials),
+        channel_readings(trials, stations),
     )

@@ -155,7 +155,7 @@ def evaluate_design(
     told = [_told(new, c, f, design) for c, f in zip(candidates, forces, strict=True)]
     chances = {}
     for one, mine in zip(candidates, told, strict=True):
-        effects = [(one.name, one.force) for one in nuisances(design, blank, mine.force)]
+        effects = [(one.name, one.effect) for one in nuisances(design, blank, mine.force)]
         errors = error_model(blank.with_force(mine.force), noise, mine.force, effects)
         known = replace(errors, gain_sd=gain_sd).covariance
         for other, its in zip(candidates, told, strict=True):

@@ -1,7 +1,8 @@
-"""The predicted forces at the stations, for any stiffness and any mechanisms, in milliseconds.
+"""The predicted readings for any stiffness and any mechanisms, in milliseconds: forces, then further channels.
 
 The tissue's response comes from `Responses`, solved once for a section; everything else is exact
-arithmetic on it.
+arithmetic on it. How far the tissue is pressed follows from the force; further channels are read there. What acts by
+a factor on the force acts so on other forces on the cylinder (`ChannelReadings.is_force`), and on nothing else.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.inverse.mechanism import Mechanism, TissueResponses, null_of
+from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
@@ -44,6 +45,22 @@ class Responses(TissueResponses, Protocol):
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force (m,) at the grid, N."""
+        ...
+
+    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
+        """Return the elastic courses of channels at zero and at the grid (m + 1, k), in their units."""
+        ...
+
+    def channel_changes(
+        self,
+        names: Sequence[str],
+        mechanism: TissueMechanism,
+        values: Mapping[str, float],
+        at: Stiffness,
+        observed: Observations,
+        pressed: FloatArray,
+    ) -> FloatArray:
+        """Return what a mechanism adds to channels (n, k) where the tissue is pressed by so much (n,), mm."""
         ...
 
 
@@ -83,7 +100,7 @@ class Predictor:
     measured
         C10 (kPa) by other means, where it was.
     offset
-        (n,), N: what a full solution was above the emulated one, where one was made.
+        (N,): what a full solution was above the emulated one, where one was made.
     """
 
     observed: Observations
@@ -92,7 +109,7 @@ class Predictor:
     ends: Ends | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    _splines: dict[tuple[int, float, float], CubicSpline | None] = field(default_factory=dict, repr=False)
+    _splines: dict[tuple[int, float, float, bool], CubicSpline | None] = field(default_factory=dict, repr=False)
 
     def corrected(self, offset: FloatArray) -> Predictor:
         """Return the predictor shifted to agree with a full solution."""
@@ -125,7 +142,7 @@ class Predictor:
         )
 
     def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
-        """Return the forces (n,), N; NaN where a full solution stopped."""
+        """Return all readings (N,); NaN where a full solution stopped."""
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
         c10, c20 = values["C10"], values.get("C20", 0.0)
@@ -142,45 +159,70 @@ class Predictor:
             return sum((m.displacement_loss(own[m.name], observed, force) for m in mechanisms), onset[observed.trial])
 
         force = _pressed(elastic, observed.displacement, loss)
+        pressed = observed.displacement - loss(force)
         if self.ends is not None:
-            pressed = np.maximum(observed.displacement - loss(force), 0.0)
-            force = force * self.ends.factor(pressed, np.asarray(c10), np.asarray(c20))
+            force = force * self.ends.factor(np.maximum(pressed, 0.0), np.asarray(c10), np.asarray(c20))
+        factors: FloatArray = np.ones(len(force))
+        tissue: list[tuple[TissueMechanism, Mapping[str, float]]] = []
         for mechanism in mechanisms:
             mine = own[mechanism.name]
             if not (mechanism.stands_for_C20 and self.law == "neo-hookean"):
                 change = mechanism.relative_change(mine, (c10, c20), observed, self.responses)
                 force = force if change is None else force * (1 + change)
+                if isinstance(mechanism, TissueMechanism):
+                    tissue.append((mechanism, mine))
+                elif change is not None:
+                    factors = factors * (1 + change)
             force = force * mechanism.force_factor(mine, observed)
+            factors = factors * mechanism.force_factor(mine, observed)
         for mechanism in mechanisms:
             force = force + mechanism.added_force(own[mechanism.name], observed)
-        return force + self.offset
+        if not observed.channels:
+            return force + self.offset
+        if self.ends is not None:
+            factors = factors * self.ends.factor(np.maximum(pressed, 0.0), np.asarray(c10), np.asarray(c20))
+        names = [one.name for one in observed.channels]
+        courses = self._elastic(c10, c20, factor, beside=True)(pressed)
+        if np.isnan(force).any() or np.isnan(courses).any():
+            return np.full(len(observed.values), np.nan)
+        for changed, its in tissue:
+            courses = courses + self.responses.channel_changes(names, changed, its, (c10, c20), observed, pressed)
+        readings = [
+            one.weights @ (course * factors if one.is_force else course)
+            for one, course in zip(observed.channels, courses.T, strict=True)
+        ]
+        return np.concatenate([force, *readings]) + self.offset
 
-    def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
+    def _elastic(self, c10: float, c20: float, factor: FloatArray, beside: bool = False) -> _Elastic:
+        """Return the force, or the channels beside it, at factors on the deep stiffness."""
         low, high = float(factor.min()), float(factor.max())
         nodes = np.array([1.0]) if high - low < 1e-12 else np.linspace(low, high, _FACTOR_NODES)
         at_null = high - low < 1e-12
         scale = factor[0] if at_null else 1.0
-        splines = [self._spline(c10 * scale * n, c20 * scale * n) for n in nodes]
+        splines = [self._spline(c10 * scale * n, c20 * scale * n, beside) for n in nodes]
         known = [spline for spline in splines if spline is not None]
         if len(known) < len(splines):
             return _Elastic([_unknown], np.array([1.0]), None)
         return _Elastic(known, nodes, None if at_null else _lagrange(nodes, factor))
 
-    def _spline(self, c10: float, c20: float) -> CubicSpline | None:
-        """Return the elastic curve of a stiffness (kPa), kept for the next time; None without."""
-        key = id(self.responses), float(c10), float(c20)
+    def _spline(self, c10: float, c20: float, beside: bool) -> CubicSpline | None:
+        """Return the elastic courses of a stiffness (kPa), kept for the next time; None without."""
+        key = id(self.responses), float(c10), float(c20), beside
         if key not in self._splines:
             if len(self._splines) > _SPLINES_KEPT:
                 self._splines.clear()
             grid = np.concatenate([[0.0], self.responses.grid])
-            curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
+            if beside:
+                curve = self.responses.channel_curves([one.name for one in self.observed.channels], c10, c20)
+            else:
+                curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
             self._splines[key] = None if np.isnan(curve).any() else CubicSpline(grid, curve)
         return self._splines[key]
 
 
 @dataclass(frozen=True, eq=False)
 class _Elastic:
-    """Curves at several factors on the deep stiffness, interpolated to every station's."""
+    """Curves at several factors on the deep stiffness, interpolated to every station's; level before first touch."""
 
     splines: Sequence[Callable[[FloatArray, int], FloatArray]]
     nodes: FloatArray
@@ -191,8 +233,9 @@ class _Elastic:
         values = [spline(at, derivative) for spline in self.splines]
         total = values[0]
         if self.weights is not None:
-            total = np.einsum("ij,ij->j", self.weights, np.array(values))
-        return np.where(displacement > 0, total, 0.0)
+            total = np.einsum("ij,ij...->j...", self.weights, np.array(values))
+        # A force is nothing there, exactly, and so are derivatives.
+        return np.where(displacement > 0, total, 0.0) if total.ndim == 1 else total
 
 
 def _unknown(displacement: FloatArray, derivative: int) -> FloatArray:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.data.channels import CHANNELS
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import Stations
@@ -100,6 +101,18 @@ class NotKeptError(LookupError):
 
 
 type Columns = dict[str, FloatArray]
+"""Arrays by channel: ``force`` along (m,) points, and every further channel at zero time and there, (m + 1,). Of
+derivatives by a parameter (`derivative_of`) likewise. Changes are relative of the force, and absolute of channels."""
+
+
+def derivative_of(channel: str, parameter: str) -> str:
+    """Return the name of a channel's derivative by a parameter; the parameter's own of the force."""
+    return parameter if channel == "force" else f"{channel} by {parameter}"
+
+
+def channels_of(columns: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """Return the names of the channels that a solution has beside the force."""
+    return tuple(name for name in columns if name in CHANNELS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,30 +224,61 @@ class SolvedResponses:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
         solution = mechanism.solution(values)
         if not mechanism.along_path:
-            change = mechanism.share(values) * self.elastic_change(solution, at)
+            change = mechanism.share(values) * self.elastic_change(solution, at)["force"]
             return _at_displacement(self.grid, change, observed.displacement, level=True)
-        return observed.spread([self.path_change(solution, s, at) for s in observed.protocols])
+        return observed.spread([self.path_change(solution, s, at)["force"] for s in observed.protocols])
 
-    def elastic_change(self, solution: Solution, stiffness: Stiffness) -> FloatArray:
-        """Return the relative change of the elastic force at the grid."""
-        null = self.ramp(stiffness, Solution(solution.null))
-        before = np.maximum(_in_series(self.grid, null, solution.null_in_series), _SMALLEST_FORCE_N)
-        return self.ramp(stiffness, solution) / before - 1.0
+    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
+        """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
+        return _columns_of(self._solve(self._at_grid((c10, c20), Solution())), names, len(self.grid) + 1)
 
-    def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> FloatArray:
-        """Return the relative change at a protocol's stations (m,)."""
+    def channel_changes(
+        self,
+        names: Sequence[str],
+        mechanism: TissueMechanism,
+        values: Values,
+        at: Stiffness,
+        observed: Observations,
+        pressed: FloatArray,
+    ) -> FloatArray:
+        """Return what a mechanism adds to channels (n, k) where the tissue is pressed by so much (n,), mm."""
+        solution = mechanism.solution(values)
+        if not mechanism.along_path:
+            found = _columns_of(self.elastic_change(solution, at), names, len(self.grid) + 1)
+            return mechanism.share(values) * course_at(self.grid, found, pressed)
+        by_protocol = [_columns_of(self.path_change(solution, s, at), names, len(s.time)) for s in observed.protocols]
+        return observed.spread(by_protocol)
+
+    def elastic_change(self, solution: Solution, stiffness: Stiffness) -> Columns:
+        """Return the changes of the elastic courses at the grid: of the force relative, of channels absolute."""
+        null = self._solve(self._at_grid(stiffness, Solution(solution.null)))
+        changed = self._solve(self._at_grid(stiffness, solution))
+        pushed = _pushed(self.grid, null["force"], solution.null_in_series)
+        force = np.maximum(_in_series(pushed, self.grid, null["force"])[1:], _SMALLEST_FORCE_N)
+        found = {"force": changed["force"] / force - 1.0}
+        for name in channels_of(changed):
+            if name in null:
+                found[name] = changed[name] - _in_series(pushed, self.grid, null[name])
+        return found
+
+    def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> Columns:
+        """Return the changes at a protocol's stations (m,): of the force relative, of channels absolute."""
         # A porous leg has another formulation: compared with itself, its own error cancels.
         porous = solution.variant == "porous"
         null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
-        before = _at_displacement(self.grid, self.ramp(stiffness, null), stations.displacement)
-        asked = PathRequest(stations.protocol, stations.time, stiffness, solution)
-        changed = self._solve(asked)["force"]
-        return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
+        elastic = self._solve(self._at_grid(stiffness, null))
+        before = _at_displacement(self.grid, elastic["force"], stations.displacement)
+        changed = self._solve(PathRequest(stations.protocol, stations.time, stiffness, solution))
+        found = {"force": changed["force"] / np.maximum(before, _SMALLEST_FORCE_N) - 1.0}
+        for name in channels_of(changed):
+            if name in elastic:
+                found[name] = changed[name][1:] - course_at(self.grid, elastic[name], stations.displacement)
+        return found
 
-    def by_derivatives(self, mechanism: TissueMechanism, stations: Stations | None, stiffness: Stiffness) -> FloatArray:
-        """Return the relative change by each of a mechanism's derivatives at its null.
+    def by_derivatives(self, mechanism: TissueMechanism, stations: Stations | None, stiffness: Stiffness) -> Columns:
+        """Return the changes by each of a mechanism's derivatives at its null, of the force relative.
 
-        (k, stations); (k, grid) of a mechanism that doesn't follow a path.
+        (k, stations); (k, grid) of a mechanism that doesn't follow a path, of channels with zero before it.
         """
         solution = mechanism.solution({p.name: null_of(p) for p in mechanism.parameters})
         asked = self._at_grid(stiffness, solution)
@@ -242,28 +286,37 @@ class SolvedResponses:
             asked = PathRequest(stations.protocol, stations.time, stiffness, solution)
         columns = self._solve(replace(asked, derivatives=mechanism.derivatives))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
-        return np.array([columns[name] / force for name in mechanism.derivatives])
+        found = {"force": np.array([columns[name] / force for name in mechanism.derivatives])}
+        for channel in channels_of(columns):
+            rows = np.array([columns[derivative_of(channel, name)] for name in mechanism.derivatives])
+            found[channel] = rows if stations is None else rows[:, 1:]
+        return found
 
-    def sensitivities(self, names: Sequence[str], stiffness: Stiffness) -> Columns:
-        """Return the elastic force's relative changes at the grid by those of parameters."""
+    def sensitivities(self, names: Sequence[str], stiffness: Stiffness) -> Mapping[str, Columns]:
+        """Return the changes at the grid by relative ones of parameters, by the parameters' names."""
         columns = self._solve(replace(self._at_grid(stiffness, PLAIN), derivatives=tuple(names)))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
         own = self.variants.parameters(PLAIN.variant)
-        return {name: own[name] * columns[name] / force for name in names}
+        return {
+            name: {
+                "force": own[name] * columns[name] / force,
+                **{one: own[name] * columns[derivative_of(one, name)] for one in channels_of(columns)},
+            }
+            for name in names
+        }
 
-    def displaced(
-        self, moved: MeshMotion | None, placement: LateralPlacement | None, stiffness: Stiffness
-    ) -> FloatArray:
-        """Return the relative change of the elastic force at the grid by another geometry."""
+    def displaced(self, moved: MeshMotion | None, placement: LateralPlacement | None, stiffness: Stiffness) -> Columns:
+        """Return the changes at the grid by another geometry: of the force relative, of channels absolute."""
         if self.rougher is not None:
             return self.rougher.displaced(moved, placement, stiffness)
         asked = self._at_grid(stiffness, PLAIN)
-        after = self._solve(replace(asked, moved=moved, placement=placement))["force"]
-        before = np.maximum(self._solve(asked)["force"], _SMALLEST_FORCE_N)
-        return after / before - 1.0
+        after = self._solve(replace(asked, moved=moved, placement=placement))
+        before = self._solve(asked)
+        force = after["force"] / np.maximum(before["force"], _SMALLEST_FORCE_N) - 1.0
+        return {"force": force, **{name: after[name] - before[name] for name in channels_of(after) if name in before}}
 
     def _solve(self, asked: PathRequest) -> Columns:
-        """Return force and derivatives at times of a protocol."""
+        """Return force, channels and their derivatives at times of a protocol."""
         entry = asked.entry(self.variants.described(asked.solution.variant))
         key = key_of(entry)
         if key not in self._known:
@@ -296,15 +349,77 @@ class SolvedResponses:
         if isinstance(path, Stopped):
             return {"stopped": np.zeros(0)}
         slopes = {name: path.sensitivity_at(name, asked.at) for name in asked.derivatives}
-        return {"force": path.force_at(asked.at), **slopes}
+        found = {"force": path.force_at(asked.at), **slopes}
+        since_touch = np.concatenate([[0.0], asked.at])
+        for channel in path.channels:
+            found[channel] = path.channel_at(channel, since_touch)
+            for name in asked.derivatives:
+                found[derivative_of(channel, name)] = path.channel_sensitivity_at(channel, name, since_touch)
+        return found
 
 
-def _in_series(grid: FloatArray, force: FloatArray, compliance: float) -> FloatArray:
-    """Return the force (N) at displacements (mm) where springs (mm/N) are in series."""
-    if compliance <= 0.0 or np.isnan(force).any():
-        return force
-    whole = np.concatenate([[0.0], force])
-    return np.asarray(CubicSpline(np.concatenate([[0.0], grid]) + compliance * whole, whole)(grid))
+class ForceAlone:
+    """Responses of a body of which nothing but the force is known."""
+
+    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
+        """Refuse."""
+        raise LookupError(f"nothing is known of {', '.join(names)}")
+
+    def channel_changes(
+        self,
+        names: Sequence[str],
+        mechanism: TissueMechanism,
+        values: Values,
+        at: Stiffness,
+        observed: Observations,
+        pressed: FloatArray,
+    ) -> FloatArray:
+        """Refuse."""
+        raise LookupError(f"nothing is known of {', '.join(names)}")
+
+
+def course_at(grid: FloatArray, course: FloatArray, pressed: FloatArray) -> FloatArray:
+    """Return channels where the tissue is pressed by so much; before first touch what they are there.
+
+    Parameters
+    ----------
+    grid
+        (m,), mm.
+    course
+        (m + 1, ...): at zero and at the grid.
+    pressed
+        (n,), mm.
+    """
+    if np.isnan(course).any():
+        return np.full((len(pressed), *course.shape[1:]), np.nan)
+    return np.asarray(CubicSpline(np.concatenate([[0.0], grid]), course)(np.maximum(pressed, 0.0)))
+
+
+def _columns_of(columns: Columns, names: Sequence[str], length: int) -> FloatArray:
+    """Return channels as columns (length, k); NaN where a solution hasn't one."""
+    return np.column_stack([columns.get(name, np.full(length, np.nan)) for name in names])
+
+
+def _pushed(grid: FloatArray, force: FloatArray, compliance: float) -> FloatArray:
+    """Return how far springs (mm/N) in series are pushed, with what they press, at zero and at the grid (mm)."""
+    return np.concatenate([[0.0], grid]) + max(compliance, 0.0) * np.concatenate([[0.0], force])
+
+
+def _in_series(pushed: FloatArray, grid: FloatArray, course: FloatArray) -> FloatArray:
+    """Return a course at zero and at the grid where springs are in series, from that without them.
+
+    Parameters
+    ----------
+    pushed
+        See `_pushed`.
+    course
+        (m + 1,); (m,) of the force, which is nothing at zero.
+    """
+    at = np.concatenate([[0.0], grid])
+    whole = course if len(course) == len(at) else np.concatenate([[0.0], course])
+    if np.array_equal(pushed, at) or np.isnan(pushed).any():
+        return whole
+    return np.asarray(CubicSpline(pushed, whole)(at))
 
 
 def _at_displacement(grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False) -> FloatArray:

@@ -22,6 +22,7 @@ from legfem.data.noise import (
     contrasts_of,
     sizes_from_repeats,
 )
+from legfem.inverse.channel_readings import ChannelReadings
 
 CORNER_MM = 5.0
 """Way that counts as walked between two phases: there the drive stops and turns, time passes, and
@@ -68,6 +69,16 @@ class Observed(Protocol):
     @property
     def stiffness(self) -> FloatArray:
         """Slope dF/dd, N/mm."""
+        ...
+
+    @property
+    def speed(self) -> FloatArray:
+        """Of the cylinder, mm/s."""
+        ...
+
+    @property
+    def channels(self) -> Sequence[ChannelReadings]:
+        """What was recorded beside the force."""
         ...
 
     @property

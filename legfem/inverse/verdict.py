@@ -65,6 +65,7 @@ def limits_of(explained: Explained) -> tuple[Limit, ...]:
         values = {**one.fit.moved(one.posterior.mean), full: stronger}
         predict = one.problem.predictor
         change = predict(values, one.fit.mechanisms) - predict({**values, full: null}, one.fit.mechanisms)
+        change = change[predict.observed.data.spans[0]]
         found.append(
             Limit(mechanism.name, first.name, first.unit, null if sided else low, high, float(np.abs(change).max()))
         )
@@ -100,7 +101,7 @@ class Diagnosis:
     limits: tuple[Limit, ...]
     """How strong each mechanism may be unseen."""
     located: NDArray[np.bool_]
-    """(n,): observations at which the base model is wrong by more than a trial's noise."""
+    """(n,): forces at which the base model is wrong by more than a trial's noise."""
     with_ends: bool
     """Whether the base model has the cylinder's ends."""
     solutions: int
@@ -254,9 +255,9 @@ def _fitted(
     observed, slowest = predictor.observed, slowest_of(predictor.observed)
     noise = estimate_noise(observed, instrument, slowest)
     middle = float(np.sqrt(np.prod(predictor.responses.c10_bounds)))
-    problem = LinearisedProblem(predictor, error_model(observed, noise, observed.force))
+    problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))
     found = ordinary_fit(problem, starts(predictor.law, middle))
-    noise = estimate_noise(observed, instrument, slowest, found.residual)
+    noise = estimate_noise(observed, instrument, slowest, found.residual[: len(observed.force)])
     return problem.with_nuisances(noise, found.prediction, nuisances(found)), found
 
 
@@ -282,13 +283,14 @@ def _located(
     Where a model suits, it tells what the base model misses without the noise; else the windows do.
     """
     located = np.zeros(len(base.residual), dtype=bool)
+    forces = explained.base.problem.predictor.observed.data.spans[0]
     if explained.adequacy >= ADEQUATE:
-        return located
+        return located[forces]
     if models:
-        return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)
+        return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)[forces]
     for window in assessment.windows:
         located[list(window.stations)] = True
-    return located
+    return located[forces]
 
 
 def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base: Explanation) -> Explanation:
@@ -350,8 +352,10 @@ def residual_intervals(found: Diagnosis, model: Explanation) -> list[ResidualInt
         return []
     observed, base = found.observed, found.weighted_base.fit
     course = unknown_course(model, possible_discrepancies(observed, base.prediction))
-    least = np.maximum(_LEAST_OF_NOISE * found.errors.trial_sd, _LEAST_OF_FORCE * np.abs(base.prediction).max())
-    marked = np.where(np.abs(course) > least, np.sign(course), 0).astype(int)
+    forces = observed.data.spans[0]
+    noise, largest = found.errors.trial_sd[forces], np.abs(base.prediction[forces]).max()
+    least = np.maximum(_LEAST_OF_NOISE * noise, _LEAST_OF_FORCE * largest)
+    marked = np.where(np.abs(course[forces]) > least, np.sign(course[forces]), 0).astype(int)
     result = []
     for k, trial in enumerate(observed.trials):
         for segment in np.unique(observed.segment[observed.trial == k]):

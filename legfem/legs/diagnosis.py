@@ -140,6 +140,7 @@ class Diagnoser:
         """Diagnose a subject's recordings."""
         observed, accuracy = self.observations(subject), accuracy_of(subject)
         library, solved = self.library(subject, observed, progress)
+        observed = observed.with_channels(library.beside.names)
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose_body(
             observed,

@@ -1,4 +1,4 @@
-r"""What the model doesn't know of a leg, and how it would change the force.
+r"""What the model doesn't know of a leg, and how it would change the readings.
 
 Outlines come from images, the aim from a mark on the skin, the stiffness of fat and fascia from
 others' measurements. Each such unknown has a standard deviation with a source; its effect is the
@@ -144,21 +144,21 @@ def displaced_geometries() -> list[Displaced]:
 def nuisance_effects(
     changes: NuisanceChanges,
     observed: Observations,
-    force: FloatArray,
+    prediction: FloatArray,
     accuracy: Accuracy,
     ends: TabulatedCorrection | None = None,
     stiffness: Stiffness = (1.0, 0.0),
 ) -> list[NuisanceEffect]:
-    """Return what one standard deviation of each thing that isn't known exactly does to the force.
+    """Return what one standard deviation of each thing that isn't known exactly does to the readings.
 
     Parameters
     ----------
     changes
-        Of the body's force.
+        Of the body's elastic courses.
     observed
         The recordings.
-    force
-        (n,), N: that the model predicts.
+    prediction
+        (N,): by the model.
     accuracy
         Of what is known of the body.
     ends
@@ -166,17 +166,24 @@ def nuisance_effects(
     stiffness
         C10 and C20, kPa: of the correction.
     """
-    d = observed.displacement
+    d, force = observed.displacement, prediction[: len(observed.force)]
 
-    def along(change: FloatArray) -> FloatArray:
-        return np.asarray(force * CubicSpline(changes.grid, change)(np.maximum(d, changes.grid[0])))
+    def along(of: NuisanceChanges, change: FloatArray) -> FloatArray:
+        return np.asarray(CubicSpline(of.grid, change)(np.maximum(d, of.grid[0])))
+
+    def effect(kind: Literal["geometric", "material"], name: str) -> FloatArray:
+        by_channel = [force * along(changes, getattr(changes, kind)[name])]
+        for one in observed.channels:
+            own = changes.channels[one.name]
+            by_channel.append(one.weights @ along(own, getattr(own, kind)[name]))
+        return np.concatenate(by_channel)
 
     found: list[NuisanceEffect] = []
-    for name, change in changes.material.items():
+    for name in changes.material:
         if (sd := accuracy.log_sd(name)) > 0:
             word = _word(name)
             degrees = GEOMETRY_DOF if name.startswith(SIZE) else MATERIAL_DOF
-            found.append(NuisanceEffect(word, sd * along(change), Cause(word, degrees)))
+            found.append(NuisanceEffect(word, sd * effect("material", name), Cause(word, degrees)))
     scale = {
         "aim": (accuracy.aim_sd / AIM_SD_MM, Cause("aim", GEOMETRY_DOF)),
         "direction": (accuracy.direction_sd / DIRECTION_SD_DEG, Cause("direction", GEOMETRY_DOF)),
@@ -184,17 +191,20 @@ def nuisance_effects(
     }
     for name, (factor, cause) in scale.items():
         if name in changes.geometric and factor > 0:
-            found.append(NuisanceEffect(name, factor * along(changes.geometric[name]), cause))
+            found.append(NuisanceEffect(name, factor * effect("geometric", name), cause))
     for part in OUTLINES:
-        rows = [along(c) for n, c in changes.geometric.items() if n.startswith(f"outline of the {part}")]
+        rows = [effect("geometric", n) for n in changes.geometric if n.startswith(f"outline of the {part}")]
         if rows and accuracy.contour_sd > 0:
             found += _outline(part, rows, accuracy.contour_sd)
     if ends is not None:
         factor_now = ends.factor(d, *(np.asarray(v) for v in stiffness))
         for mode_name, mode in ends.errors.items():
             relative = np.interp(d, ends.displacement, mode) / factor_now
+            relative = np.concatenate(
+                [relative, *(one.weights @ (one.is_force * relative) for one in observed.channels)]
+            )
             name = f"3D correction: {mode_name}"
-            found.append(NuisanceEffect(name, force * relative, Cause(name)))
+            found.append(NuisanceEffect(name, prediction * relative, Cause(name)))
     return found
 
 

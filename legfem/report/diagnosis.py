@@ -308,7 +308,7 @@ def _noise(found: Diagnosis) -> str:
         f"({noise.white_sd:.2g} N from reading to reading; {noise.slow_sd:.2g} N slowly, over "
         f"{noise.correlation_time:.2g} s), the zero of a trial {posterior.zero_sd:.2g} N, its gain "
         f"{100 * posterior.gain_sd:.2g} %, the displacement {noise.wander_sd:.2g} mm "
-        f"(from {noise.source}). The {len(found.observed.force)} values compared are equivalent to "
+        f"(from {noise.source}). The {len(found.observed.values)} values compared are equivalent to "
         f"{found.errors.effective_samples:.0f} independent ones. {_solutions(found)} What is not "
         "known exactly (the geometry and the assumed tissue parameters) may vary within "
         "its stated accuracy; the table of numbers says how far each was moved."

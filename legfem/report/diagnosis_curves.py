@@ -118,11 +118,11 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
     """Return where the base model is wrong (n,): 1 where it is too soft, -1 where too stiff."""
     signs = np.zeros(len(found.located), dtype=int)
     if found.models:
-        missed = found.models[0].fit.prediction - found.base.fit.prediction
+        missed = (found.models[0].fit.prediction - found.base.fit.prediction)[found.observed.data.spans[0]]
         signs[found.located] = np.where(missed > 0, 1, -1)[found.located]
         return signs
     signs[found.located] = 1
-    for window in found.assessment.windows:
+    for window in (one for one in found.assessment.windows if one.channel == "force"):
         signs[list(window.stations)] = 1 if window.size > 0 else -1
     return np.where(found.located, signs, 0)
 
@@ -166,7 +166,7 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
     trials = observed.trials_of(number)
 
     def rows(values: FloatArray) -> FloatArray:
-        return np.array([values[observed.trial == k] for k in trials])
+        return np.array([observed.forces_of(k, values) for k in trials])
 
     recorded, base = rows(observed.force), -rows(found.base.fit.residual)
     lines = [

@@ -163,8 +163,8 @@ def versions() -> dict[str, str]:
 
 
 def r_squared_of(fitted: LinearisedFit, found: Diagnosis) -> float:
-    """Return the coefficient of determination over all observations."""
-    return r_squared(float(np.sum(fitted.residual**2)), found.observed.force)
+    """Return the coefficient of determination over all forces."""
+    return r_squared(float(np.sum(fitted.residual[found.observed.data.spans[0]] ** 2)), found.observed.force)
 
 
 def mismatches(found: Diagnosis) -> list[dict[str, Any]]:

@@ -281,8 +281,8 @@ def _statistic(found: Diagnosis, signature: Signature) -> float:
 def _draw_signature(axes: Axes, found: Diagnosis, number: int, scaled: FloatArray, reported: bool) -> None:
     observed = found.observed
     trials = observed.trials_of(number)
-    missed = np.array([-found.weighted_base.fit.residual[observed.trial == k] for k in trials])
-    shape = np.array([-scaled[observed.trial == k] for k in trials])
+    missed = np.array([-observed.forces_of(k, found.weighted_base.fit.residual) for k in trials])
+    shape = np.array([-observed.forces_of(k, scaled) for k in trials])
     x = np.arange(missed.shape[1])
     axes.axhline(0.0, color=DATA_COLOUR, linewidth=0.5)
     axes.plot(x, missed.T, ".", color=FAINT, markersize=2.5)

@@ -98,7 +98,7 @@ def _on_own_scale(found: Diagnosis, number: int, models: Sequence[ShownModel]) -
 def _rows(found: Diagnosis, number: int, values: FloatArray) -> FloatArray:
     """Return values at a protocol's stations, a row a trial."""
     observed = found.observed
-    return np.array([values[observed.trial == k] for k in observed.trials_of(number)])
+    return np.array([observed.forces_of(k, values) for k in observed.trials_of(number)])
 
 
 def _draw_force(axes: Axes, found: Diagnosis, number: int, models: Sequence[ShownModel], x: FloatArray) -> None:

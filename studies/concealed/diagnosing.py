@@ -76,16 +76,17 @@ class Metric:
         """Return a diagnosis' metric."""
         observed, errors, base = found.observed, found.errors, found.weighted_base.fit
         alone = [e for e in found.explained.every if len(e.names) == 1]
+        of = observed.data.spans[0]
         return cls(
             observed.force,
-            errors.covariance,
-            _family(found.weighted_base),
-            base.sensitivities[:, len(base.stiffness) :],
-            found.base.problem.errors.covariance,
-            found.base.fit.sensitivities,
-            errors.trial_sd,
+            errors.covariance[of, of],
+            _family(found.weighted_base)[..., of],
+            base.sensitivities[of, len(base.stiffness) :],
+            found.base.problem.errors.covariance[of, of],
+            found.base.fit.sensitivities[of],
+            errors.trial_sd[of],
             found.located,
-            np.reshape([_added(e) for e in alone], (-1, len(observed.trial))),
+            np.reshape([_added(e)[of] for e in alone], (-1, len(observed.trial))),
             np.array([e.names[0] for e in alone], dtype=np.str_),
         )
 
@@ -199,7 +200,7 @@ def _steps(one: Parameter, value: float) -> FloatArray:
 
 
 def _added(one: Explanation) -> FloatArray:
-    """Return what a mechanism adds to the force (n,), N."""
+    """Return what a mechanism adds to the readings (N,)."""
     (mechanism,) = one.fit.mechanisms
     strength = mechanism.parameters[0]
     without = {**one.fit.values, f"{mechanism.name}.{strength.name}": null_of(strength)}

@@ -16,6 +16,7 @@ from legfem.data.smoothing import sample_noise
 from legfem.inverse.mechanism import strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.responses import ForceAlone
 from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
 from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
 from studies.recordings.curves import ElasticCurves
@@ -181,7 +182,7 @@ _KEPT = 50
 
 
 @dataclass(frozen=True, eq=False)
-class SpecimenResponses:
+class SpecimenResponses(ForceAlone):
     """Responses of one specimen; see `legfem.inverse.predictor.Responses`.
 
     Parameters

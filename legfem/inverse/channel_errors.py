@@ -1,0 +1,59 @@
+"""What readings of further channels than the force err by, block by block.
+
+Each channel has an instrument of its own: errors from reading to reading, slow ones, those of its clock in every trial
+(a lag, times the reading's rate), and one boundary and one gain that all its trials share. None of them is the load
+cell's; what isn't known of the leg (outlines, aim, stiffness of the fat) is shared with the force.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from legfem.common.units import FloatArray
+from legfem.inverse.channel_readings import ChannelReadings
+from legfem.inverse.trial_noise import Observed
+
+MODEL_SHARE, MODEL_LENGTH_MM = 0.01, 5.0
+"""Of the model's own error, smooth along the displacement: over what the channel changes by."""
+_DEGREE = 3
+
+
+def channel_covariance(one: ChannelReadings, observed: Observed, predicted: FloatArray, slowest: float) -> FloatArray:
+    """Return the covariance (k, k) of a channel's errors that aren't alike in all its readings, in its unit squared.
+
+    Parameters
+    ----------
+    one
+        The channel.
+    observed
+        The recordings.
+    predicted
+        (k,), by the model.
+    slowest
+        Time (s) over which slow errors are correlated.
+    """
+    displacement, time = one.weights @ observed.displacement, one.weights @ observed.time
+    trial = observed.trial[one.nearest]
+    same = np.equal.outer(trial, trial)
+    slow = one.accuracy.slow**2 * np.exp(-np.abs(np.subtract.outer(time, time)) / slowest)
+    lag = one.accuracy.lag * _slope(displacement, predicted) * (one.weights @ observed.speed)
+    apart = np.subtract.outer(displacement, displacement) / MODEL_LENGTH_MM
+    model = (MODEL_SHARE * float(np.ptp(predicted))) ** 2 * np.exp(-0.5 * apart**2)
+    return np.asarray(np.diag(one.white_variance) + same * (slow + np.outer(lag, lag)) + model)
+
+
+def shared_errors(one: ChannelReadings, predicted: FloatArray) -> dict[str, FloatArray]:
+    """Return by name what one standard deviation of an error does that all of a channel's readings share (k,)."""
+    found = {"boundary" if one.kind.unit == "mm" else "zero": one.accuracy.bias * np.ones(len(predicted))}
+    if one.accuracy.gain > 0:
+        found["gain"] = one.accuracy.gain * predicted
+    return {f"{one.kind.name.replace('_', ' ')}: {name}": effect for name, effect in found.items()}
+
+
+def _slope(displacement: FloatArray, predicted: FloatArray) -> FloatArray:
+    """Return the derivative (k,) of a channel by the displacement, over all its readings."""
+    degree = min(_DEGREE, len(np.unique(np.round(displacement, 1))) - 1)
+    if degree < 1:
+        return np.zeros(len(displacement))
+    return np.asarray(Polynomial.fit(displacement, predicted, degree).deriv()(displacement))

@@ -1,0 +1,151 @@
+"""Readings of further channels than the force, as weighted means of the channel's course at the stations.
+
+A reading is a mean of a few samples of one segment. Each sample lies between two stations, by displacement where the
+cylinder moves and by time where it is held, so that a dense record and a single ultrasound frame are read alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.data.channels import CHANNELS, ChannelAccuracy, ChannelKind, RecordedChannel
+from legfem.data.segmentation import HOLD, LOADING, Segmentation
+from legfem.data.smoothing import sample_noise
+from legfem.inverse.data import Channel
+from legfem.inverse.stations import Stations
+
+_MOST = {LOADING: 12, HOLD: 4}
+_MOST_UNLOADING = 6
+"""Readings of a segment."""
+_IN_AIR_MM = 1.0
+"""Before first contact: a sample there is one of the skin just touched."""
+_FEWEST = 8
+"""Samples that tell their noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelReadings:
+    """Readings of one channel in all trials; arrays are (k,)."""
+
+    kind: ChannelKind
+    accuracy: ChannelAccuracy
+    weights: FloatArray
+    """(k, n): of the channel's course at the n stations."""
+    values: FloatArray
+    """In the channel's unit."""
+    white_variance: FloatArray
+    """Of what is independent from reading to reading, in that squared."""
+
+    @property
+    def name(self) -> str:
+        """Of its kind."""
+        return self.kind.name
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is a force on the cylinder."""
+        return self.kind.unit == "N"
+
+    @cached_property
+    def nearest(self) -> NDArray[np.int_]:
+        """Station that each reading takes most of."""
+        return np.argmax(self.weights, axis=1)
+
+    def read_along(self, displacement: FloatArray) -> Channel:
+        """Return the readings as a channel of a test's data.
+
+        Parameters
+        ----------
+        displacement
+            Of the stations, (n,), mm.
+        """
+        at = self.weights @ displacement
+        return Channel(self.name, self.kind.unit, at, "displacement_mm", self.values, np.sqrt(self.white_variance))
+
+
+def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations]) -> tuple[ChannelReadings, ...]:
+    """Return the readings of every channel that trials have beside the force.
+
+    Parameters
+    ----------
+    trials
+        Recordings.
+    stations
+        Of each.
+    """
+    starts = np.cumsum([0, *(len(own.time) for own in stations)])
+    recorded = [(k, one) for k, trial in enumerate(trials) for one in trial.recording.channels]
+    found = []
+    for name in dict.fromkeys(one.name for _, one in recorded):
+        mine = [(k, one) for k, one in recorded if one.name == name]
+        rows, values, variances = [], list[float](), list[float]()
+        for k, one in mine:
+            noise = _noise(one)
+            for samples, weights in _readings(trials[k], stations[k], one):
+                row = np.zeros(starts[-1])
+                row[starts[k] : starts[k + 1]] = weights
+                rows.append(row)
+                values.append(float(np.mean(one.values[samples])))
+                variances.append(noise**2 / len(samples))
+        if rows:
+            accuracy = mine[0][1].accuracy
+            found.append(
+                ChannelReadings(CHANNELS[name], accuracy, np.array(rows), np.array(values), np.array(variances))
+            )
+    return tuple(found)
+
+
+def _noise(one: RecordedChannel) -> float:
+    """Return the standard deviation of a sample: as stated, or as seen from sample to sample where that is more."""
+    return max(one.accuracy.reading, sample_noise(one.values) if len(one.values) >= _FEWEST else 0.0)
+
+
+def _readings(
+    trial: Segmentation, stations: Stations, one: RecordedChannel
+) -> list[tuple[NDArray[np.int_], FloatArray]]:
+    """Return each reading's samples, and what it takes of the trial's stations (m,)."""
+    since = one.time - trial.touched
+    at = np.interp(one.time, trial.recording.time, trial.smooth) - trial.contact.displacement
+    inside = (one.time >= trial.recording.time[0]) & (one.time <= trial.recording.time[-1]) & (at > -_IN_AIR_MM)
+    found: list[tuple[NDArray[np.int_], FloatArray]] = []
+    begins = -np.inf
+    for number, segment in enumerate(trial.segments):
+        here = np.flatnonzero(stations.segment == number)
+        later = trial.segments[number + 1].time if number + 1 < len(trial.segments) else np.zeros(0)
+        ends = 0.5 * (segment.time[-1] + later[0]) if len(segment.time) and len(later) else np.inf
+        if len(here):
+            held = segment.phase == HOLD
+            along = since - segment.time[0] if held else np.maximum(at, 0.0)
+            places = stations.time[here] - stations.protocol.time[number] if held else stations.displacement[here]
+            mine = np.flatnonzero(inside & (since >= begins) & (since < ends) & _near(along, places))
+            most = _MOST.get(segment.phase, _MOST_UNLOADING)
+            for samples in np.array_split(mine, min(most, len(mine))) if len(mine) else ():
+                weights = np.zeros(len(stations.time))
+                weights[here] = _between(along[samples], places).mean(axis=0)
+                found.append((samples, weights))
+        begins = ends
+    return found
+
+
+def _near(along: FloatArray, places: FloatArray) -> NDArray[np.bool_]:
+    """Return which samples lie no further beyond the stations than these are apart."""
+    apart = float(np.abs(np.diff(places)).max())
+    return np.asarray((along >= places.min() - apart) & (along <= places.max() + apart))
+
+
+def _between(along: FloatArray, places: FloatArray) -> FloatArray:
+    """Return what straight lines between stations, and beyond them, take of each; (k, m)."""
+    order = np.argsort(places)
+    x = places[order]
+    left = np.clip(np.searchsorted(x, along) - 1, 0, len(x) - 2)
+    share = (along - x[left]) / (x[left + 1] - x[left])
+    found = np.zeros((len(along), len(x)))
+    rows = np.arange(len(along))
+    found[rows, order[left]], found[rows, order[left + 1]] = 1 - share, share
+    return found

@@ -1,0 +1,259 @@
+"""Channels beside the force in a diagnosis: their readings, predictions, errors, and what they name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from making_diagnosed import BASE, diagnosed_of
+from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
+
+from legfem.common.units import FloatArray
+from legfem.data import Recording, segment_all
+from legfem.data.channels import CHANNELS, RecordedChannel
+from legfem.inverse.discrepancy import possible_discrepancies
+from legfem.inverse.errors import error_model
+from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.predictor import Predictor
+from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
+
+FAT_MM, MUSCLE_MM = 10.0, 30.0
+BOTH = ("fat_thickness", "lateral_force")
+
+
+def course_of(name: str, c10: float, c20: float, pressed: FloatArray) -> FloatArray:
+    """Return channels in closed form: softer muscle leaves the fat thicker, and a twentieth of the force is lateral."""
+    x = np.maximum(pressed, 0.0) / 20
+    squeezed = 6.0 * x * c10 / (c10 + 0.5)
+    if name == "lateral_force":
+        return np.asarray(0.05 * force_at(c10, c20, pressed))
+    return np.asarray(FAT_MM - squeezed if name == "fat_thickness" else MUSCLE_MM - 16.0 * x + squeezed)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen(ClosedForm):
+    """The closed form, whose channels are seen, too."""
+
+    def relative_change(
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
+    ) -> FloatArray:
+        """Return what shows in the force: of a stiffer fat hardly anything."""
+        share = 0.1 if mechanism.name == "superficial-stiffness" else 1.0
+        return share * super().relative_change(mechanism, values, at, observed)
+
+    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
+        """Return courses at zero and at the grid."""
+        at = np.concatenate([[0.0], GRID])
+        return np.column_stack([course_of(name, c10, c20, at) for name in names])
+
+    def channel_changes(
+        self,
+        names: Sequence[str],
+        mechanism: TissueMechanism,
+        values: Values,
+        at: Stiffness,
+        observed: Observations,
+        pressed: FloatArray,
+    ) -> FloatArray:
+        """Return a stiffer fat's thickness: it keeps more of it; of a tilted indenter, a lateral force."""
+        x = np.maximum(pressed, 0.0) / 20
+        changes = {
+            ("superficial-stiffness", "fat_thickness"): 2.0 * np.log(values.get("factor", 1.0)) * x,
+            ("superficial-stiffness", "muscle_thickness"): -2.0 * np.log(values.get("factor", 1.0)) * x,
+            ("indenter-tilt", "lateral_force"): 0.15 * values.get("angle", 0.0) * x,
+        }
+        return np.column_stack([changes.get((mechanism.name, name), 0.0 * x) for name in names])
+
+
+def seen(recordings: Sequence[Recording], names: Sequence[str] = BOTH, frames: Sequence[float] = ()) -> Observations:
+    """Return observations of nothing with channels: dense records, or frames at times (s)."""
+    given = []
+    for one in recordings:
+        time = np.array(frames) if len(frames) else one.time[::5]
+        read = [RecordedChannel(name, time, np.zeros(len(time)), CHANNELS[name].usual) for name in names]
+        given.append(replace(one, channels=tuple(read)))
+    observed = observe(segment_all(given, INSTRUMENT, True))
+    white = np.full(len(observed.force), NOISE.white_sd**2 / 8)
+    return replace(observed, white_sd=NOISE.white_sd, white_variance=white)
+
+
+def recorded(observed: Observations, effects: Mapping[str, float], seed: int = 2) -> Observations:
+    """Return observations with effects and drawn errors."""
+    predictor = Predictor(observed, Seen(), "reduced-polynomial")
+    readings = predictor({**BASE, **effects}, mechanisms_in(effects))
+    errors = error_model(observed.with_values(readings), NOISE, readings)
+    return observed.with_values(readings + errors.draw(1, np.random.default_rng(seed))[0])
+
+
+def test_readings_take_means_of_the_course_at_stations() -> None:
+    """A channel that is linear in displacement is read exactly: dense, and as frames of an image."""
+    for frames, count in (((), 36), ((12.5, 37.5), 6)):
+        blank = seen(ramps(), ["fat_thickness"], frames)
+        (one,) = blank.channels
+        assert len(one.values) == count
+        np.testing.assert_allclose(one.weights.sum(axis=1), 1.0)
+        assert one.accuracy.reading == CHANNELS["fat_thickness"].usual.reading
+        at = blank.data.channels[1].station
+        if frames:
+            np.testing.assert_allclose(at, np.tile([5.0, 15.0], 3), atol=0.02)
+        np.testing.assert_allclose(one.weights @ (10 - 0.3 * blank.displacement), 10 - 0.3 * at)
+    few, many = seen(ramps(), ["fat_thickness"], (25.0,)), seen(ramps(), ["fat_thickness"])
+    assert few.channels[0].white_variance[0] > 5 * many.channels[0].white_variance[0], "a mean of samples is no better"
+
+
+def test_readings_follow_holds_and_unloading() -> None:
+    """Readings of every phase stand at stations of that phase, of their own trial."""
+    blank = seen(two_rates(1), ["muscle_thickness"])
+    (one,) = blank.channels
+    assert set(blank.phase[one.nearest]) == {"loading", "hold", "unloading"}
+    for row, nearest in zip(one.weights, one.nearest, strict=True):
+        taken = np.flatnonzero(row)
+        assert set(blank.trial[taken]) == {blank.trial[nearest]} and set(blank.segment[taken]) == {
+            blank.segment[nearest]
+        }
+
+
+def test_channels_are_read_where_the_tissue_is_pressed_to() -> None:
+    """Beside a support that gives way and a late contact, thickness and lateral force are those at what is left."""
+    blank = seen(ramps(1))
+    predict = Predictor(blank, Seen(), "reduced-polynomial")
+    values = {**BASE, "support-compliance.compliance": 0.15, "trial1.onset": 0.4}
+    found = predict(values, [mechanism_named("support-compliance")])
+    force = found[blank.data.spans[0]]
+    pressed = blank.displacement - 0.4 - 0.15 * force
+    np.testing.assert_allclose(force, force_at(1.0, 0.6, pressed), atol=1e-5)
+    for one, span in zip(blank.channels, blank.data.spans[1:], strict=True):
+        exact = one.weights @ course_of(one.name, 1.0, 0.6, pressed)
+        np.testing.assert_allclose(found[span], exact, atol=1e-3)
+
+
+def test_a_stiffer_muscle_squeezes_the_fat_more() -> None:
+    """What tenses the muscle acts on all channels through their elastic courses."""
+    blank = seen(ramps(1))
+    predict = Predictor(blank, Seen(), "reduced-polynomial")
+    effect = {"muscle-contraction.stiffening": 0.5, "muscle-contraction.onset": 0.3, "muscle-contraction.rise": 0.3}
+    tense = mechanism_named("muscle-contraction")
+    found = predict({**BASE, **effect}, [tense])
+    factor = tense.deep_factor({name.split(".")[1]: value for name, value in effect.items()}, blank)
+    for one, span in zip(blank.channels, blank.data.spans[1:], strict=True):
+        courses = [
+            course_of(one.name, f, 0.6 * f, np.array([d])) for f, d in zip(factor, blank.displacement, strict=True)
+        ]
+        np.testing.assert_allclose(found[span], one.weights @ np.concatenate(courses), rtol=2e-3)
+
+
+def test_factors_on_the_force_leave_thickness_alone() -> None:
+    """Fibres that bend at the cylinder's ends multiply every force on it, and no length."""
+    blank = seen(ramps(1))
+    predict = Predictor(blank, Seen(), "reduced-polynomial")
+    fibres = mechanism_named("muscle-fibres")
+    values = {**BASE, "muscle-fibres.ratio": 3.0, "muscle-fibres.size": 0.0, "muscle-fibres.course": 0.0}
+    before, after = predict(BASE), predict(values, [fibres])
+    force, fat, lateral = blank.data.spans
+    ratio = after[force] / before[force]
+    assert ratio.min() > 1.01
+    np.testing.assert_allclose(after[fat], before[fat])
+    weights = blank.channels[1].weights
+    np.testing.assert_allclose(
+        after[lateral], weights @ (ratio * course_of("lateral_force", 1.0, 0.6, blank.displacement)), rtol=1e-5
+    )
+
+
+def test_errors_are_of_each_channel_by_itself() -> None:
+    """The load cell's gain and zero aren't the image's; a boundary is off in all frames, a lag by the rate."""
+    blank = seen(two_rates(1), ["fat_thickness"])
+    readings = Predictor(blank, Seen(), "reduced-polynomial")(BASE)
+    errors = error_model(blank.with_values(readings), NOISE, readings)
+    force, fat = blank.data.spans
+    (one,) = blank.channels
+    assert not errors.gains[fat].any() and not errors.zeros[fat].any()
+    assert not errors.dense[force, fat].any()
+    shared = dict(zip(errors.names, errors.known.T, strict=True))
+    np.testing.assert_allclose(shared["fat thickness: boundary"][fat], one.accuracy.bias)
+    assert not shared["fat thickness: boundary"][force].any() and not shared["load cell's gain"][fat].any()
+    # Of the slow and the fast ramp, the lag shows in proportion to the rate.
+    exact = replace(one, accuracy=replace(one.accuracy, slow=0.0), white_variance=np.zeros(len(one.values)))
+    without = replace(exact, accuracy=replace(exact.accuracy, lag=0.0))
+    lag = [np.diag(error_model(replace(blank, channels=(c,)), NOISE, readings).dense)[fat] for c in (exact, without)]
+    more, loading = lag[0] - lag[1], blank.phase[one.nearest] == "loading"
+    trial = blank.trial[one.nearest]
+    slow, fast = (np.sqrt(more[loading & (trial == k)]).mean() for k in (0, 1))
+    assert fast / slow == pytest.approx(5.0, rel=0.05)
+    assert slow == pytest.approx(one.accuracy.lag * 0.4 * 0.2, rel=0.05)
+    assert not more[blank.phase[one.nearest] == "hold"].any()
+
+
+def test_an_unknown_error_is_in_all_channels_or_in_some() -> None:
+    """Discrepancies are independent between channels, and a third of them leaves the force as it is."""
+    blank = seen(ramps(1))
+    readings = Predictor(blank, Seen(), "reduced-polynomial")(BASE)
+    found = possible_discrepancies(blank, readings)
+    force, fat, lateral = blank.data.spans
+    assert sum(np.exp(u.log_prior) for u in found[1:]) == pytest.approx(1.0)
+    for unknown in found[1:]:
+        assert unknown.covariance is not None
+        sizes = [float(np.abs(unknown.covariance[span, span]).max()) > 0 for span in (force, fat, lateral)]
+        assert sizes == [size > 0 for size in unknown.by_channel]
+        assert not unknown.covariance[force, fat].any() and not unknown.covariance[fat, lateral].any()
+    assert {tuple(size > 0 for size in u.by_channel) for u in found[1:]} == {
+        (True, True, True),
+        (True, False, False),
+        (False, True, True),
+    }
+    with_force_alone = possible_discrepancies(replace(blank, channels=()), readings[force])
+    assert len(found) - 1 == 3 * (len(with_force_alone) - 1)
+
+
+def test_derivatives_are_differences_of_predictions() -> None:
+    """About a fit the sensitivities of every channel are those by central differences."""
+    observed = recorded(seen(ramps()), {})
+    predict = Predictor(observed, Seen(), "reduced-polynomial")
+    problem = LinearisedProblem(predict, error_model(observed, NOISE, observed.values))
+    found = fit(problem, (), {"C10": 0.8, "C20": 0.4})
+    k, step = found.free.index("C10"), 1e-4
+    ends = [found.moved(found.prior_z + side * step * np.eye(len(found.free))[k]) for side in (1, -1)]
+    exact = (predict(ends[0]) - predict(ends[1])) / (2 * step)
+    np.testing.assert_allclose(found.sensitivities[:, k], exact, rtol=0.01, atol=0.01 * np.abs(exact).max())
+    for span in observed.data.spans:
+        assert np.abs(exact[span]).max() > 0.1
+
+
+def test_what_force_alone_calls_consistent_thickness_names() -> None:
+    """Fat that is 1.6 times as stiff changes the force by less than its errors, and its own thickness by 0.9 mm."""
+    asked = ("superficial-stiffness", "compressibility", "force-drift")
+    both = recorded(seen(ramps()), {"superficial-stiffness.factor": 1.6})
+    alone = diagnosed_of(replace(both, channels=()), asked, library=Seen())
+    weighed = diagnosed_of(both, asked, library=Seen())
+    assert alone.verdict == "consistent"
+    assert weighed.verdict == "named" and weighed.models[0].names == ("superficial-stiffness",)
+    low, high = weighed.models[0].interval("superficial-stiffness.factor")
+    assert low < 1.6 < high
+    assert {window.channel for window in weighed.assessment.windows} == {"fat_thickness"}
+
+
+def test_what_no_mechanism_does_to_a_thickness_stays_unexplained() -> None:
+    """A fat that thins by a step that no mechanism knows is something unknown, though the force fits."""
+    both = recorded(seen(ramps()), {})
+    fat = both.data.spans[1]
+    values = both.values.copy()
+    values[fat] -= 2.0 * (both.data.channels[1].station > 12)
+    found = diagnosed_of(both.with_values(values), ("indenter-tilt", "compressibility", "force-drift"), library=Seen())
+    assert found.verdict == "unexplained"
+    alone = diagnosed_of(
+        replace(both, channels=()), ("indenter-tilt", "compressibility", "force-drift"), library=Seen()
+    )
+    assert alone.verdict == "consistent"
+
+
+def test_a_clean_leg_is_consistent_in_every_channel() -> None:
+    """Errors as assumed name nothing and are located nowhere; C10 isn't less well known than by force alone."""
+    both = recorded(seen(ramps()), {}, seed=4)
+    asked = ("superficial-stiffness", "indenter-tilt", "force-drift")
+    found, alone = (diagnosed_of(one, asked, library=Seen()) for one in (both, replace(both, channels=())))
+    assert found.verdict == "consistent" and not found.assessment.windows
+    low, high = found.intervals["C10"]
+    assert low < BASE["C10"] < high
+    assert found.base.fit.sd("C10") < alone.base.fit.sd("C10")
