@@ -14,7 +14,7 @@ DEPTH = 9.0
 
 
 def test_both_codes_have_the_same_channels():
-    """felupe's penalty is softer: its cylinder sinks in by some hundredths of a millimetre, its own mesh errs by 0.5 %."""
+    """felupe's penalty is softer: its cylinder sinks in by some hundredths of a millimetre; its mesh errs by 0.5 %."""
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     other = OtherCode(subject, OtherCase(1.2)).solve(DEPTH, 1.0)
     own = plane_strain_test(subject).solve({"deep.C10": 1.2e-3, "deep.C20": 0.0}, DEPTH).curve
