@@ -126,6 +126,7 @@ def load_subject(
         site=entry.site,
         elastography=moduli,
         fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
+        typical_shape=given.section.girth_mm is not None,
         measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
     )
     for trial in subject.trials:

@@ -19,11 +19,13 @@ from legfem.inverse.errors import numerical_covariance
 from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
-from legfem.legs.subject import Subject
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.solve.path import ForceCurve
 
 OF_MODEL = "in 3D: "
 """Beginning of the names of modes that are errors of a leg's own model in 3D."""
+TYPICAL_SHAPE = "typical shape"
+"""Mode of the error that a typical calf's outlines make."""
 _STEP = 1e-4
 
 
@@ -136,11 +138,14 @@ class SiteTest(Test):
         return {"recordings": self.curve.covariance, "model": numerical}
 
     def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:
-        """Errors of the correction, which are the same at all sites of a leg; about forces (n,), N."""
-        if self.correction is None:
-            return {}
-        relative = self.correction.relative_errors(self.curve.displacement, *deep_stiffness(values))
-        return {name: Mode(source_of_mode(name), error * predicted) for name, error in relative.items()}
+        """Errors of the correction and of a typical shape, alike at all sites of a leg; about forces (n,), N."""
+        found: dict[str, Mode] = {}
+        if self.subject.typical_shape:
+            found[TYPICAL_SHAPE] = Mode("shape", TYPICAL_FORCE_SD * predicted)
+        if self.correction is not None:
+            relative = self.correction.relative_errors(self.curve.displacement, *deep_stiffness(values))
+            found |= {name: Mode(source_of_mode(name), error * predicted) for name, error in relative.items()}
+        return found
 
 
 def source_of_mode(name: str) -> ErrorSource:
