@@ -136,3 +136,4 @@ def test_the_command_writes_page_and_document_and_a_diagnosis_is_made(tmp_path: 
     assert "amount of shear" in page and "nominal stress (kPa)" in page
     diagnosis = lf.diagnose(lf.load_specimen(folder))
     assert diagnosis.verdicts == {"table": "consistent"}
+    assert "no time" in diagnosis["table"].diagnosis.untested["viscoelasticity"]

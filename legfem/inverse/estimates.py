@@ -100,6 +100,7 @@ _RULED_BY: Mapping[ErrorSource, str] = {
     "differences": "that recordings differ by a factor",
     "model": "the model's own",
     "ends": "that of the correction for the cylinder's ends",
+    "shape": "that of a typical shape in place of measured outlines",
     "fibres": "that of the muscle fibres' ratio and effect",
     "channels": "that of what was recorded beside the force",
     "priors": "that of what was known beforehand",

@@ -49,7 +49,7 @@ from legfem.legs.subject import SitedLeg, Subject
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings
 
-ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres"})
+ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres", "shape"})
 """Sources of error that all sites of a leg have alike: they make none differ from another."""
 _ALWAYS_BY = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
 _ASSUMED = ("superficial.C10", "fascia.C10")

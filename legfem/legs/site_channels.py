@@ -18,7 +18,7 @@ from legfem.inverse.data import Channel
 from legfem.inverse.intervals import NUMERICAL_LENGTH_MM
 from legfem.legs.nuisances import CONTOUR_SD_MM, DRAWN
 from legfem.legs.plausible_channels import loading_depths
-from legfem.legs.subject import Subject
+from legfem.legs.subject import TYPICAL_ACCURACY, Subject
 
 _MOST_READINGS = 40
 """Of a trial; more are averaged within equal steps of depth."""
@@ -149,7 +149,7 @@ def _site_channel(
 
 def _outlines_sd(subject: Subject) -> float:
     """Return the standard deviation of an outline, mm: as stated, or as is usual of a measured or a drawn leg."""
-    known = subject.accuracy
+    known = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
     if known.contour_sd is not None:
         return known.contour_sd
     return CONTOUR_SD_MM if subject.origin == "measured" or known.stated else DRAWN.contour_sd

@@ -21,11 +21,13 @@ from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
 from legfem.legs.site_channels import SiteChannel
-from legfem.legs.subject import Subject
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.solve.path import ForceCurve
 
 OF_MODEL = "in 3D: "
 """Beginning of the names of modes that are errors of a leg's own model in 3D."""
+TYPICAL_SHAPE = "typical shape"
+"""Mode of the error that a typical calf's outlines make."""
 _STEP = 1e-4
 _ENDS_BESIDE = 0.05
 """Of a thickness's or the skin's change: by how much it may differ in 3D. Assumed: no table of it is there."""
@@ -209,9 +211,14 @@ class SiteTest(Test):
         }
 
     def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:
-        """Errors of the correction, which are the same at all sites of a leg; about readings (n,)."""
+        """Errors of the correction and of a typical shape, alike at all sites of a leg; about readings (n,)."""
+        found: dict[str, Mode] = {}
+        if self.subject.typical_shape:
+            forces = np.zeros(len(predicted))
+            forces[self.data.spans[0]] = predicted[self.data.spans[0]]
+            found[TYPICAL_SHAPE] = Mode("shape", TYPICAL_FORCE_SD * forces)
         if self.correction is None:
-            return {}
+            return found
         of_deep = deep_stiffness(values)
         effects: dict[str, list[FloatArray]] = {
             name: [error * force]
@@ -225,8 +232,10 @@ class SiteTest(Test):
             for name, parts in effects.items():
                 parts.append(along[name] * predicted[span] if lateral else np.zeros(len(one)))
             unlike.append(np.zeros(len(one)) if lateral else _ENDS_BESIDE * one.slope * one.depth)
-        modes = {name: Mode(source_of_mode(name), np.concatenate(parts)) for name, parts in effects.items()}
-        return modes | ({"ends: shape under the cylinder": Mode("ends", np.concatenate(unlike))} if self.beside else {})
+        found |= {name: Mode(source_of_mode(name), np.concatenate(parts)) for name, parts in effects.items()}
+        if self.beside:
+            found["ends: shape under the cylinder"] = Mode("ends", np.concatenate(unlike))
+        return found
 
 
 def _on_grid(

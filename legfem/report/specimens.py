@@ -105,7 +105,10 @@ def _of_fibres(result: SpecimenFit) -> str:
 
 def followed(result: SpecimenFit) -> str:
     """Return how stiffness follows the size of what presses or is pressed, as a clause."""
-    return kind_in(result.details.folder.recordings[0].sizes).followed
+    first = result.details.folder.recordings[0]
+    if not first.recording.timed:
+        return "a stress of twice the true value, by its unit or measure, makes it twice as large"
+    return kind_in(first.sizes).followed
 
 
 def differing(result: SpecimenFit) -> list[str]:

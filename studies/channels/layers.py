@@ -21,11 +21,11 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data.channels import CHANNELS, RecordedChannel
 from legfem.data.recording import Recording
 from legfem.geometry.indenter import Indenter
+from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.subject import Subject, TissueParameters
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, flicker, record
-from studies.legs.shapes import Calf, calf_section
 from studies.other_code.plane_leg import OtherCase, OtherCode
 from studies.other_code.pressing import OtherCurve
 
