@@ -21,6 +21,9 @@ type Ints = NDArray[np.int_]
 
 GAUSS = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)
 """Points and weights on an edge from -1 to 1."""
+_CHORDS = 8
+BESIDE_MM = (-40.0, -25.0, 25.0, 40.0)
+"""To the left of the travel, where the skin's rise is seen."""
 _SIZES = {"contact": 1.2, "far": 4.0}
 
 
@@ -212,6 +215,59 @@ class OtherCode(OtherPressing):
                 holder = fem.FieldContainer([fem.FieldPlaneStrain(region, dim=2)])
                 law = self._law(name, own, factor)
                 yield holder, fem.SolidBody(law, holder)
+
+    def _seen(self, u: FloatArray, resultant: FloatArray) -> Mapping[str, float]:
+        """Return the lateral force (N), both thicknesses on the line of travel and the skin's rise beside it (mm)."""
+        sideways = np.array([-self.travel[1], self.travel[0]])
+        moved = self.mesh.points + u.reshape(-1, 2)
+        depth = {name: self._crossed(moved, edges, 0.0) for name, edges in self._outlines.items()}
+        found = {
+            "lateral_force": float(resultant @ sideways) * self.whole,
+            "fat_thickness": depth["fascia"] - depth["skin"],
+            "muscle_thickness": depth["bone"] - depth["deep"],
+        }
+        for beside in BESIDE_MM:
+            side = "left" if beside > 0 else "right"
+            skin = self._outlines["skin"]
+            first, now = (self._crossed(points, skin, beside) for points in (self.mesh.points, moved))
+            found[f"skin_rise_{side}_{abs(beside):g}"] = first - now
+        return found
+
+    @cached_property
+    def _outlines(self) -> Mapping[str, Ints]:
+        """Edges (k, 3), ends and middle, of the skin, between tissues and of the bones."""
+        cells = self.mesh.cells
+
+        def edges(own: Ints) -> dict[tuple[int, int], Ints]:
+            every = np.vstack([own[:, [0, 1, 3]], own[:, [1, 2, 4]], own[:, [2, 0, 5]]])
+            return {(min(edge[:2]), max(edge[:2])): edge for edge in every}
+
+        by_tissue = {name: edges(own) for name, own in cells.items()}
+
+        def between(one: str, other: str) -> Ints:
+            shared = [edge for key, edge in by_tissue[one].items() if key in by_tissue[other]]
+            return np.array(shared)
+
+        bone = set(np.concatenate(list(self.mesh.bones.values())).tolist())
+        return {
+            "skin": self.mesh.skin,
+            "fascia": between("superficial", "fascia"),
+            "deep": between("fascia", "deep"),
+            "bone": np.array([edge for key, edge in by_tissue["deep"].items() if bone.issuperset(key)]),
+        }
+
+    def _crossed(self, points: FloatArray, edges: Ints, beside: float) -> float:
+        """Return where the line of travel, shifted to the left (mm), first meets edges; by chords of their curves."""
+        sideways = np.array([-self.travel[1], self.travel[0]])
+        s = np.linspace(0.0, 1.0, _CHORDS + 1)
+        shape = np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+        curves = np.einsum("qn,knd->kqd", shape, points[edges]) - self.start
+        along, offset = curves @ self.travel, curves @ sideways - beside
+        first, last = offset[:, :-1], offset[:, 1:]
+        crossed = (first <= 0) != (last <= 0)
+        share = first[crossed] / (first - last)[crossed]
+        met = along[:, :-1][crossed] * (1 - share) + along[:, 1:][crossed] * share
+        return float(met.min(initial=np.inf))
 
     def _law(self, name: str, own: TissueParameters, factor: float) -> Any:
         case = self.case
