@@ -17,6 +17,7 @@ from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
+from legfem.report.diagnosis_channels import channel_chapter
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_headline import TITLE, capital, headline
@@ -103,6 +104,7 @@ def diagnosis_web_page(
             "Recordings and model",
             [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)],
         ),
+        *channel_chapter(found),
         web.Chapter("Where the model is wrong", _where(found)),
         web.Chapter("Which physics, and how sure", _physics(found)),
         web.Chapter("What was tested", _tested(found)),

@@ -13,6 +13,7 @@ import typer
 from legfem.common.command_line import study_context
 from legfem.common.progress import Progress, Silent, progress_on
 from legfem.data import Recording, segment_all
+from legfem.inverse.library import Library as LegLibrary
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import Store
@@ -99,12 +100,12 @@ class Lab:
 
     diagnoser: Diagnoser
     stated: Subject
+    library: LegLibrary
 
     def diagnose(self, recordings: Sequence[Recording], names: Sequence[str], progress: Progress) -> Diagnosis:
         """Diagnose recordings with some of their channels, by the library alone."""
         kept = [replace(r, channels=tuple(c for c in r.channels if c.name in names)) for r in recordings]
-        observed = observe(segment_all(kept, INSTRUMENT, False))
-        library, _ = self.diagnoser.library(self.stated, observed, progress)
+        observed, library = observe(segment_all(kept, INSTRUMENT, False)), self.library
         ends = choose_correction("auto", self.stated)
         return diagnose_body(
             observed.with_channels(library.beside.names),
@@ -183,15 +184,18 @@ def channels(
     """
     with study_context("channels", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
         kept, correction = library or library_folder(), read_correction(REFERENCE)
-        lab = Lab(Diagnoser(kept, correction, processes), sealed_leg(leg, seed).stated)
+        diagnoser, stated = Diagnoser(kept, correction, processes), sealed_leg(leg, seed).stated
+        recorded = {case: made(case, seed, kept, correction) for case in channel_cases(cases, seed, leg)}
+        # Loadings alone: one library serves all cases, whatever their depths.
+        first = next(recordings for recordings in recorded.values() if recordings is not None)
+        observed = observe(segment_all(first, INSTRUMENT, False))
+        lab = Lab(diagnoser, stated, diagnoser.library(stated, observed, progress)[0])
         store = Store(folder / "said", Said, (leg, seed), ("legfem.legs.diagnosis", "studies.channels.cases"))
         said: list[Said] = []
-        for case in channel_cases(cases, seed, leg):
-            recordings = made(case, seed, kept, correction)
+        for case, recordings in recorded.items():
             if recordings is None:
                 progress.advance(f"{case.name}: LEFT OUT, a solution stopped")
                 continue
-            lab.diagnoser.library(lab.stated, observe(segment_all(recordings, INSTRUMENT, False)), progress)
             for subset, names in SUBSETS.items():
                 asked = {"case": case.number, "subset": subset}
                 if (one := store.get(asked)) is None:
