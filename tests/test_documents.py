@@ -27,6 +27,7 @@ COMMANDS = (
     "legfem.app",
     "legfem.cohort",
     "studies.concealed",
+    "studies.sealed_channels",
     "studies.nulls",
     "studies.planted",
     "studies.recordings",

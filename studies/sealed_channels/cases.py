@@ -141,7 +141,16 @@ class _Instrument:
         return RecordedChannel(self.name, time, value, CHANNELS[self.name].usual)
 
 
-def made(case: SealedCase, seed: int, folder: Path, correction: TabulatedCorrection) -> list[Recording] | None:
-    """Return a case's recordings; None where a solution stopped."""
+def made(context: tuple[int, Path, TabulatedCorrection], case: SealedCase) -> list[Recording] | None:
+    """Return a case's recordings; None where a solution stopped.
+
+    Parameters
+    ----------
+    context
+        Seed of the legs, folder of solutions, and the correction of a cylinder's ends.
+    case
+        What is concealed.
+    """
+    seed, folder, correction = context
     truth = Truths(sealed_leg(case.leg, seed).true, folder / "truth", correction).of(case)
     return None if truth is None else recorded_with_channels(truth.trials, case.noise_seed)

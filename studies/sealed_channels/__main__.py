@@ -1,4 +1,4 @@
-"""``python -m studies.channels``."""
+"""``python -m studies.sealed_channels``."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from legfem.data import Recording, segment_all
 from legfem.inverse.library import Library as LegLibrary
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
+from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE, choose_correction
@@ -23,11 +24,11 @@ from legfem.legs.diagnosis import Diagnoser, accuracy_of, diagnose_body, ruled_o
 from legfem.legs.mechanisms import mechanisms
 from legfem.legs.subject import Subject
 from legfem.legs.variants import library_folder
-from studies.channels.cases import SUBSETS, channel_cases, made, truths_of
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app, write_results
 from studies.concealed.cases import SealedCase, sealed_leg
 from studies.lab.outcomes import Rate
 from studies.lab.recording import INSTRUMENT
+from studies.sealed_channels.cases import SUBSETS, channel_cases, made, truths_of
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,7 @@ app = new_app()
 
 
 @app.command()
-def channels(
+def sealed_channels(
     cases: Annotated[int, typer.Option(min=1, help="Sealed recordings.")] = 24,
     leg: Annotated[int, typer.Option(min=0, help="Number of the leg; each costs a library of responses.")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Of the cases.")] = 36,
@@ -180,19 +181,22 @@ def channels(
 ) -> None:
     """Diagnose the same sealed recordings by force alone, and with further channels.
 
-    Example: python -m studies.channels --cases 24
+    Example: python -m studies.sealed_channels --cases 24
     """
-    with study_context("channels", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
+    with study_context("sealed_channels", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
         kept, correction = library or library_folder(), read_correction(REFERENCE)
         diagnoser, stated = Diagnoser(kept, correction, processes), sealed_leg(leg, seed).stated
-        recorded = {case: made(case, seed, kept, correction) for case in channel_cases(cases, seed, leg)}
+        with Workers(made, (seed, kept, correction), processes) as workers:
+            made_cases = channel_cases(cases, seed, leg)
+            progress.stage("simulating sealed cases", len(made_cases))
+            recorded = {case.number: (case, recordings) for case, recordings in workers.run(made_cases)}
         # Loadings alone: one library serves all cases, whatever their depths.
-        first = next(recordings for recordings in recorded.values() if recordings is not None)
+        first = next(recordings for _, (_, recordings) in sorted(recorded.items()) if recordings is not None)
         observed = observe(segment_all(first, INSTRUMENT, False))
         lab = Lab(diagnoser, stated, diagnoser.library(stated, observed, progress)[0])
-        store = Store(folder / "said", Said, (leg, seed), ("legfem.legs.diagnosis", "studies.channels.cases"))
+        store = Store(folder / "said", Said, (leg, seed), ("legfem.legs.diagnosis", "studies.sealed_channels.cases"))
         said: list[Said] = []
-        for case, recordings in recorded.items():
+        for _, (case, recordings) in sorted(recorded.items()):
             if recordings is None:
                 progress.advance(f"{case.name}: LEFT OUT, a solution stopped")
                 continue
@@ -210,4 +214,4 @@ def channels(
 
 
 if __name__ == "__main__":
-    app(prog_name="python -m studies.channels")
+    app(prog_name="python -m studies.sealed_channels")
