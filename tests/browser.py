@@ -161,6 +161,35 @@ addEventListener("load", async () => {
     await set("response-metric", 0);
     seen.surface_moved = cells().some((value, k) => value !== before[k]);
   }
+  const sortable = document.querySelector(".sortable");
+  if (sortable) {
+    const head = [...sortable.querySelectorAll("thead th")].at(-1);
+    const last = () => [...sortable.querySelectorAll("tbody tr:not(.filler)")].map((one) => one.lastChild.textContent);
+    head.firstElementChild.click();
+    const up = last();
+    head.firstElementChild.click();
+    const down = last();
+    seen.sorted = [up, down].map((one) => one[0]);
+    const find = sortable.querySelector("input");
+    find.value = "no such member";
+    find.dispatchEvent(new Event("input", {bubbles: true}));
+    seen.left = last().length;
+    find.value = "";
+    find.dispatchEvent(new Event("input", {bubbles: true}));
+    seen.rows = last().length;
+    sortable.querySelector(".view").scrollTop = 1e9;
+    await pause();
+    seen.elements = document.querySelectorAll("*").length;
+  }
+  for (const name of ["forest", "bundle"]) {
+    const box = document.querySelector(`#${name} [data-group]`);
+    if (!box) continue;
+    const looks = () => document.querySelector(`#${name} canvas`).toDataURL();
+    const before = looks();
+    box.click();
+    seen[name] = looks() !== before;
+    box.click();
+  }
   if (window.axe) {
     const found = await axe.run(document, {resultTypes: ["violations"]});
     const where = (node) => node.target.join(" ");
@@ -201,6 +230,9 @@ def idle(found: dict) -> list[str]:
         "cursor": "cursor" not in found or ":" in found["cursor"],
         "press": "pictures" not in found or (found["pictures"] == 3 and found["colours"] == [4, 4]),
         "turn and dress": "views" not in found or (found["views"] >= 7 and found["dragged"]),
+        "sort and find": "sorted" not in found
+        or (len(set(found["sorted"])) == 2 and found["left"] == 0 < found["rows"]),
+        "groups": all(found.get(name, True) for name in ("forest", "bundle")),
         "surface": "surface" not in found or (found["surface_moved"] and len(set(found["surface"])) == 2),
     }
     return [name for name, good in works.items() if not good]

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from browser import AXE
 from making import press, write_recording, write_subject
+from making_cohort import fabricated
 from making_diagnosed import diagnosed
 from making_doe import SpringLeg, definition
 from making_results import measured_curve, result
@@ -48,6 +49,7 @@ from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
 from legfem.report.leg import leg_page
@@ -271,6 +273,7 @@ PAGES = {
     "correction": corrected,
     "specimen": lambda folder: specimen_page(specimens(folder), COMMAND),
     "stocking": dressed,
+    "cohort": lambda folder: cohort_web_page(*fabricated(6), "identify", COMMAND),
 }
 
 

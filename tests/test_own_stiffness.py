@@ -10,8 +10,8 @@ from making_specimens import BAR, PLANTED, compressed, ramp, record
 
 import legfem as lf
 from legfem.inverse.fit import Fit
-from legfem.specimens.comparison import OwnStiffness
 from legfem.specimens.details import SampleFit, compared, rms_percent
+from legfem.specimens.own_stiffness import OwnStiffness
 
 
 def left_out(fit: Fit) -> list[SampleFit]:

@@ -51,11 +51,11 @@ class Cohort(Result):
     seconds: float = 0.0
 
     def summary(self) -> str:
-        """Return how many could be done, what was found, and what is wrong."""
-        done = [row for row in self.rows if row.done]
-        lines = [f"{len(done)} of {len(self.rows)} done"]
-        lines += [f"{row.name}: {row.problem}" for row in self.rows if not row.done]
-        return "\n".join([*lines, *self.members.notes]) + "\n"
+        """Return how many can be believed, what is odd, and what is missing."""
+        from legfem.report.cohort import ODD
+        from legfem.report.render.text import brief
+
+        return brief(self._page(), (ODD,))
 
     def document(self) -> dict[str, Any]:
         """Return what ``cohort.json`` holds."""
@@ -86,19 +86,24 @@ class Cohort(Result):
         return cohort_frame(self.members.every, self.rows)
 
     def write(self, folder: Given) -> Path:
-        """Write cohort.csv, cohort.xlsx, cohort.json; return the path of cohort.csv."""
+        """Write cohort.html and cohort.txt, the table as CSV and workbook, cohort.json; return cohort.txt's path."""
         from legfem.common.documents import write_document
+        from legfem.report.cohort import write_cohort_page
 
         out = Path(folder)
         write_document(out / DOCUMENT, self.document())
         frame = self.to_frame()
-        return write_tables(frame, units_frame(frame, self.rows), out)[0]
+        write_tables(frame, units_frame(frame, self.rows), out)
+        return write_cohort_page(self._page(), out)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         yield from self.to_frame().to_dict("records")
 
     def _page(self) -> WebPage:
-        raise NotImplementedError
+        from legfem.report.cohort import cohort_web_page
+        from legfem.report.page import command_line
+
+        return cohort_web_page(self.members, self.rows, self.options.task, command_line())
 
 
 @dataclass(frozen=True)

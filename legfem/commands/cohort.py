@@ -65,7 +65,9 @@ def cohort(
     with parallel_context(jobs, resume, quiet) as processes:
         from legfem.api.cohorts import DOCUMENT, Expected
         from legfem.api.cohorts import cohort as cohort_in_full
+        from legfem.cohort.table import CSV
         from legfem.commands.options import print_outcome
+        from legfem.report.cohort import PAGE
 
         place = out or Path("results") / f"cohort-{folder.resolve().name}"
         check_out_folder(place)
@@ -95,5 +97,7 @@ def cohort(
             return
         report = found.write(place)
         print_outcome([found.summary()], place / DOCUMENT, report, quiet, as_json)
+        if not as_json:
+            print(f"page:   {report.with_name(PAGE)}\ntable:  {report.with_name(CSV)}")
         if not any(row.done for row in found.rows):
             end_without_a_solution("no member could be done")

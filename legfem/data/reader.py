@@ -16,15 +16,14 @@ from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
 from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
-from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measures, unit_named
+from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measured_by, measures, unit_named
 from legfem.data.recording import Recording, backwards, not_increasing
+from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
 if TYPE_CHECKING:
     import pandas as pd
 
 QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
-_STRETCH = r"stretch|lambda|^λ|strain|dehnung|^eps(ilon)?$|^ε|élongation"
-_STRESS = r"stress|spannung|sigma|^σ|contrainte|^p$"
 # How sure the force has to follow the displacement for their directions to be told.
 _LEAST_CORRELATION = 0.6
 
@@ -142,7 +141,7 @@ def propose(
         assert why is not None
         table = next((sheet for sheet in sheets if stretch_and_stress(sheet)), None)
         if table is not None and not given:
-            raise _of_stretch(path, table)
+            raise refuse_untimed(path, table)
         sheet, first = why
         remedy = first.remedy if first.field.startswith("--") else _mend(path, sheet, given, sheets)
         raise InputError(path, first.field, first.problem, remedy)
@@ -167,37 +166,6 @@ def propose(
         plain.sheet,
     )
     return Proposal(channels, (*reasons, reason))
-
-
-def stretch_and_stress(sheet: Sheet) -> tuple[Column, Column] | None:
-    """Return the columns of a table of stretch (or strain) and stress without a time; None for any other."""
-    stretch = [c for c in sheet.columns if re.search(_STRETCH, c.name, re.IGNORECASE) and not measured_by(c)]
-    stress = [
-        c
-        for c in sheet.columns
-        if measures(c, "pressure") or (re.search(_STRESS, c.name, re.IGNORECASE) and not measured_by(c))
-    ]
-    timed = any(measures(c, "time") or re.search(WORDS["time"], c.name, re.IGNORECASE) for c in sheet.columns)
-    return (stretch[0], stress[0]) if stretch and stress and not timed else None
-
-
-def measured_by(column: Column) -> Quantity | None:
-    """Return the quantity that a column's unit measures."""
-    unit = unit_named(column.unit) if column.unit else None
-    return None if unit is None else unit.quantity
-
-
-def _of_stretch(path: Path, sheet: Sheet) -> InputError:
-    stretch, stress = stretch_and_stress(sheet) or sheet.columns[:2]
-    unit = f" in {stress.unit}" if stress.unit else ""
-    return InputError(
-        path,
-        "columns",
-        f"is a table of stretch and stress ('{stretch.name}' and '{stress.name}'{unit}) without a time: a "
-        "test's result, and no recording of displacement and force",
-        "give displacement = (stretch - 1) length_mm and force = stress area_mm2 over a time, "
-        "or the recordings that it was made from",
-    )
 
 
 def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str:

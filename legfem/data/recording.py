@@ -30,6 +30,8 @@ class Recording:
         File it was read from.
     channels : tuple of RecordedChannel
         What else was recorded.
+    timed : bool
+        Whether a clock gave the time; that of a table of stretch and stress counts its way.
     """
 
     time: FloatArray
@@ -38,6 +40,7 @@ class Recording:
     trial: str
     source: Path | None = None
     channels: tuple[RecordedChannel, ...] = ()
+    timed: bool = True
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""

@@ -27,6 +27,7 @@ from legfem.data.smoothing import (
     velocity_window,
     without_outliers,
 )
+from legfem.data.stress_tables import roughness
 
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
 # A still stretch of less way than this share of the recording's holds whatever its speed.
@@ -150,12 +151,13 @@ class Segmentation:
     @cached_property
     def force_noise(self) -> float:
         """Standard deviation of the force from sample to sample, N."""
-        return sample_noise(self.recording.force)
+        recording = self.recording
+        return sample_noise(recording.force) if recording.timed else roughness(recording.displacement, recording.force)
 
     @cached_property
     def displacement_noise(self) -> float:
         """Standard deviation of the displacement from sample to sample, mm."""
-        return sample_noise(self.recording.displacement)
+        return sample_noise(self.recording.displacement) if self.recording.timed else 0.0
 
     @cached_property
     def detected(self) -> Contact:

@@ -78,6 +78,12 @@ class HomogeneousBody(ABC):
     def free_stretch(self, strain: Any) -> Any:
         """Return the stretch (n,) of the free axes at which nothing changes its volume."""
 
+    def nominal_over_true(self, strain: FloatArray) -> FloatArray:
+        """Return the recorded component of the nominal stress over that of the true one, (n,), at a kept volume."""
+        free = np.tile(self.free_stretch(strain), (len(self.free), 1))
+        column = self.component[1]
+        return np.asarray(np.linalg.inv(self.gradient(strain, free))[:, column, column].real)
+
 
 @dataclass(frozen=True, eq=False)
 class HomogeneousTest(ProtocolTest):

@@ -28,7 +28,7 @@ from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
 from legfem.legs.nuisances import DRAWN, Accuracy, nuisance_effects
 from legfem.legs.plausibility import doubts_about
-from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.legs.subject import TYPICAL_ACCURACY, MeasuredEffect, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 from legfem.legs.variants import solved_responses
 
@@ -246,7 +246,7 @@ def accuracy_of(subject: Subject) -> Accuracy:
         If an effect was measured that legfem doesn't know, or that is impossible.
     """
     check_measured(subject.directory / "subject.toml", subject.measured)
-    given = subject.accuracy
+    given = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
     usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
     return Accuracy(
         usual.contour_sd if given.contour_sd is None else given.contour_sd,

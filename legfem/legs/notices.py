@@ -9,17 +9,17 @@ from dataclasses import replace
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
 from legfem.data import LoadingCurve
-from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, key_of
+from legfem.inverse.catalogue import DEEP_RATIO, key_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit
-from legfem.inverse.notices import LAW_MISSES, UNCONVERGED, at_limits, far_from_priors, of_compromise
+from legfem.inverse.notices import LAW_MISSES, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
 from legfem.inverse.parameter import Prior
 from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.elastography import elastography_priors
 from legfem.legs.plausibility import doubts_about, poisson_ratio
 from legfem.legs.site_test import SiteTest
-from legfem.legs.subject import Subject
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 
 _DISAGREES = 2.0
@@ -27,6 +27,11 @@ _DISAGREES = 2.0
 _EXTRUDED = (
     "The leg in 3D is the measured section, extruded: how the leg's girth changes along {what} is left out. Give a "
     "scan, surfaces or contours at several levels as [section]."
+)
+_TYPICAL = (
+    "The leg's outlines are a typical calf's of the measured girth and fat thickness: the intervals include "
+    f"{100 * TYPICAL_FORCE_SD:g} % of the force (one standard deviation) for its shape. Outlines of this leg from MRI, "
+    "CT or ultrasound remove that error."
 )
 _NO_FIBRES = (
     "The 3D correction takes muscle to be alike in all directions. Where its shear modulus along "
@@ -40,7 +45,7 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
     """Warnings about a leg's fit, the gravest first."""
     details, log = fit.details, fit.log
     several = len(fit.tests) > 1
-    texts = [*(() if log.converged else (UNCONVERGED,))]
+    texts = [*of_search(log)]
     if not fit.goodness.fits:
         texts.append(_misfit_of_sites(fit) if several else _misfit(fit))
     if not fit.agreement.fits:
@@ -49,10 +54,13 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
     for one in fit.tests:
         texts += [f"Site {one.name}: {text}" if several else text for text in begun_in_air(curve_of(one))]
     texts += at_limits(fit)
-    if log.failed_solves:
-        texts.append(_failed(fit))
+    reach = "" if several else f"{curve_of(fit.tests[0]).displacement[-1]:g} mm"
+    texts += of_failed_solves(log, reach)
     texts += far_from_priors(fit.estimates)
+    if details.subject.typical_shape:
+        texts.append(_TYPICAL)
     if isinstance(details.spatial, SpatialSites):
+        texts += _left_out(fit)
         texts += of_elastography(details.subject, fit.estimates)
         return (*texts, *_in_3d(fit, details.spatial))
     texts += dict.fromkeys(
@@ -73,6 +81,14 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
                 "bulk modulus lies below 2/3 of its shear modulus."
             )
     return tuple(texts)
+
+
+def _left_out(fit: Fit[LegDetails]) -> Iterator[str]:
+    """Say that channels beside the force aren't used, which a model in 3D doesn't give."""
+    every = (one.name for site in fit.details.leg.sites for trial in site.recordings for one in trial.channels)
+    names = " and ".join(name.replace("_", " ") for name in dict.fromkeys(every))
+    if names:
+        yield f"What was recorded of {names} is not used: the model in 3D gives the force alone (--model 2d uses it)."
 
 
 def of_two_fidelities(evidence: SpatialEvidence, most_solves: int) -> Iterator[str]:
@@ -136,21 +152,6 @@ def _disagreement_of_sites(fit: Fit[LegDetails]) -> str:
         f"of freedom): {'; '.join(departures)}. Something is otherwise there, wrongly "
         "given, or left out by the law: diagnose that site by itself. Intervals are as wide as "
         "if recordings erred by enough to make that usual, and hold for no cause in particular."
-    )
-
-
-def _failed(fit: Fit[LegDetails]) -> str:
-    if len(fit.tests) > 1:
-        return (
-            f"{fit.log.failed_solves} of {fit.log.forward_solves} full solves stopped short at one "
-            "of the sites; the search kept away from them."
-        )
-    failed = [solve for solve in fit.log.solves if not solve.complete]
-    return (
-        f"{len(failed)} of {len(fit.log.solves)} full solves stopped short of "
-        f"{curve_of(fit.tests[0]).displacement[-1]:g} mm; the search kept away from them (C10 "
-        + ", ".join(f"{mpa_to_kpa(solve.values[DEEP_C10]):.3g}" for solve in failed)
-        + " kPa)."
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -12,10 +11,10 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.report.folder import ReportFile
+from legfem.report.many import Bundle, Forest, SortableTable
 from legfem.report.style import BONE_COLOUR, DATA_COLOUR, REGION_COLOURS, REGION_NAMES
 
 PAGE = "report.html"
@@ -375,7 +374,19 @@ class ResponseSurface:
 
 
 Block = (
-    Prose | Bullets | WebTable | Verbatim | Bars | Curves | PressedSection | StillSection | ResponseSurface | TurnedLeg
+    Prose
+    | Bullets
+    | WebTable
+    | Verbatim
+    | Bars
+    | Curves
+    | PressedSection
+    | StillSection
+    | ResponseSurface
+    | TurnedLeg
+    | SortableTable
+    | Forest
+    | Bundle
 )
 
 
@@ -440,18 +451,3 @@ def command_line() -> str:
     else:
         return ""
     return f"{program} {shlex.join(sys.argv[1:])}".strip()
-
-
-def packed(values: NDArray[Any], kind: str) -> str:
-    """Return counts as text; what a whole number can't hold becomes the nearest that it can.
-
-    Parameters
-    ----------
-    values
-        Counts, in C order.
-    kind
-        NumPy's name of the type: ``<i2`` or ``<u2``.
-    """
-    limits = np.iinfo(np.dtype(kind))
-    whole = np.clip(np.round(values), limits.min, limits.max).astype(kind)
-    return base64.b64encode(whole.tobytes()).decode()

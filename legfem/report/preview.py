@@ -26,7 +26,6 @@ from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.schema import parse_specimen_file
-from legfem.specimens.sizes import bare, kind_in
 from legfem.stockings.loading import LEGS, load_leg
 
 PREVIEW = "preview.json"
@@ -216,8 +215,10 @@ def _specimen(folder: Path, out: Path) -> Preview:
 
 def _course_fact(one: SpecimenRecording) -> str:
     course = one.course
-    peak = kind_in(one.sizes).load_text(bare(one.sizes), course.peak)
-    return f"{course.depth:.3g} mm at {course.rate:.3g} mm/s, up to {peak}"
+    axes = one.axes
+    speed = f" at {course.rate:.3g} mm/s" if one.recording.timed else ""
+    way = f"{axes.way} to {axes.ways * course.depth:.3g} {axes.way_unit}{speed}"
+    return f"{way}, {axes.load} to {axes.load_text(course.peak)}"
 
 
 def _is_contours(path: Path) -> bool:

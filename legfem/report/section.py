@@ -20,7 +20,8 @@ from legfem.legs.subject import Subject
 from legfem.mechanics.integration_domain import Skin
 from legfem.meshing.section import REGIONS, first_touch
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.page import PressedSection, StillSection, packed
+from legfem.report.packing import packed
+from legfem.report.page import PressedSection, StillSection
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 
 _MOVE, _SHARE = 1 / 200, 1 / 50_000

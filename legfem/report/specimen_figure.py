@@ -29,7 +29,12 @@ def specimen_figure(results: Sequence[Fit[SpecimenDetails]]) -> Figure:
     first = results[0]
     rows = 3 if any(one.course.holds for one in compared(first)) else 2
     figure = new_figure(5.4 * len(results) + 0.6, 3.2 * rows)
-    title(figure, "Measured and simulated force", first.details.folder.title, first.details.folder.origin)
+    title(
+        figure,
+        f"Measured and simulated {compared(first)[0].axes.load}",
+        first.details.folder.title,
+        first.details.folder.origin,
+    )
     grid = figure.subplots(rows, len(results), squeeze=False, sharey="row")
     for column, result in enumerate(results):
         axes = grid[:, column]
@@ -38,10 +43,10 @@ def specimen_figure(results: Sequence[Fit[SpecimenDetails]]) -> Figure:
         if rows == 3:
             _over_time(axes[1], result)
         _differences(axes[-1], result)
-    grid[0, 0].set_ylabel("force (N)")
-    if rows == 3:
-        grid[1, 0].set_ylabel("force (N)")
-    grid[-1, 0].set_ylabel("simulated − measured\n(% of the greatest force)")
+    shown = compared(first)[0].axes
+    for row in grid[:-1]:
+        row[0].set_ylabel(f"{shown.load} ({shown.load_unit})")
+    grid[-1, 0].set_ylabel(f"simulated − measured\n(% of the greatest {shown.load})")
     return figure
 
 
@@ -53,13 +58,15 @@ def _colours(result: Fit[SpecimenDetails]) -> np.ndarray:
 def _over_displacement(axes: Axes, result: Fit[SpecimenDetails], names: bool) -> None:
     for one, colour in zip(compared(result), _colours(result), strict=True):
         loading = one.course.time <= one.course.arrival
-        d = one.course.displacement[loading]
+        d, loads = one.axes.ways * one.course.displacement[loading], one.axes.loads
         dots = "o" if one.fitted else "x"
         label = f"{one.name}{'' if one.fitted else ' (left out)'}: $R^2$ {one.r_squared:.3f}"
-        axes.plot(d, one.course.force[loading], dots, color=colour, markersize=3, fillstyle="none", label=label)
+        axes.plot(d, loads * one.course.force[loading], dots, color=colour, markersize=3, fillstyle="none", label=label)
         line = "-" if one.fitted else "--"
-        axes.plot(np.append(0.0, d), np.append(0.0, one.predicted[loading]), line, color=colour)
-    axes.set_xlabel("displacement after first contact, loading (mm)")
+        axes.plot(np.append(0.0, d), np.append(0.0, loads * one.predicted[loading]), line, color=colour)
+    shown = compared(result)[0].axes
+    plain = "displacement after first contact, loading (mm)"
+    axes.set_xlabel(plain if shown.way == "displacement" else f"{shown.way}, loading ({shown.way_unit})")
     if len(compared(result)) <= _NAMED:
         axes.legend(loc="upper left", fontsize=8)
     elif names:
@@ -72,8 +79,8 @@ def _over_time(axes: Axes, result: Fit[SpecimenDetails]) -> None:
     for one, colour in zip(compared(result), _colours(result), strict=True):
         dots, line = ("o", "-") if one.fitted else ("x", "--")
         time = one.course.time
-        axes.plot(time, one.course.force, dots, color=colour, markersize=3, fillstyle="none")
-        axes.plot(time, one.predicted, line, color=colour)
+        axes.plot(time, one.axes.loads * one.course.force, dots, color=colour, markersize=3, fillstyle="none")
+        axes.plot(time, one.axes.loads * one.predicted, line, color=colour)
     axes.set_xscale("log")
     axes.set_xlabel("time after first contact (s)")
 
@@ -86,4 +93,5 @@ def _differences(axes: Axes, result: Fit[SpecimenDetails]) -> None:
         axes.plot(one.course.time / one.course.arrival, share, line, color=colour)
     if any(one.course.holds for one in compared(result)):
         axes.set_xscale("log")
-    axes.set_xlabel("time over the loading's")
+    timed = all(one.course.samples.timed for one in compared(result))
+    axes.set_xlabel(f"{'time' if timed else 'way'} over the loading's")

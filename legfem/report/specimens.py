@@ -30,7 +30,15 @@ def origin_text(result: SpecimenFit) -> str:
 
 def procedure(result: SpecimenFit) -> str:
     """Return what was done with the recordings, as a paragraph."""
-    note = kind_in(result.details.folder.recordings[0].sizes).note
+    first = result.details.folder.recordings[0]
+    note, axes = kind_in(first.sizes).note, first.axes
+    untimed = (
+        ""
+        if first.recording.timed
+        else "They are tables of stretch and stress without a time, so that nothing is known of rates, and are "
+        "taken to be of a body of the stated size, or of a cube of 10 mm; their errors are what they are off a "
+        "smooth curve. "
+    )
     relaxing = (
         "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
         "show that, otherwise quasi-linearly. This is exact where the whole specimen has the same strain, "
@@ -51,7 +59,7 @@ def procedure(result: SpecimenFit) -> str:
     )
     return (
         f"{sum(one.fitted for one in result.tests)} recordings were fitted together by one law, with equal weight "
-        f"relative to their greatest force, from first contact {until}{relaxing}"
+        f"relative to their greatest {axes.load}, from first contact {until}{untimed}{relaxing}"
         f"{own}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
         "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
         "refined and confirmed. The intervals include the errors of the instrument and of the model, and the "
@@ -97,7 +105,10 @@ def _of_fibres(result: SpecimenFit) -> str:
 
 def followed(result: SpecimenFit) -> str:
     """Return how stiffness follows the size of what presses or is pressed, as a clause."""
-    return kind_in(result.details.folder.recordings[0].sizes).followed
+    first = result.details.folder.recordings[0]
+    if not first.recording.timed:
+        return "a stress of twice the true value, by its unit or measure, makes it twice as large"
+    return kind_in(first.sizes).followed
 
 
 def differing(result: SpecimenFit) -> list[str]:
@@ -123,8 +134,8 @@ def _of_its_own(result: SpecimenFit, one: SampleFit) -> str:
 def predictions(result: SpecimenFit) -> list[str]:
     """Return how well what was left out is predicted."""
     return [
-        f"left out, {one.name}: predicted with R2 {one.r_squared:.3f}, rmse {one.rmse:.3g} N "
-        f"({100 * one.rmse / one.course.peak:.2g} % of {one.course.peak:.3g} N)"
+        f"left out, {one.name}: predicted with R2 {one.r_squared:.3f}, rmse {one.axes.load_text(one.rmse)} "
+        f"({100 * one.rmse / one.course.peak:.2g} % of {one.axes.load_text(one.course.peak)})"
         f"{_of_its_own(result, one)}"
         for one in [one for one in compared(result) if not one.fitted]
     ]
@@ -324,9 +335,10 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
             )
         )
     for number, one in enumerate(worst):
-        blocks.append(_curves(results, one, number, one.course.displacement, "displacement (mm)"))
+        axes = one.axes
+        blocks.append(_curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit))
         if one.course.holds:
-            blocks.append(_curves(results, one, number, one.course.time, "time (s)"))
+            blocks.append(_curves(results, one, number, one.course.time, "time", "s"))
     blocks.append(
         Bars(
             f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)",
@@ -335,7 +347,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
                 LabelledBar(
                     f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
                     max(one.r_squared, 0.0),
-                    f"{one.r_squared:.4f}, {one.rmse:.3g} N of {one.course.peak:.3g} N",
+                    f"{one.r_squared:.4f}, {one.axes.load_text(one.rmse)} of {one.axes.load_text(one.course.peak)}",
                 )
                 for one in compared(first)
             ],
@@ -346,18 +358,27 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
 
 
 def _in_numbers(result: SpecimenFit) -> list[web.Block]:
-    law = LAW_NAMES[result.law]
+    law, axes = LAW_NAMES[result.law], compared(result)[0].axes
     blocks: list[web.Block] = [
         web.WebTable(
             f"Recordings and the {law} law; own/joint is the factor on the law's force that would fit each best",
-            ["recording", "mm/s", "mm", "peak N", "rmse N", "R²", "own/joint", ""],
+            [
+                "recording",
+                "mm/s",
+                axes.way_unit,
+                f"peak {axes.load_unit}",
+                f"rmse {axes.load_unit}",
+                "R²",
+                "own/joint",
+                "",
+            ],
             [
                 [
                     one.name,
-                    f"{one.course.rate:.3g}",
-                    f"{one.course.depth:.3g}",
-                    f"{one.course.peak:.4g}",
-                    f"{one.rmse:.3g}",
+                    f"{one.course.rate:.3g}" if one.course.samples.timed else "no time",
+                    f"{axes.ways * one.course.depth:.3g}",
+                    f"{axes.loads * one.course.peak:.4g}",
+                    f"{axes.loads * one.rmse:.3g}",
                     f"{one.r_squared:.4f}",
                     f"{one.scale:.3f}",
                     "" if one.fitted else "left out",
@@ -374,29 +395,32 @@ def _in_numbers(result: SpecimenFit) -> list[web.Block]:
     return blocks
 
 
-def _curves(results: Sequence[SpecimenFit], one: SampleFit, number: int, x: FloatArray, label: str) -> Curves:
-    lines = [Line("recorded", one.course.force, None, DATA_COLOUR, points=True)]
+def _curves(
+    results: Sequence[SpecimenFit], one: SampleFit, number: int, x: FloatArray, along: str, unit: str
+) -> Curves:
+    axes = one.axes
+    lines = [Line("recorded", axes.loads * one.course.force, None, DATA_COLOUR, points=True)]
     for k, result in enumerate(results):
         same = next((r for r in compared(result) if r.name == one.name), None)
         if same is not None:
             lines.append(
                 Line(
                     f"model, {LAW_NAMES[result.law]}",
-                    same.predicted,
-                    same.predicted - same.course.force,
+                    axes.loads * same.predicted,
+                    axes.loads * (same.predicted - same.course.force),
                     LAW_COLOURS[result.law],
                     _DASHES[k % 4],
                 )
             )
-    what = label.split(" ")[0]
+    after = " after first contact" if one.course.samples.timed else ""
     return Curves(
-        f"{what}{number}",
-        f"{one.name}{'' if one.fitted else ' (left out, predicted)'}: force over {what} after "
-        "first contact, recorded and of the model; beneath, the model less the recording.",
+        f"{along.split()[0]}{number}",
+        f"{one.name}{'' if one.fitted else ' (left out, predicted)'}: {axes.load} over {along}{after}, recorded and of "
+        "the model; beneath, the model less the recording.",
         x,
-        label,
-        "force (N)",
-        "model − recorded (N)",
+        f"{along} ({unit})" if unit != "-" else along,
+        f"{axes.load} ({axes.load_unit})",
+        f"model − recorded ({axes.load_unit})",
         lines,
     )
 

@@ -1,30 +1,18 @@
-r"""Recordings of several specimens beside one model: each counts alike, and each may have a stiffness of its own.
+"""Recordings of several specimens beside one model: each counts alike.
 
-Pieces of one tissue differ in stiffness far more than in how they stiffen and relax. The force is
-in proportion to the stiffness, so that each specimen's factor needs no search: with the weights W
-of its stations,
-
-.. math:: s_g = \frac{\sum (W m) (W f)}{\sum (W f)^2}
-
-is the least squares' for its recordings m and the model's forces f. Factors count relative to their
-geometric mean, which the law's own stiffness carries: that of a typical specimen; where specimens
-are cut along fibres and across, to that of each kind, which the fibres' ratio carries (variable
-projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
+How stiff each is beside the others is found with it, see `legfem.specimens.own_stiffness`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import is_ratio
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
 from legfem.inverse.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
@@ -32,107 +20,18 @@ from legfem.inverse.instrument import INSTRUMENT, READINGS, Reading
 from legfem.inverse.outcome import Outcome
 from legfem.specimens.contacts import Onset, power_of
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
-from legfem.specimens.fibre_directions import WORDS
-from legfem.specimens.folder import FILE, SpecimenFolder
+from legfem.specimens.fibre_ratio import kinds_of, tells_ratio, were_turned
+from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.relaxation import borne, branch_ratios, clock
-from legfem.specimens.sizes import fibres_text, level_of
-
-_LEAST = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class OwnStiffness:
-    """The specimens' factors on a model's forces.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of g specimens.
-    specimen : ndarray
-        (n,): number of every station's.
-    measured : ndarray
-        (n,), N.
-    weighted : callable
-        Weights values (n, ...), each recording's for itself.
-    known : Mapping[str, float], optional
-        Factors found elsewhere, by name; a specimen that isn't among them is typical. Without them
-        factors are those that fit.
-    kinds : tuple of str, optional
-        Of specimens (g), each with a typical one of its own; all are of one kind without them.
-    """
-
-    names: tuple[str, ...]
-    specimen: NDArray[np.intp]
-    measured: FloatArray
-    weighted: Callable[[FloatArray], FloatArray]
-    known: Mapping[str, float] | None = None
-    kinds: tuple[str, ...] = ()
-
-    @property
-    def degrees(self) -> int:
-        """By how many numbers the specimens' factors differ."""
-        return len(self.names) - len(set(self.kinds or ("",)))
-
-    @cached_property
-    def _of_a_kind(self) -> FloatArray:
-        """What takes the mean over specimens of a kind, (g, g)."""
-        kinds = np.array(self.kinds or ("",) * len(self.names))
-        same = np.asarray(kinds[:, None] == kinds, float)
-        return np.asarray(same / same.sum(axis=1))
-
-    @cached_property
-    def _members(self) -> FloatArray:
-        """Which stations are of which specimen, (g, n)."""
-        return np.asarray(self.specimen == np.arange(len(self.names))[:, None], float)
-
-    @property
-    def same(self) -> FloatArray:
-        """Which pairs of stations are of one specimen, (n, n)."""
-        return np.asarray(self.specimen[:, None] == self.specimen, float)
-
-    @cached_property
-    def _seen(self) -> FloatArray:
-        return self._weighed(self.measured)
-
-    def _weighed(self, values: FloatArray) -> FloatArray:
-        flat = values.reshape(-1, values.shape[-1])
-        return self.weighted(flat.T).T.reshape(values.shape)
-
-    def _relative(self, felt: FloatArray) -> FloatArray:
-        """Return the factors (..., g) at forces (..., n) of typical specimens."""
-        if self.known is not None:
-            return np.array([self.known.get(name, 1.0) for name in self.names])
-        seen = self._weighed(felt)
-        best = (self._seen * seen) @ self._members.T
-        best = best / np.maximum(seen**2 @ self._members.T, 1e-300)
-        logs = np.log(np.maximum(best, _LEAST))
-        return np.asarray(np.exp(logs - logs @ self._of_a_kind))
-
-    def __call__(self, felt: FloatArray) -> FloatArray:
-        """Return the factors (..., n) on forces (..., n) of typical specimens."""
-        return np.asarray(self._relative(felt)[..., self.specimen])
-
-    def named(self, felt: FloatArray) -> dict[str, float]:
-        """Return the factors by name, at forces (n,)."""
-        return dict(zip(self.names, map(float, self._relative(felt)), strict=True))
-
-    def slope(self, felt: FloatArray, by: FloatArray) -> FloatArray:
-        """Return the derivative (n,) of the factors times forces (n,) whose own is ``by`` (n,)."""
-        factor = self(felt)
-        if self.known is not None:
-            return factor * by
-        seen, change = self._weighed(felt), self._weighed(by)
-        logs = ((self._seen * change) @ self._members.T) / ((self._seen * seen) @ self._members.T)
-        logs = logs - 2 * ((seen * change) @ self._members.T) / (seen**2 @ self._members.T)
-        return np.asarray(factor * (by + felt * (logs - logs @ self._of_a_kind)[self.specimen]))
-
+from legfem.specimens.sizes import fibres_text
 
 GRID = 50
 """Displacements at which a test's force is known to the search."""
 WEIGHT = 0.01
-"""Of a recording's main_source force: what every station is taken to err by in the fit."""
+"""Of a recording's greatest force: what every station is taken to err by in the fit."""
 COUNTED = 20
 """Stations that a recording counts as, however many it has: neighbours err alike."""
 LEAST_GAIN_SD = 0.01
@@ -388,55 +287,6 @@ class SpecimenComparison(Comparison):
         return {"recordings": readings, "differences": differences, "model": model}
 
 
-def seeks_ratio(names: Collection[str]) -> bool:
-    """Return whether the fibres' ratio is among free parameters' full names."""
-    return any(is_ratio(name) for name in names)
-
-
-def kinds_of(recordings: Sequence[SpecimenRecording]) -> dict[str, tuple[str, ...]]:
-    """Return how the fibres of each specimen lay in its tests, by its name; "" without fibres."""
-    names = dict.fromkeys(one.specimen for one in recordings)
-    return {name: tuple(sorted({level_of(one.sizes) for one in recordings if one.specimen == name})) for name in names}
-
-
-def _directions(recordings: Sequence[SpecimenRecording]) -> list[str]:
-    return sorted({level_of(one.sizes) for one in recordings})
-
-
-def _turned(recordings: Sequence[SpecimenRecording]) -> bool:
-    """Return whether one specimen was tested in several directions."""
-    return any(len(kinds) > 1 for kinds in kinds_of(recordings).values())
-
-
-def tells_ratio(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> bool:
-    """Return whether forces along the fibres and across tell their ratio.
-
-    Specimens that have a stiffness of their own do so if one was tested in several directions, or
-    if one direction has several: their spread then is that by which typical ones of the directions
-    may differ by chance.
-    """
-    directions = len(_directions(recordings))
-    several = len(kinds_of(recordings)) > directions
-    return directions > 1 and (folder.equally_stiff or _turned(recordings) or several)
-
-
-def check_strained(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:
-    """Check that fibres whose ratio is looked for are stretched or sheared by a test.
-
-    Raises
-    ------
-    InputError
-        If none is.
-    """
-    if _directions(recordings) == [WORDS["cylinder"]]:
-        raise InputError(
-            folder.directory / FILE,
-            "fibres.ratio",
-            f"no fitted test strains fibres {WORDS['cylinder']}",
-            "state it (it changes nothing here), or test another direction too",
-        )
-
-
 def comparison_of(
     recordings: Sequence[SpecimenRecording],
     model: SpecimenForward,
@@ -478,7 +328,7 @@ def comparison_of(
         return misfit
     stations = [len(part.course.time) for part in parts]
     specimen = np.repeat([names.index(part.recording.specimen) for part in parts], stations)
-    apart = seeks and told and not _turned(recordings)
+    apart = seeks and told and not were_turned(recordings)
     own = OwnStiffness(
         names,
         specimen,
@@ -488,22 +338,3 @@ def comparison_of(
         tuple(kind for (kind,) in kinds.values()) if apart else (),
     )
     return replace(misfit, own=own)
-
-
-def why_ratio_undetermined(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> str:
-    """Return why the ratio of the fibres' stiffness can't be told, as a sentence; "" if it can."""
-    if tells_ratio(folder, recordings):
-        return ""
-    directions = _directions(recordings)
-    if len(directions) == 1:
-        return (
-            f"The fibres' ratio can't be told from C10: all fitted tests have fibres "
-            f"{directions[0]}, where more of one looks like more of the other. Test another "
-            "direction too, or state [fibres] ratio."
-        )
-    return (
-        "The fibres' ratio can't be told from how specimens differ: each direction has one "
-        "specimen of a stiffness of its own. Give them one name if they are one piece, turned; say "
-        "[tissue] one_stiffness = true if they are equally stiff; test several in a direction; or "
-        "state [fibres] ratio."
-    )

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Scales, Segmentation, segment
-from legfem.data.contact import Contact, first_return
+from legfem.data.contact import Contact, contact_at_start, first_return
 from legfem.data.smoothing import sample_noise, without_outliers
+from legfem.data.stress_tables import roughness
 
 STATIONS = 40
 """Of a loading: one for so large a share of its way, and of its time."""
@@ -70,7 +71,7 @@ class Course:
 
     @property
     def rate(self) -> float:
-        """Mean speed up to the greatest displacement, mm/s."""
+        """Mean speed up to the greatest displacement, mm/s; of no meaning where no clock gave the time."""
         return self.depth / self.arrival
 
     @property
@@ -81,7 +82,7 @@ class Course:
     @property
     def holds(self) -> bool:
         """Whether it goes on for a third of the loading's time with drive or force at rest."""
-        return bool(self.time[-1] > 4 / 3 * self.arrival) or self.creeps
+        return self.samples.timed and (bool(self.time[-1] > 4 / 3 * self.arrival) or self.creeps)
 
     @property
     def creeps(self) -> bool:
@@ -143,12 +144,25 @@ def read_specimen(
     start, arrived, _ = _loaded_and_held(calm, noise)
     loading = recording.force[start : arrived + 1]
     _check(loading, source)
-    errors = instrument or Instrument(
-        max(sample_noise(loading), _READING * float(np.ptp(loading))),
-        max(noise, _READING * float(np.ptp(calm))),
-        stated=False,
-    )
+    errors = instrument or _shown(recording, sample_noise(loading), noise, start, arrived)
     return segment(recording, errors, starts_at_contact, Scales.of_specimen(recording))
+
+
+def _shown(recording: Recording, force_sd: float, displacement_sd: float, start: int, arrived: int) -> Instrument:
+    """Return errors of a reading as they are seen, at least a usual share of the loading."""
+    least = _READING * float(np.ptp(recording.force[start : arrived + 1]))
+    way = _READING * float(np.ptp(recording.displacement))
+    return Instrument(max(force_sd, least), max(displacement_sd, way), stated=False)
+
+
+def read_table(recording: Recording, instrument: Instrument | None = None) -> Segmentation:
+    """Read a table of stretch and stress, which counts from the undeformed state and has no phases.
+
+    Its errors, unless stated, are what its loads are off a smooth curve.
+    """
+    d, force = recording.displacement, recording.force
+    errors = instrument or _shown(recording, roughness(d, force), 0.0, 0, int(np.argmax(d)))
+    return Segmentation(recording, contact_at_start(), d, errors, Scales.of_specimen(recording))
 
 
 def course_of(trial: Segmentation, returns: bool = False) -> Course:

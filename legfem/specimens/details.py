@@ -11,6 +11,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.fit import Fit, TestFit, r_squared
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.kind import ShownAxes
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
 
 
@@ -48,12 +49,13 @@ class SampleFit:
     course: Course
     predicted: FloatArray
     """Force at the course's stations, (n,), N."""
+    axes: ShownAxes
 
     @classmethod
     def of(cls, one: TestFit) -> SampleFit:
         """Samples of a test beside its fit."""
         recording = recording_of(one)
-        return cls(one.name, recording.specimen, one.fitted, recording.course, one.force.predicted)
+        return cls(one.name, recording.specimen, one.fitted, recording.course, one.force.predicted, recording.axes)
 
     @property
     def _differences(self) -> FloatArray:

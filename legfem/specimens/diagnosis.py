@@ -133,7 +133,7 @@ def _diagnosed(
     middle = middle_of(observed, solved, stiffening)
     last = max(float(s.protocol.time[-1]) for s in observed.protocols)
     scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
-    every, unable = mechanisms_of(sizes, scale)
+    every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
     able, _ = shown_mechanisms(observed, None, every=every)
     library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
@@ -163,6 +163,11 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
             "specimen.toml states no instrument accuracy: errors are those seen from sample to "
             "sample and between repeats. What drifts slowly or is alike in all trials can't be "
             "told from physics; state the data sheet's figures under [instrument]."
+        )
+    if not used[0].recording.timed:
+        remarks.append(
+            "The recordings are tables of stretch and stress: forces and displacements are those of a body of the "
+            "stated size, or of a cube of 10 mm, and nothing is known of time."
         )
     if len(folder.tissues) > 1:
         remarks.append(

@@ -28,7 +28,7 @@ class SpecimenDocument:
         course = recording.course
         return {
             "specimen": recording.specimen,
-            "rate_mm_per_s": course.rate,
+            "rate_mm_per_s": course.rate if course.samples.timed else None,
             "depth_mm": course.depth,
             "displacement_mm": course.displacement,
             "rmse_N": samples.rmse,

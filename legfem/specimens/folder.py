@@ -12,9 +12,10 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
-from legfem.data.formats import READERS, is_litter, recording_files
+from legfem.data.formats import READERS, is_litter, read_sheets, recording_files
 from legfem.data.plausibility import refuse_copies, trial_doubts
 from legfem.data.recording import Origin
+from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 from legfem.specimens.course import course_of
 from legfem.specimens.kind import SizeError
 from legfem.specimens.plausibility import (
@@ -109,6 +110,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         raise InputError(directory, "specimen folder", "not found", f"give one that holds {FILE}")
     given = parse_specimen_file(toml)
     named = _named(directory, toml, given)
+    _ask_for_tables(given, [path for _, _, path in named])
     doubts = _doubts_about_bodies(toml, given)
     sizes = {entry: _sizes(toml, given, entry) for entry in {entry for _, entry, _ in named}}
     doubts += [doubt for body in sizes.values() for doubt in doubts_about_shape(toml, body)]
@@ -121,7 +123,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     for name, entry, path in named:
         try:
             body = bare(sizes[entry])
-            trial = kind.read(path, given.recordings.channels(), body, errors, at_contact, name)
+            trial = kind.read(path, given.recordings, body, errors, name)
             doubts += kind.doubts(trial.recording, body)
             course = course_of(trial, given.tissue.returns)
             source = trial.source
@@ -134,9 +136,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             specimen = given.id if entry is None else given.specimen[entry].name
             used.append(SpecimenRecording(name, specimen, sizes[entry], course, trial))
     if not used:
-        raise InputError(
-            directory / "recordings", left[0].name, f"no recording can be used: {left[0].reason}", "mend them"
-        )
+        raise InputError(directory / "recordings", left[0].name, "no recording can be used", left[0].reason)
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id,
@@ -165,6 +165,20 @@ def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:
     sizes = folder.recordings[0].sizes
     field = "force_N" if kind_in(sizes).loaded_area(bare(sizes)) is None else "pressure"
     return list(doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
+
+
+def _ask_for_tables(given: SpecimenFile, paths: Sequence[Path]) -> None:
+    """Check that no file is a table of stretch and stress that the folder doesn't say how to read."""
+    if not given.kind.cube or given.recordings.table is not None or given.recordings.channels() is not None:
+        return
+    for path in paths:
+        try:
+            sheets = read_sheets(path)
+        except InputError:
+            continue  # said where it is read
+        table = next((sheet for sheet in sheets if stretch_and_stress(sheet)), None)
+        if table is not None:
+            raise refuse_untimed(path, table)
 
 
 def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
@@ -196,7 +210,8 @@ def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
 def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
     """Return name, number of the specimen (None where there is but one) and file of recordings."""
     _check_distinct(toml, given.specimen)
-    suffixes = {".csv"} if given.recordings.channels() is None else set(READERS)
+    own = given.recordings.channels() is None and given.recordings.table is None
+    suffixes = {".csv"} if own else set(READERS)
     found: list[tuple[int | None, Path]] = []
     entries: list[tuple[int | None, SpecimenEntry | None]]
     entries = [*enumerate(given.specimen)] or [(None, None)]

@@ -8,14 +8,18 @@ from __future__ import annotations
 import typing
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
+from pydantic import model_validator
+
 from legfem.common.doubts import Doubt, PhysicalRange
-from legfem.common.input_files import FileTable
+from legfem.common.input_files import FileTable, Text, trouble
 from legfem.data import Instrument, Recording, Segmentation
-from legfem.data.reader import SourceColumns, read_samples
+from legfem.data.folder import RecordingsEntry
+from legfem.data.reader import read_samples
+from legfem.data.stress_tables import StressTable
 from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer
 from legfem.experiments.experiment import Solved
 from legfem.mechanics.contact import ContactSettings
@@ -34,6 +38,61 @@ type Law = Hyperelastic | tuple[Layer, ...]
 
 class SizeError(Exception):
     """A size, what is wrong with it and how to mend that."""
+
+
+class StressTableEntry(FileTable):
+    """``table`` in ``[recordings]``: files are tables of stretch and stress without a time."""
+
+    stretch: Text | None = None
+    """Column of the length over the undeformed one."""
+    strain: Text | None = None
+    """Column of the stretch less one, or the amount of shear, in its place."""
+    percent: bool = False
+    """Whether the strain is in percent."""
+    stress: Text
+    unit: Text
+    """Of the stress."""
+    measure: Literal["nominal", "true"] | None = None
+    """Nominal (engineering) stress is the force over the undeformed area; in simple shear both are alike."""
+    sheet: Text | None = None
+
+    @model_validator(mode="after")
+    def _one_deformation(self) -> Self:
+        if (self.stretch is None) == (self.strain is None):
+            many = "is missing" if self.stretch is None else "is given beside strain"
+            raise trouble("stretch", many, "give the column of one of them")
+        return self
+
+    @property
+    def columns(self) -> StressTable:
+        """Where stretch and stress are found."""
+        stretched = self.stretch is not None
+        column = self.stretch or self.strain or ""
+        return StressTable(column, self.stress, self.unit, stretched, self.percent, self.sheet)
+
+
+class SpecimenRecordingsEntry(RecordingsEntry):
+    """``[recordings]`` of specimens, optional."""
+
+    table: StressTableEntry | None = None
+
+
+@dataclass(frozen=True)
+class ShownAxes:
+    """How displacement (mm) and force (N) are shown."""
+
+    way: str = "displacement"
+    way_unit: str = "mm"
+    ways: float = 1.0
+    """Of its unit, a mm."""
+    load: str = "force"
+    load_unit: str = "N"
+    loads: float = 1.0
+    """Of its unit, a N."""
+
+    def load_text(self, force: float, digits: int = 3) -> str:
+        """Return a force (N) with its unit."""
+        return f"{self.loads * force:.{digits}g} {self.load_unit}"
 
 
 class SpecimenTest(typing.Protocol):
@@ -83,6 +142,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     relaxes_as_a_whole: ClassVar[bool] = False
     """Whether its model is elastic, so that what relaxes is added to its force."""
     starts_at_contact: ClassVar[bool] = False
+    cube: ClassVar[Mapping[str, float]] = {}
+    """Sizes by key of what a table of stretch and stress is of: any will do. Empty where none can be read."""
     no_slip: ClassVar[str] = "the faces are said to be free of friction"
     """Why nothing can slip that doesn't slip as stated."""
 
@@ -128,18 +189,12 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
         """Return what is unlikely in a recording of this kind alone."""
         return []
 
-    def load_text(self, body: Body, force: float) -> str:
-        """Return a force (N) as it was recorded."""
-        return f"{force:.3g} N"
+    def axes(self, body: Body, recording: Recording) -> ShownAxes:
+        """Return as what a recording is shown."""
+        return ShownAxes()
 
     def read(
-        self,
-        path: Path,
-        channels: SourceColumns | None,
-        body: Body,
-        errors: Instrument | None,
-        at_contact: bool,
-        name: str,
+        self, path: Path, given: SpecimenRecordingsEntry, body: Body, errors: Instrument | None, name: str
     ) -> Segmentation:
         """Read a file of a recording.
 
@@ -148,7 +203,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
         InputError
             If it can't be read, or nothing was pressed.
         """
-        samples = read_samples(path, channels, self.loaded_area(body))
+        samples = read_samples(path, given.channels(), self.loaded_area(body))
+        at_contact = given.starts_at_contact or self.starts_at_contact
         return read_specimen(replace(samples, trial=name), errors, at_contact)
 
 

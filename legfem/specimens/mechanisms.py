@@ -76,6 +76,7 @@ _OF_LAYERS: Mapping[str, str | None] = {
     "superficial-stiffening": "layers of stated stiffness are taken as stated but for a factor",
     "superficial-viscoelasticity": "layers of stated stiffness are taken not to relax",
 }
+_WITHOUT_TIME = ("viscoelasticity", "force-drift", "leg-movement", "preconditioning")
 _LEAST_BULK = 5.0
 """Bulk over shear modulus down to which compressibility is tabulated: Poisson's ratio 0.41."""
 _LEAST_FACTOR = 3.0
@@ -120,7 +121,7 @@ class Scale:
         }
 
 
-def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str, str]]:
+def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that a specimen may have, and why it can't have the others.
 
     Parameters
@@ -129,6 +130,8 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
         Of the test.
     scale
         Of the recordings.
+    timed
+        Whether they have a time, which tables of stretch and stress haven't.
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
@@ -140,6 +143,8 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
             why = kind_in(sizes).no_slip
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):
             why = "it doesn't say what it does to a specimen"
+        if not timed and mechanism.name in _WITHOUT_TIME:
+            why = "a table of stretch and stress has no time"
         if why is not None:
             unable[mechanism.name] = why
         else:

@@ -32,19 +32,14 @@ from legfem.inverse.fit import (
 from legfem.inverse.instrument import READINGS
 from legfem.inverse.intervals import quantile
 from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
-from legfem.inverse.notices import LAW_MISSES, of_compromise
+from legfem.inverse.notices import LAW_MISSES, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
-from legfem.specimens.comparison import (
-    SpecimenComparison,
-    check_strained,
-    comparison_of,
-    seeks_ratio,
-    why_ratio_undetermined,
-)
+from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.contacts import SETTLED
 from legfem.specimens.details import SpecimenDetails
+from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import ParameterRequest, identified_law
@@ -209,15 +204,8 @@ class SpecimenProblem:
         self, result: Fit[SpecimenDetails], found: Found[SpecimenComparison], notes: Sequence[str]
     ) -> tuple[str, ...]:
         """One sentence each, the gravest first."""
-        texts = doubt_lines(result.doubts)
-        if not result.log.converged:
-            texts.append("The search ended before it converged: rerun with another --seed.")
-        texts += of_compromise(result.log.compromise)
-        texts += [
-            f"{name} stands at the {one.at_bound} bound of the search."
-            for name, one in result.estimates.items()
-            if one.at_bound and not (name == QUICKENING and one.at_bound == "lower")
-        ]
+        log = result.log
+        texts = [*doubt_lines(result.doubts), *of_search(log), *of_compromise(log.compromise), *at_limits(result)]
         if not result.goodness.fits:
             texts.append(f"The law does not describe these recordings within their errors. {LAW_MISSES}")
         in_air = [one.name for one in found.search.misfit.recordings if one.course.in_air]
@@ -227,12 +215,7 @@ class SpecimenProblem:
                 "was looked for. If displacement counts from first touch, say so in specimen.toml: "
                 "[recordings] starts_at_contact = true."
             )
-        failed = [one for one in result.log.solves if not one.complete]
-        if failed:
-            texts.append(
-                f"{len(failed)} of {len(result.log.solves)} full solves stopped short; the search kept "
-                f"away from them ({failed[0].reason})."
-            )
+        texts += [*of_failed_solves(log), *far_from_priors(result.estimates)]
         return (*texts, *self.prepared.notes, *filter(None, notes))
 
 

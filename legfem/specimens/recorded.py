@@ -11,7 +11,8 @@ from legfem.data import Recording, Segmentation
 from legfem.data.contact import Contact
 from legfem.inverse.data import Channel, Data
 from legfem.specimens.course import Course, course_of
-from legfem.specimens.sizes import Sizes
+from legfem.specimens.kind import ShownAxes
+from legfem.specimens.sizes import Sizes, bare, kind_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,11 @@ class SpecimenRecording:
     """First contact as detected, where the course begins at another."""
     reach: float = math.inf
     """Displacement (mm) beyond which its test can't be modelled."""
+
+    @property
+    def axes(self) -> ShownAxes:
+        """As what it is shown."""
+        return kind_in(self.sizes).axes(bare(self.sizes), self.recording)
 
     @property
     def recording(self) -> Recording:

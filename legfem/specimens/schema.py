@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, create_model, model_validator
 
 from legfem.common.input_files import FileTable, NotNegative, PlainName, Positive, Text, Title, parse_toml, trouble
-from legfem.data.folder import InstrumentEntry, RecordingsEntry
+from legfem.data.folder import InstrumentEntry
 from legfem.inverse.laws import LawName
 from legfem.specimens.fibre_directions import Direction
-from legfem.specimens.kind import SpecimenKind
+from legfem.specimens.kind import SpecimenKind, SpecimenRecordingsEntry
 from legfem.specimens.kinds import kinds
 
 PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]
@@ -113,7 +113,7 @@ class SpecimenFile(_Tests):
     specimen: list[SpecimenEntry] = Field(default_factory=list)
     tissue: TissueOptions = TissueOptions()
     instrument: InstrumentEntry | None = None
-    recordings: RecordingsEntry = RecordingsEntry()
+    recordings: SpecimenRecordingsEntry = SpecimenRecordingsEntry()
     confirmed: list[Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 
@@ -124,6 +124,16 @@ class SpecimenFile(_Tests):
             names = ", ".join(f"[{name}]" for name in self.alternatives)
             problem = "no test is given" if not given else f"{len(given)} tests are given"
             raise trouble("test", problem, f"give one of the tables {names}")
+        return self
+
+    @model_validator(mode="after")
+    def _a_table_that_can_be_read(self) -> Self:
+        if self.recordings.table is not None:
+            if not self.kind.cube:
+                able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.cube)
+                raise trouble("recordings.table", f"is for the tests {able}", "remove it, or the test")
+            if self.tissue.relaxes:
+                raise trouble("tissue.relaxes", "a table has no time to relax in", "remove it, or give recordings")
         return self
 
     @model_validator(mode="after")

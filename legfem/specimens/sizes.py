@@ -137,7 +137,9 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
 
 
 def _without_fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> OneTissue | LayeredTest:
-    own = {key: getattr(specimen, key) for key in SIZES if getattr(specimen, key, None)}
+    stated = {key: getattr(specimen, key) for key in SIZES if getattr(specimen, key, None)}
+    cube = {} if given.recordings.table is None else given.kind.cube
+    own = {**{key: size for key, size in cube.items() if getattr(given.test, key) is None}, **stated}
     for key in own:
         if key not in type(given.test).model_fields:
             raise SizeError(key, "is no size of this test", "remove it")

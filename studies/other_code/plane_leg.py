@@ -21,7 +21,6 @@ type Ints = NDArray[np.int_]
 
 GAUSS = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)
 """Points and weights on an edge from -1 to 1."""
-_CHORDS = 8
 BESIDE_MM = (-40.0, -25.0, 25.0, 40.0)
 """To the left of the travel, where the skin's rise is seen."""
 _SIZES = {"contact": 1.2, "far": 4.0}
@@ -132,6 +131,19 @@ def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) 
     return TriangleMesh(points, turned, outer[nearest == 0], bones)
 
 
+_CHORDS = np.array([[(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)] for s in np.linspace(0, 1, 9)])
+"""Shape functions of an edge's ends and middle at nine points."""
+
+
+def _edges(cells: Ints) -> Ints:
+    return np.vstack([cells[:, [0, 1, 3]], cells[:, [1, 2, 4]], cells[:, [2, 0, 5]]])
+
+
+def _shared(one: Ints, other: Ints) -> Ints:
+    """Return the edges (n, 3) of one tissue that are another's too."""
+    return one[np.isin(one[:, 2], other[:, 2])]
+
+
 _PENALTY, _ALONG = 400.0, 200.0
 """Normal and tangential, times the fat's shear modulus over the cylinder's radius."""
 
@@ -216,59 +228,6 @@ class OtherCode(OtherPressing):
                 law = self._law(name, own, factor)
                 yield holder, fem.SolidBody(law, holder)
 
-    def _seen(self, u: FloatArray, resultant: FloatArray) -> Mapping[str, float]:
-        """Return the lateral force (N), both thicknesses on the line of travel and the skin's rise beside it (mm)."""
-        sideways = np.array([-self.travel[1], self.travel[0]])
-        moved = self.mesh.points + u.reshape(-1, 2)
-        depth = {name: self._crossed(moved, edges, 0.0) for name, edges in self._outlines.items()}
-        found = {
-            "lateral_force": float(resultant @ sideways) * self.whole,
-            "fat_thickness": depth["fascia"] - depth["skin"],
-            "muscle_thickness": depth["bone"] - depth["deep"],
-        }
-        for beside in BESIDE_MM:
-            side = "left" if beside > 0 else "right"
-            skin = self._outlines["skin"]
-            first, now = (self._crossed(points, skin, beside) for points in (self.mesh.points, moved))
-            found[f"skin_rise_{side}_{abs(beside):g}"] = first - now
-        return found
-
-    @cached_property
-    def _outlines(self) -> Mapping[str, Ints]:
-        """Edges (k, 3), ends and middle, of the skin, between tissues and of the bones."""
-        cells = self.mesh.cells
-
-        def edges(own: Ints) -> dict[tuple[int, int], Ints]:
-            every = np.vstack([own[:, [0, 1, 3]], own[:, [1, 2, 4]], own[:, [2, 0, 5]]])
-            return {(min(edge[:2]), max(edge[:2])): edge for edge in every}
-
-        by_tissue = {name: edges(own) for name, own in cells.items()}
-
-        def between(one: str, other: str) -> Ints:
-            shared = [edge for key, edge in by_tissue[one].items() if key in by_tissue[other]]
-            return np.array(shared)
-
-        bone = set(np.concatenate(list(self.mesh.bones.values())).tolist())
-        return {
-            "skin": self.mesh.skin,
-            "fascia": between("superficial", "fascia"),
-            "deep": between("fascia", "deep"),
-            "bone": np.array([edge for key, edge in by_tissue["deep"].items() if bone.issuperset(key)]),
-        }
-
-    def _crossed(self, points: FloatArray, edges: Ints, beside: float) -> float:
-        """Return where the line of travel, shifted to the left (mm), first meets edges; by chords of their curves."""
-        sideways = np.array([-self.travel[1], self.travel[0]])
-        s = np.linspace(0.0, 1.0, _CHORDS + 1)
-        shape = np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
-        curves = np.einsum("qn,knd->kqd", shape, points[edges]) - self.start
-        along, offset = curves @ self.travel, curves @ sideways - beside
-        first, last = offset[:, :-1], offset[:, 1:]
-        crossed = (first <= 0) != (last <= 0)
-        share = first[crossed] / (first - last)[crossed]
-        met = along[:, :-1][crossed] * (1 - share) + along[:, 1:][crossed] * share
-        return float(met.min(initial=np.inf))
-
     def _law(self, name: str, own: TissueParameters, factor: float) -> Any:
         case = self.case
         if name != "deep":
@@ -296,6 +255,40 @@ class OtherCode(OtherPressing):
                 width += 2
         r, c = np.concatenate(rows), np.concatenate(columns)
         return csr_matrix((np.ones(len(r)), (r, c)), shape=(2 * count, width))
+
+    def _seen(self, u: FloatArray, resultant: FloatArray) -> dict[str, float]:
+        """Return the lateral force (N), both thicknesses on the line of travel and the skin's rise beside it (mm)."""
+        moved = self.mesh.points + u.reshape(-1, 2)
+        left = np.array([-self.travel[1], self.travel[0]])
+
+        def place(edges: Ints, points: FloatArray = moved, beside: float = 0.0) -> float:
+            """Where the line, shifted to its left, first meets edges: deformed, each is a parabola of eight chords."""
+            bent = np.einsum("qn,knd->kqd", _CHORDS, points[edges])
+            start = self.start + beside * left
+            line = shapely.LineString([start - 200 * self.travel, start + 400 * self.travel])
+            met = shapely.get_coordinates(line.intersection(shapely.MultiLineString(list(bent))))
+            return float(((met - start) @ self.travel).min()) if len(met) else np.nan
+
+        skin, outer, inner, bone = map(place, self._outlines)
+        edges = self._outlines[0]
+        rises = {
+            f"skin_rise_{'left' if side > 0 else 'right'}_{abs(side):g}": place(edges, self.mesh.points, side)
+            - place(edges, moved, side)
+            for side in BESIDE_MM
+        }
+        return {
+            **rises,
+            "lateral_force": float(resultant @ left) * self.whole,
+            "fat_thickness": outer - skin,
+            "muscle_thickness": bone - inner,
+        }
+
+    @cached_property
+    def _outlines(self) -> list[Ints]:
+        """Edges of skin, the fascia's two faces and the bones, (n, 3) each: ends and middle."""
+        fat, fascia, deep = (_edges(self.mesh.cells[name]) for name in ("superficial", "fascia", "deep"))
+        on_bone = np.isin(deep, np.concatenate(list(self.mesh.bones.values()))).all(axis=1)
+        return [self.mesh.skin, _shared(fat, fascia), _shared(deep, fascia), deep[on_bone]]
 
     def _untouched(self) -> FloatArray:
         return np.full(self.mesh.skin_weights.shape, np.nan)

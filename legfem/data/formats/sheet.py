@@ -244,6 +244,12 @@ def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]
             raise InputError(path, f"column '{texts[0]}'", problem, remedy)
 
 
+def measured_by(column: Column) -> Quantity | None:
+    """Return the quantity that a column's unit measures."""
+    unit = unit_named(column.unit) if column.unit else None
+    return None if unit is None else unit.quantity
+
+
 def measures(column: Column, quantity: Quantity) -> bool:
     """Tell whether a column's unit is one of a quantity."""
     unit = unit_named(column.unit) if column.unit else None

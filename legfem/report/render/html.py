@@ -247,9 +247,16 @@ def rendered(page: WebPage) -> str:
         data=page.data or ORIGINS[page.origin],
         provenances=PROVENANCE,
         plots=embedded([b for b in blocks if isinstance(b, Curves | ResponseSurface)]),
-        scripts=[name for kind, name in _SCRIPTS.items() if kind in kinds],
+        scripts=list(dict.fromkeys(name for kind, name in _SCRIPTS.items() if kind in kinds)),
         legfem=legfem_version(),
     )
 
 
-_SCRIPTS: Mapping[str, str] = {"pressed": "press.js", "turned": "turn.js", "response": "response.js"}
+_SCRIPTS: Mapping[str, str] = {
+    "pressed": "press.js",
+    "turned": "turn.js",
+    "response": "response.js",
+    "sortable": "many.js",
+    "forest": "many.js",
+    "bundle": "many.js",
+}

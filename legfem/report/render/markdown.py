@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from legfem.report.many import SortableTable
 from legfem.report.page import (
     PROVENANCE,
     TONES,
@@ -63,7 +64,7 @@ def _block(block: Block) -> str:
             return _bullets(block.items)
         case Bars():
             return _captioned(block.caption, _table(block.header, [(bar.name, bar.text) for bar in block.bars]))
-        case WebTable() | Curves() | PressedSection() | TurnedLeg() | ResponseSurface():
+        case WebTable() | SortableTable() | Curves() | PressedSection() | TurnedLeg() | ResponseSurface():
             return _captioned(block.caption, _table(block.header, block.rows))
         case Verbatim():
             return f"{_text(block.title)}:\n\n{_code(block.text)}"

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from legfem.report.folder import ReportFile
+from legfem.report.many import SortableTable
 from legfem.report.page import (
     PROVENANCE,
     TESTED,
@@ -109,7 +110,7 @@ def _block(block: Block) -> str:
             return fill(block.text)
         case Bullets():
             return bullets(block.items)
-        case WebTable():
+        case WebTable() | SortableTable():
             return f"{fill(block.caption)}:\n{table(block.header, block.rows)}"
         case Bars():
             rows = [(bar.name, bar.text) for bar in block.bars]

@@ -14,7 +14,7 @@ from legfem.common.input_files import FileTable, Positive
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.experiments.suction import CupOnLayer, SuctionTest
-from legfem.specimens.kind import Base, Law, SpecimenKind, length_range, needed, settings_to
+from legfem.specimens.kind import Base, Law, ShownAxes, SpecimenKind, length_range, needed, settings_to
 
 ATMOSPHERE_KPA = 101.325
 _SLACK = 1.05
@@ -81,9 +81,9 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
         """Return the opening: the suction on it is the force."""
         return body.opening
 
-    def load_text(self, body: CupOnLayer, force: float) -> str:
-        """Return the suction."""
-        return f"{mpa_to_kpa(force / body.opening):.3g} kPa of suction"
+    def axes(self, body: CupOnLayer, recording: Recording) -> ShownAxes:
+        """The force is the suction on the opening."""
+        return ShownAxes("height of the dome", "mm", 1.0, "suction", "kPa", mpa_to_kpa(1 / body.opening))
 
     def doubts(self, recording: Recording, body: CupOnLayer) -> list[Doubt]:
         """Return what is unlikely in a recording whose force is a suction on the opening.

@@ -1,0 +1,178 @@
+"""Tables of stretch and stress without a time, as papers publish tests of rubber, brain, foam and clots.
+
+Such a table is a test's result: what was pulled or pressed is a body of any size, loaded so slowly that time doesn't
+count.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.data.formats import Column, Sheet, read_sheets
+from legfem.data.formats.sheet import OWN, WORDS, measured_by, measures, unit_named
+
+_STRETCH = r"stretch|lambda|^λ|élongation"
+_STRAIN = r"strain|dehnung|^eps(ilon)?|^ε|shear|^gamma|^γ"
+_STRESS = r"stress|spannung|sigma|^σ|contrainte|^p$|^p1?1$|^tau$|^τ"
+_NOMINAL, _TRUE = r"nominal|engineering|piola|pk1|^p$|^p1?1$", r"true|cauchy|sigma|^σ"
+_ORDER = 3
+"""Of the divided differences that noise is seen by: a curve of loading is a parabola over four neighbours."""
+_LEAST_ROWS = 6
+
+
+@dataclass(frozen=True)
+class StressTable:
+    """Where stretch and stress are found.
+
+    Parameters
+    ----------
+    strain : str
+        Column of the deformation.
+    stress : str
+        Column of the stress.
+    unit : str
+        Unit of the stress.
+    stretch : bool
+        Whether the column is a length over the undeformed one; else it is a strain.
+    percent : bool
+        Whether the strain is in percent.
+    sheet : str, optional
+        Sheet of a workbook, where there are several.
+    """
+
+    strain: str
+    stress: str
+    unit: str
+    stretch: bool = False
+    percent: bool = False
+    sheet: str | None = None
+
+
+def stretch_and_stress(sheet: Sheet) -> tuple[Column, Column] | None:
+    """Return the columns of a table of stretch (or strain) and stress without a time; None for any other."""
+    stretch = [
+        c
+        for c in sheet.columns
+        if re.search(f"{_STRETCH}|{_STRAIN}", c.name, re.IGNORECASE)
+        and not measured_by(c)
+        and not re.search("stress", c.name, re.IGNORECASE)
+    ]
+    stress = [
+        c
+        for c in sheet.columns
+        if measures(c, "pressure") or (re.search(_STRESS, c.name, re.IGNORECASE) and not measured_by(c))
+    ]
+    stress = [c for c in stress if c not in stretch]
+    timed = any(measures(c, "time") or re.search(WORDS["time"], c.name, re.IGNORECASE) for c in sheet.columns)
+    return (stretch[0], stress[0]) if stretch and stress and not timed else None
+
+
+def table_line(stretch: Column, stress: Column) -> tuple[str, str]:
+    """Return what has to be confirmed of a table's columns, and the line of TOML that then reads it."""
+    stretched = re.search(_STRETCH, stretch.name, re.IGNORECASE) is not None
+    key = "stretch" if stretched else "strain"
+    percent = stretch.unit == "%"
+    is_true = re.search(_TRUE, stress.name, re.IGNORECASE) and not re.search(_NOMINAL, stress.name, re.IGNORECASE)
+    measure = "true" if is_true else "nominal"
+    unit = stress.unit if stress.unit and measured_by(stress) == "pressure" else OWN["pressure"]
+    words = {"nominal": "engineering stress, force over the undeformed area", "true": "true stress"}
+    of = " in %" if percent else ""
+    confirm = f"if '{stretch.name}' is a {key}{of} and '{stress.name}' {words[measure]} in {unit}"
+    parts = [f'{key} = "{stretch.name}"', *(["percent = true"] if percent else [])]
+    parts += [f'stress = "{stress.name}"', f'unit = "{unit}"', f'measure = "{measure}"']
+    return confirm, f"table = {{ {', '.join(parts)} }}"
+
+
+def refuse_untimed(path: Path, sheet: Sheet) -> InputError:
+    """Return the refusal of a table where a recording is asked for, with what would read it."""
+    stretch, stress = stretch_and_stress(sheet) or sheet.columns[:2]
+    unit = f" in {stress.unit}" if stress.unit else ""
+    confirm, line = table_line(stretch, stress)
+    return InputError(
+        path,
+        "columns",
+        f"is a table of stretch and stress ('{stretch.name}' and '{stress.name}'{unit}) without a time",
+        f"{confirm}, give in specimen.toml, in the table [recordings]: {line}",
+    )
+
+
+def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, FloatArray]:
+    """Read strain (n,) and stress (n,), MPa.
+
+    Raises
+    ------
+    InputError
+        If a column or unit isn't there, a stretch isn't above zero, or there are too few rows.
+    """
+    sheets = read_sheets(path)
+    named = [one for one in sheets if columns.sheet is None or one.name == columns.sheet]
+    if len(named) != 1:
+        names = ", ".join(f"'{one.name}'" for one in sheets)
+        raise InputError(path, "recordings.table.sheet", f"names {len(named)} of the tables {names}", "name one")
+    strain, stress = (_column(path, named[0], name) for name in (columns.strain, columns.stress))
+    unit = unit_named(columns.unit)
+    if unit is None or unit.quantity != "pressure":
+        _, line = table_line(strain, stress)
+        raise InputError(
+            path,
+            "recordings.table.unit",
+            f"'{columns.unit}' is no unit of stress",
+            f"give kPa, MPa, Pa, psi or bar, as in: {line}",
+        )
+    if measured_by(stress) == "pressure" and unit_named(stress.unit or "") != unit:
+        _, line = table_line(strain, stress)
+        problem = f"'{columns.unit}', but the file says '{stress.unit}'"
+        raise InputError(path, "recordings.table.unit", problem, f"correct one of them, as in: {line}")
+    values, loads = strain.values, stress.values * unit.factor
+    rows = np.isfinite(values) & np.isfinite(loads)
+    values, loads = values[rows], loads[rows]
+    if columns.stretch:
+        if len(values) and values.min() <= 0:
+            _, line = table_line(strain, stress)
+            raise InputError(
+                path,
+                f"'{strain.name}'",
+                f"a stretch of {values.min():.4g} is none: it is the length over the undeformed one",
+                f"if it is a strain, give: {line.replace('stretch =', 'strain =')}",
+            )
+        values = values - 1
+    elif columns.percent:
+        values = values / 100
+    if len(values) < _LEAST_ROWS:
+        raise InputError(path, "rows", f"{len(values)} are too few", f"give at least {_LEAST_ROWS}")
+    return values, loads
+
+
+def _column(path: Path, sheet: Sheet, name: str) -> Column:
+    found = [c for c in sheet.columns if c.name == name]
+    if len(found) == 1:
+        return found[0]
+    names = ", ".join(f"'{c.name}'" for c in sheet.columns)
+    seen = stretch_and_stress(sheet)
+    as_in = f", as in: {table_line(*seen)[1]}" if seen else ""
+    raise InputError(path, "recordings.table", f"there is no one column '{name}'", f"give one of {names}{as_in}")
+
+
+def roughness(strain: FloatArray, load: FloatArray) -> float:
+    """Return the standard deviation of loads (n,) about a smooth curve of the strain (n,), in the loads' unit.
+
+    By divided differences of third order, which a parabola doesn't have, over what white noise would make of each (the
+    table's steps may differ), and by the median of their size.
+    """
+    order = np.argsort(strain, kind="stable")
+    x, y = strain[order], load[order]
+    kept = np.append(True, np.diff(x) > 1e-9 * np.ptp(x))
+    x, y = x[kept], y[kept]
+    if len(x) <= _ORDER:
+        return 0.0
+    windows = np.lib.stride_tricks.sliding_window_view(x, _ORDER + 1)
+    apart = windows[:, :, None] - windows[:, None, :] + np.eye(_ORDER + 1)
+    weights = 1 / apart.prod(axis=2)
+    seen = (weights * np.lib.stride_tricks.sliding_window_view(y, _ORDER + 1)).sum(axis=1)
+    return float(1.4826 * np.median(np.abs(seen) / np.sqrt((weights**2).sum(axis=1))))

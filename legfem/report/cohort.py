@@ -1,0 +1,279 @@
+"""A cohort on one page: who can be believed, what was found of all, what is odd, and how it was done."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+import legfem.report.page as web
+from legfem.cohort.members import Member, Members
+from legfem.cohort.rows import Found, Measure, Row, cohort_model, measured
+from legfem.cohort.statistics import statistics
+from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
+from legfem.common.versions import versions_of
+from legfem.report import cohort_statistics
+from legfem.report.cohort_figure import colours_of
+from legfem.report.cohort_methods import methods
+from legfem.report.many import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
+from legfem.report.render.html import rendered
+from legfem.report.render.text import plain_page
+from legfem.report.words import ORIGINS, number, short_probability
+
+ODD = "What is odd, and what is missing"
+"""A chapter."""
+PAGE, TEXT = "cohort.html", "cohort.txt"
+_JUDGED: Mapping[str, str] = {
+    "": "no result",
+    "wrong": "model does not fit",
+    "open": "undecided",
+    "caution": "with caution",
+    "sound": "believed",
+}
+"""By the tone of a member's own page, the gravest first."""
+_MOST_KINDS = 12
+"""Kinds of warnings that have a column of their own."""
+_STATIONS = 25
+"""Of a curve that is drawn."""
+
+
+def cohort_web_page(members: Members, rows: Sequence[Row], task: str, command: str = "") -> web.WebPage:
+    """Return the page of a cohort.
+
+    Parameters
+    ----------
+    members
+        Who is in it.
+    rows
+        What was found of each.
+    task
+        What was done.
+    command
+        That was given.
+    """
+    every, model = members.every, cohort_model(rows)
+    odd = suspicions(every, rows)
+    found = dict((row.name, one) for row, one in measured(rows, model))
+    chapters = [
+        web.Chapter("Who can be believed", _believed(every, rows)),
+        web.Chapter("What was found", _numbers(every, rows, model, found)),
+        *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
+        cohort_statistics.chapter(statistics(every, rows)),
+        web.Chapter(ODD, _odd(odd, missing(every, rows))),
+        web.Chapter("Methods", [web.Prose(text) for text in methods(members, rows, task, model)]),
+    ]
+    origins = Counter(row.origin for row in rows if row.done)
+    return web.WebPage(
+        f"Cohort {members.folder.resolve().name}: {len(rows)} members",
+        f"{task} of {len(rows)} members in {members.folder}",
+        _origin(origins),
+        _headline(every, rows, odd, model),
+        [one.sentence for one in odd if len(one.members) != 1] + list(members.notes),
+        (),
+        chapters,
+        web.Repeat(command, versions_of("legfem", "dolfinx", "numpy", "scipy", "python")),
+        data=_data(origins),
+    )
+
+
+def write_cohort_page(page: web.WebPage, folder: Path) -> Path:
+    """Write cohort.html and cohort.txt; return the latter's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / PAGE).write_text(rendered(page), encoding="utf-8")
+    (folder / TEXT).write_text(plain_page(page, []), encoding="utf-8")
+    return folder / TEXT
+
+
+def _origin(origins: Counter[str]) -> str:
+    """The least that can be said of where the data come from."""
+    return next((name for name in ("simulated", "reconstructed", "measured") if origins[name]), "measured")
+
+
+def _data(origins: Counter[str]) -> str:
+    if len(origins) < 2:
+        return ORIGINS[_origin(origins)]
+    return "data of several kinds: " + ", ".join(f"{count} {name}" for name, count in origins.items())
+
+
+def _judged(row: Row) -> str:
+    return _JUDGED[row.judged.tone]
+
+
+def _headline(members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Suspicion], model: str) -> web.Headline:
+    counts = Counter(map(_judged, rows))
+    said = ", ".join(f"{counts[name]} {name}" for name in reversed(list(_JUDGED.values())) if counts[name])
+    good = counts["believed"] + counts["with caution"]
+    tone: web.Tone = "sound" if counts["believed"] == len(rows) and not odd else "caution" if good else "wrong"
+    failed = [row.name for row in rows if not row.done]
+    people = len({one.person for one in members})
+    answers = [
+        ("How many", f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"),
+        ("Without a result", listed(failed) if failed else "none"),
+        ("What is odd", f"{len(odd)} things to look into" if odd else "nothing that was looked for"),
+        *([("Compared under", model)] if model else []),
+    ]
+    return web.Headline(tone, f"Of {len(rows)} members: {said}.", answers, f"{good} of {len(rows)} can be used")
+
+
+def _kind_of(warning: str) -> str:
+    """A warning without what differs from member to member."""
+    text = re.sub(r"^DOUBTFUL INPUT: [^:]*: ", "doubtful input: ", warning)
+    text = re.split(r"(?<=[^:\d])[.:;] ", text.removeprefix("doubtful input: "), maxsplit=1)[0]
+    short = re.sub(r"[-+]?\d[\d.,]*(e[-+]?\d+)?", "…", text)
+    return ("doubtful input: " if warning.startswith("DOUBTFUL") else "") + short.rstrip(".")
+
+
+def _believed(members: Sequence[Member], rows: Sequence[Row]) -> list[web.Block]:
+    """A matrix of verdicts and warnings, the gravest first."""
+    kinds = {row.name: {_kind_of(text) for text in row.judged.warnings} for row in rows}
+    counts = Counter(kind for found in kinds.values() for kind in found)
+    named = [kind for kind, _ in counts.most_common(_MOST_KINDS)]
+    letters = {kind: chr(ord("A") + k) for k, kind in enumerate(named)}
+    group = {one.name: str(one.given.get("group", "")) for one in members}
+    ranks = list(_JUDGED.values())
+    verdict = ["verdict"] if any(row.verdict for row in rows) else []
+
+    def line(row: Row) -> list[Cell]:
+        own = kinds[row.name]
+        others = len(own - set(named))
+        why = row.problem or row.judged.sentence
+        marks: list[Cell] = ["●" if kind in own else "" for kind in named]
+        judged: Cell = (float(ranks.index(_judged(row))), _judged(row))
+        own_verdict = [row.verdict] if verdict else []
+        return [row.name, group[row.member], judged, *own_verdict, *marks, float(others) if others else "", why]
+
+    ordered = sorted(rows, key=lambda row: ranks.index(_judged(row)))
+    header = ["member", "group", "judgement", *verdict, *letters.values(), "others", "why"]
+    legend = [f"{letters[kind]}: {kind} ({counts[kind]})" for kind in named]
+    return [
+        web.Prose(
+            "The judgement is that of each member's own page: believed where the model fits and its stiffness is "
+            "determined; with caution where something limits it; undecided where several explanations are left."
+        ),
+        SortableTable(
+            "believed",
+            "Judgements and warnings, the gravest first; a dot is a warning of the kind below.",
+            header,
+            [line(row) for row in ordered],
+            [row.report for row in ordered],
+        ),
+        *([web.Bullets(legend)] if legend else []),
+    ]
+
+
+def _numbers(members: Sequence[Member], rows: Sequence[Row], model: str, found: Mapping[str, Found]) -> list[web.Block]:
+    known = {one.name: one for one in members}
+    names = list(dict.fromkeys(name for one in found.values() for name in one.measures))
+    units = {name: next(one.measures[name].unit for one in found.values() if name in one.measures) for name in names}
+    given = list(dict.fromkeys(name for one in members for name in one.given))
+    thick = any(row.shape.fat_mm is not None for row in rows)
+    header = ["member", *given]
+    for name in names:
+        header += [f"{name} ({units[name]})", "95 % interval"]
+    header += ["fit p", *(["fat (mm)", "girth (mm)"] if thick else []), "time (s)"]
+
+    def line(row: Row) -> list[Cell]:
+        one, person = found.get(row.name), known[row.member]
+        cells: list[Cell] = [row.name, *(person.given.get(name) for name in given)]
+        for name in names:
+            cells += _cells(None if one is None else one.measures.get(name))
+        p = None if one is None else one.p_value
+        cells.append(None if p is None else (p, short_probability(p)))
+        cells += [row.shape.fat_mm, row.shape.girth_mm] if thick else []
+        return [*cells, row.seconds or None]
+
+    blocks: list[web.Block] = []
+    if names:
+        blocks.append(_forest(members, rows, found, names, units))
+    if model:
+        others = [row.name for row in rows if row.done and row.judged.preferred != model]
+        text = f"Members are compared under one model, {model}, which most recordings ask for."
+        if others:
+            text += f" {len(others)} ask for another: {listed(others)}. The table in cohort.csv has both."
+        blocks.append(web.Prose(text))
+    table = SortableTable(
+        "numbers",
+        "All members; click a column to sort, a member for its own report.",
+        header,
+        [line(row) for row in rows],
+        [row.report for row in rows],
+    )
+    return [*blocks, table]
+
+
+def _cells(one: Measure | None) -> list[Cell]:
+    if one is None:
+        return [None, None]
+    shown = number(one.value, one.sd if one.sd is not None else float("nan"))
+    if one.low is None or one.high is None:
+        return [(one.value, shown), None]
+    return [(one.value, shown), (one.high - one.low, f"{one.low:.3g} to {one.high:.3g}")]
+
+
+def _groups(members: Sequence[Member], rows: Sequence[Row]) -> tuple[list[Group], list[int]]:
+    """Groups with their colours, and each row's."""
+    colours = colours_of(members)
+    places = {name: k for k, name in enumerate(colours)}
+    group = {one.name: str(one.given.get("group", "")) for one in members}
+    shown = [Group(name or ("no group" if len(colours) > 1 else "all"), colour) for name, colour in colours.items()]
+    return shown, [places[group[row.member]] for row in rows]
+
+
+def _forest(
+    members: Sequence[Member],
+    rows: Sequence[Row],
+    found: Mapping[str, Found],
+    names: Sequence[str],
+    units: Mapping[str, str],
+) -> Forest:
+    groups, group = _groups(members, rows)
+
+    def metric(name: str) -> ForestMetric:
+        each = [found[row.name].measures.get(name) if row.name in found else None for row in rows]
+        return ForestMetric(
+            name,
+            units[name],
+            [None if one is None else float(f"{one.value:.5g}") for one in each],
+            [None if one is None or one.low is None else float(f"{one.low:.5g}") for one in each],
+            [None if one is None or one.high is None else float(f"{one.high:.5g}") for one in each],
+        )
+
+    caption = "Values of all members with their 95 % intervals, smallest first, coloured by group."
+    return Forest(caption, [row.name for row in rows], groups, group, [metric(name) for name in names])
+
+
+def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, Found]) -> Bundle | None:
+    drawn = [row for row in rows if row.name in found and found[row.name].curve is not None]
+    if not drawn:
+        return None
+    groups, group = _groups(members, drawn)
+    curves = [found[row.name].curve for row in drawn]
+    deepest = max(one.displacement_mm[-1] for one in curves if one is not None)
+    x = np.linspace(0.0, deepest, _STATIONS)
+    values = np.full((len(drawn), _STATIONS), np.nan)
+    for k, one in enumerate(curves):
+        assert one is not None
+        force = np.array([np.nan if value is None else value for value in one.measured_N])
+        values[k] = np.interp(x, one.displacement_mm, force, left=np.nan, right=np.nan)
+    return Bundle(
+        "Measured force of all members over displacement from first contact, coloured by group.",
+        [row.name for row in drawn],
+        groups,
+        group,
+        x,
+        "displacement (mm)",
+        "force (N)",
+        values,
+    )
+
+
+def _odd(odd: Sequence[Suspicion], lacking: Sequence[str]) -> list[web.Block]:
+    looked = (
+        "Looked for: recordings that two members share, sides that outlines contradict, a rig whose C10 steps at a "
+        "date, and values that lie more than 3.5 robust standard deviations from their group's median."
+    )
+    found = web.Bullets([one.sentence for one in odd]) if odd else web.Prose("Nothing was found.")
+    return [web.Prose(looked), found, *([web.Bullets(lacking)] if lacking else [])]
