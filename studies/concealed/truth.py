@@ -235,7 +235,7 @@ class Truths:
 
 
 def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
-    from studies.other_code.plane_leg import OtherCase
+    from studies.other_code.plane_leg import Lump, OtherCase
 
     def strength(name: str) -> float | None:
         return effects.get(name, {}).get("strength")
@@ -251,7 +251,7 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
     for name, factor in LUMPS.items():
         if name in effects:
             radius = LUMP_RADIUS_MM * float(np.sqrt(effects[name]["size"]))
-            lump = (LUMP_DISTANCE_MM, radius, factor)
+            lump = Lump(LUMP_DISTANCE_MM, radius, radius, factor)
     return OtherCase(
         case.c10_kpa,
         case.c20_kpa,
