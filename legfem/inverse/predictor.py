@@ -20,6 +20,8 @@ from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Tiss
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
+type Spline = tuple[int, float, float, tuple[str, ...]]
+"""Responses, C10 and C20 (kPa), and channels; the force without any."""
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4
 _SPLINES_KEPT = 400
@@ -109,7 +111,7 @@ class Predictor:
     ends: Ends | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    _splines: dict[tuple[int, float, float, tuple[str, ...]], CubicSpline | None] = field(default_factory=dict, repr=False)
+    _splines: dict[Spline, CubicSpline | None] = field(default_factory=dict, repr=False)
 
     def corrected(self, offset: FloatArray) -> Predictor:
         """Return the predictor shifted to agree with a full solution."""
