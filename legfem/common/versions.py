@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import platform
+import subprocess
 import tomllib
+from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -24,12 +26,19 @@ def package_version(name: str) -> str:
     return str(import_module(module).__version__)
 
 
+@cache
 def legfem_version() -> str:
-    """Return legfem's version, from its sources where it isn't installed."""
+    """Version of legfem; of a checkout with its commit (``0.2.0+1a2b3c4``, ``.dirty`` where files were changed)."""
     project = Path(__file__).resolve().parents[2] / "pyproject.toml"
-    if project.is_file():
-        return str(tomllib.loads(project.read_text())["project"]["version"])
-    return package_version("legfem")
+    if not project.is_file():
+        return package_version("legfem")
+    released = str(tomllib.loads(project.read_text())["project"]["version"])
+    asked = ["git", "-C", str(project.parent), "describe", "--always", "--exclude=*", "--dirty=.dirty"]
+    try:
+        commit = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return released
+    return f"{released}+{commit}" if commit else released
 
 
 def versions_of(*names: str) -> dict[str, str]:
