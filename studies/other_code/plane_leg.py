@@ -129,6 +129,19 @@ def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) 
     return TriangleMesh(points, turned, outer[nearest == 0], bones)
 
 
+_CHORDS = np.array([[(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)] for s in np.linspace(0, 1, 9)])
+"""Shape functions of an edge's ends and middle at nine points."""
+
+
+def _edges(cells: Ints) -> Ints:
+    return np.vstack([cells[:, [0, 1, 3]], cells[:, [1, 2, 4]], cells[:, [2, 0, 5]]])
+
+
+def _shared(one: Ints, other: Ints) -> Ints:
+    """Return the edges (n, 3) of one tissue that are another's too."""
+    return one[np.isin(one[:, 2], other[:, 2])]
+
+
 _PENALTY, _ALONG = 400.0, 200.0
 """Normal and tangential, times the fat's shear modulus over the cylinder's radius."""
 
@@ -240,6 +253,32 @@ class OtherCode(OtherPressing):
                 width += 2
         r, c = np.concatenate(rows), np.concatenate(columns)
         return csr_matrix((np.ones(len(r)), (r, c)), shape=(2 * count, width))
+
+    def _seen(self, u: FloatArray, resultant: FloatArray) -> dict[str, float]:
+        """Return the lateral force (N) and the thicknesses (mm) along the line of travel, on deformed polygons."""
+        moved = self.mesh.points + u.reshape(-1, 2)
+        left = np.array([-self.travel[1], self.travel[0]])
+        line = shapely.LineString([self.start - 200 * self.travel, self.start + 400 * self.travel])
+
+        def place(edges: Ints) -> float:
+            """Where the line first meets edges, whose deformed shape is a parabola of eight chords."""
+            bent = np.einsum("qn,knd->kqd", _CHORDS, moved[edges])
+            met = shapely.get_coordinates(line.intersection(shapely.MultiLineString(list(bent))))
+            return float(((met - self.start) @ self.travel).min()) if len(met) else np.nan
+
+        skin, outer, inner, bone = map(place, self._outlines)
+        return {
+            "lateral_force": float(resultant @ left) * self.whole,
+            "fat_thickness": outer - skin,
+            "muscle_thickness": bone - inner,
+        }
+
+    @cached_property
+    def _outlines(self) -> list[Ints]:
+        """Edges of skin, the fascia's two faces and the bones, (n, 3) each: ends and middle."""
+        fat, fascia, deep = (_edges(self.mesh.cells[name]) for name in ("superficial", "fascia", "deep"))
+        on_bone = np.isin(deep, np.concatenate(list(self.mesh.bones.values()))).all(axis=1)
+        return [self.mesh.skin, _shared(fat, fascia), _shared(deep, fascia), deep[on_bone]]
 
     def _untouched(self) -> FloatArray:
         return np.full(self.mesh.skin_weights.shape, np.nan)
