@@ -26,6 +26,7 @@ COMMANDS = (
     "legfem.data",
     "legfem.app",
     "legfem.cohort",
+    "studies.channels",
     "studies.concealed",
     "studies.nulls",
     "studies.planted",
