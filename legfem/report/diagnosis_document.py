@@ -140,7 +140,11 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "parameter": limit.parameter,
                     "unit": limit.unit,
                     "between": [limit.low, limit.high],
+                    "open": [limit.open_low, limit.open_high],
                     "greatest_change_of_force_N": limit.effect,
+                    "stiffness_kPa": {name: list(ends) for name, ends in limit.stiffness.items()},
+                    "at": dict(limit.strongest),
+                    "C10_there_kPa": limit.c10,
                 }
                 for limit in found.limits
             ],

@@ -222,7 +222,7 @@ class Truths:
 
 
 def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
-    from studies.other_code.plane_leg import OtherCase
+    from studies.other_code.plane_leg import Lump, OtherCase
 
     def strength(name: str) -> float | None:
         return effects.get(name, {}).get("strength")
@@ -237,7 +237,7 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
     lump = None
     if "lump" in effects:
         radius = LUMP_RADIUS_MM * float(np.sqrt(effects["lump"]["size"]))
-        lump = (LUMP_DISTANCE_MM, radius, LUMP_FACTOR)
+        lump = Lump(LUMP_DISTANCE_MM, radius, radius, LUMP_FACTOR)
     return OtherCase(
         case.c10_kpa,
         case.c20_kpa,

@@ -147,6 +147,34 @@ _PENALTY, _ALONG = 400.0, 200.0
 
 
 @dataclass(frozen=True)
+class Lump:
+    """A stiffer or softer ellipse in the deep tissue, with an edge.
+
+    Parameters
+    ----------
+    distance, side
+        Of its middle from first touch, along the travel and across it (counter-clockwise), mm.
+    along, across
+        Its half-axes, mm.
+    factor
+        On C10 and C20.
+    """
+
+    distance: float
+    along: float
+    across: float
+    factor: float
+    side: float = 0.0
+
+    def holds(self, points: FloatArray, touch: FloatArray, travel: FloatArray) -> NDArray[np.bool_]:
+        """Return which points (n, 2) lie in it."""
+        away = points - touch
+        along = away @ travel - self.distance
+        across = away @ np.array([-travel[1], travel[0]]) - self.side
+        return np.asarray((along / self.along) ** 2 + (across / self.across) ** 2 < 1.0)
+
+
+@dataclass(frozen=True)
 class OtherCase:
     """What is solved; stiffness in kPa.
 
@@ -164,8 +192,7 @@ class OtherCase:
         Of every bone, N/mm over the cylinder's length, across and along the travel; bones are held
         without it.
     lump
-        Distance from first touch along the travel (mm), radius (mm) and factor on C10 of a stiffer
-        lump in the deep tissue.
+        In the deep tissue.
     """
 
     c10: float
@@ -174,7 +201,7 @@ class OtherCase:
     factors: Mapping[str, float] = field(default_factory=dict)
     friction: float = np.inf
     springs: float | None = None
-    lump: tuple[float, float, float] | None = None
+    lump: Lump | None = None
 
 
 class OtherCode(OtherPressing):
@@ -216,10 +243,9 @@ class OtherCode(OtherPressing):
             own = self.subject.tissues[name]
             parts = {1.0: cells}
             if name == "deep" and self.case.lump is not None:
-                distance, radius, factor = self.case.lump
                 middle = self.mesh.points[cells[:, :3]].mean(axis=1)
-                inside = np.linalg.norm(middle - touch - distance * travel, axis=1) < radius
-                parts = {1.0: cells[~inside], factor: cells[inside]}
+                inside = self.case.lump.holds(middle, touch, travel)
+                parts = {1.0: cells[~inside], self.case.lump.factor: cells[inside]}
             for factor, part in parts.items():
                 region = fem.RegionQuadraticTriangle(fem.Mesh(self.mesh.points, part, "triangle6"))
                 holder = fem.FieldContainer([fem.FieldPlaneStrain(region, dim=2)])
