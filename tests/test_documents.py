@@ -36,6 +36,7 @@ COMMANDS = (
     "studies.stockings",
     "studies.reconstruct",
     "studies.correction_checks",
+    "studies.hidden",
     "studies.meshes",
     "studies.bench",
     "studies.expected_force",
