@@ -60,6 +60,7 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
     if details.subject.typical_shape:
         texts.append(_TYPICAL)
     if isinstance(details.spatial, SpatialSites):
+        texts += _left_out(fit)
         texts += of_elastography(details.subject, fit.estimates)
         return (*texts, *_in_3d(fit, details.spatial))
     texts += dict.fromkeys(
@@ -80,6 +81,14 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
                 "bulk modulus lies below 2/3 of its shear modulus."
             )
     return tuple(texts)
+
+
+def _left_out(fit: Fit[LegDetails]) -> Iterator[str]:
+    """Say that channels beside the force aren't used, which a model in 3D doesn't give."""
+    every = (one.name for site in fit.details.leg.sites for trial in site.recordings for one in trial.channels)
+    names = " and ".join(name.replace("_", " ") for name in dict.fromkeys(every))
+    if names:
+        yield f"What was recorded of {names} is not used: the model in 3D gives the force alone (--model 2d uses it)."
 
 
 def of_two_fidelities(evidence: SpatialEvidence, most_solves: int) -> Iterator[str]:

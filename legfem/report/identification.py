@@ -18,6 +18,7 @@ from legfem.jobs.background import in_background
 from legfem.legs.details import LegDetails
 from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
+from legfem.report.channels import SHOWS, beside_force, channels_figure
 from legfem.report.cost_figure import cost_figure
 from legfem.report.estimates import preferred
 from legfem.report.fit_figure import fit_figure
@@ -121,6 +122,8 @@ def _leg_figures(fits: LegFits, folder: Path) -> Drawn:
             "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
         )
     ]
+    if beside_force(fits[0]):
+        entries.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
     for fit in fits:
         if len(fit.estimates) > 2 or len(fit.tests) > 1:
             continue
