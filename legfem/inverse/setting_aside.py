@@ -75,8 +75,8 @@ def touched_part(observed: Observations, errors: ErrorModel) -> SetAside | None:
                     found.append((inside, int(part.sum()), _set_aside(observed, trial, here[part], whole, away[part])))
     if not found:
         return None
-    trial = max(found, key=lambda one: one[0])[2].trial
-    return min((one for one in found if one[2].trial == trial), key=lambda one: one[1])[2]
+    most = max(found, key=lambda one: one[0])[2].trial
+    return min((one for one in found if one[2].trial == most), key=lambda one: one[1])[2]
 
 
 def _parts(segment: NDArray[np.int_]) -> Iterator[tuple[NDArray[np.bool_], bool]]:
