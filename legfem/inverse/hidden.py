@@ -29,11 +29,11 @@ from legfem.inverse.parameter import Prior
 
 _FAR = 25.0
 """Rise from which a side isn't followed further."""
-_SHARES = (0.1, 0.25, 0.45, 0.7, 1.0)
+_SHARES = (0.12, 0.35, 0.65, 1.0)
 """Of the way from the null to an end."""
 _REFINED = 2
 """Steps that are set where an end of the limits seems to lie."""
-_SHAPES = 5
+_SHAPES = 3
 """Values of a mechanism's other parameters that a side begins from, beside the fit's own."""
 _FEW = 6
 

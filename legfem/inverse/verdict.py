@@ -84,7 +84,7 @@ class Diagnosis:
     untested: Mapping[str, str]
     """Mechanisms that the recordings can't show, and why."""
     limits: tuple[Limit, ...]
-    """How strong each mechanism may be unseen, those first that may move C10 most."""
+    """How strong each mechanism may be unseen, those first that may move C10 most; where the model fits."""
     located: NDArray[np.bool_]
     """(n,): forces at which the base model is wrong by more than a trial's noise."""
     with_ends: bool
@@ -239,8 +239,10 @@ def diagnose(
             aside = None
         else:
             problem, ordinary, base, explained = rest, plain, alone, again
-    progress.stage("what could hide")
-    limits = limits_of(explained)
+    limits: tuple[Limit, ...] = ()
+    if _verdict(explained)[0] == "consistent":
+        progress.stage("what could hide")
+        limits = limits_of(explained)
     progress.stage("where the base model is wrong")
     assessment = score_tests(problem, base, mechanisms, seed)
     verdict, models = _verdict(explained)
