@@ -108,7 +108,7 @@ class OtherCurve:
     moved: FloatArray
     """What all nodes have moved by at the end, one after the other, mm."""
     channels: Mapping[str, FloatArray] = field(default_factory=dict)
-    """What else was seen, (n,), by name."""
+    """What else is seen, by name, as legfem's channels are called; (n,)."""
 
 
 def spread(
@@ -172,8 +172,8 @@ class OtherPressing(ABC):
     def _contact(self, u: FloatArray, to: float, before: Any) -> tuple[FloatArray, Any, FloatArray, Any]:
         """Return the indenter's force on the skin, its tangent, the resultant, what to remember."""
 
-    def _seen(self, u: FloatArray, resultant: FloatArray) -> dict[str, float]:
-        """Return what is seen beside the force along the travel."""
+    def _seen(self, u: FloatArray, resultant: FloatArray) -> Mapping[str, float]:
+        """Return what else is seen of a state (mm), the resultant (N) on the model given."""
         return {}
 
     def _held(self, free: FloatArray, left: FloatArray, matrix: Any) -> tuple[FloatArray, Any]:
@@ -208,7 +208,8 @@ class OtherPressing(ABC):
             seen.append(self._seen(self._reduction @ free, resultant))
             size = min(step, 1.5 * size)
         reached = at[-1] >= depth - 1e-9
-        channels = {name: np.array([one[name] for one in seen]) for name in seen[0]}
+        every = {name: np.array([one[name] for one in seen]) for name in seen[0]}
+        channels = {name: values for name, values in every.items() if np.isfinite(values).all()}
         return OtherCurve(np.array(at), np.array(force), reached, self._reduction @ free, channels)
 
     def _newton(self, free: FloatArray, to: float, before: Any) -> FloatArray | None:
