@@ -23,6 +23,7 @@ from studies.concealed.cases import sealed_leg
 from studies.lab.outcomes import Rate
 from studies.lab.recording import INSTRUMENT
 from studies.sealed_channels.cases import SUBSETS, channel_cases, made
+from studies.sealed_channels.diagnosing import Lab, Said, Task, diagnosed
 
 
 def table(said: Sequence[Said]) -> str:
