@@ -99,7 +99,7 @@ def sealed_channels(
         # Loadings alone: one library serves all cases, whatever their depths.
         first = next(recordings for _, (_, recordings) in sorted(recorded.items()) if recordings is not None)
         observed = observe(segment_all(first, INSTRUMENT, False))
-        lab = Lab(correction, stated, diagnoser.library(stated, observed, progress)[0])
+        lab = Lab(correction, leg, seed, diagnoser.library(stated, observed, progress)[0])
         modules = ("legfem.legs.diagnosis", "studies.sealed_channels.cases")
         store = Store(folder / "said", Said, (leg, seed), modules)
         tasks = [

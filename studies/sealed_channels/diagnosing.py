@@ -16,7 +16,7 @@ from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import accuracy_of, diagnose_body, ruled_out_of, with_correction
 from legfem.legs.mechanisms import mechanisms
 from legfem.legs.subject import Subject
-from studies.concealed.cases import SealedCase
+from studies.concealed.cases import SealedCase, sealed_leg
 from studies.lab.recording import INSTRUMENT
 from studies.sealed_channels.cases import SUBSETS, truths_of
 
@@ -90,25 +90,31 @@ class Lab:
     """Diagnoses cases of one leg, by a library of its responses."""
 
     correction: TabulatedCorrection
-    stated: Subject
+    leg: int
+    seed: int
     library: Library
+
+    @property
+    def stated(self) -> Subject:
+        """The leg as the lab states it."""
+        return sealed_leg(self.leg, self.seed).stated
 
     def diagnose(self, recordings: Sequence[Recording], names: Sequence[str]) -> Diagnosis:
         """Diagnose recordings with some of their channels, by the library alone."""
         kept = [replace(r, channels=tuple(c for c in r.channels if c.name in names)) for r in recordings]
-        observed, library = observe(segment_all(kept, INSTRUMENT, False)), self.library
-        ends = choose_correction("auto", self.stated)
+        observed, library, stated = observe(segment_all(kept, INSTRUMENT, False)), self.library, self.stated
+        ends = choose_correction("auto", stated)
         return diagnose_body(
             observed.with_channels(library.beside.names),
             INSTRUMENT,
-            self.stated.tissues["deep"].law,
+            stated.tissues["deep"].law,
             library,
             None,
             Silent(),
-            accuracy_of(self.stated),
+            accuracy_of(stated),
             ends,
             0,
-            ruled_out_of(self.stated, ends),
+            ruled_out_of(stated, ends),
             with_correction(mechanisms(), self.correction),
         )
 
