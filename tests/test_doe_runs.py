@@ -281,7 +281,7 @@ def test_a_leg_gives_the_same_table_in_one_process_two_and_two_ranks(tmp_path: P
 
 
 def on_two_ranks(home: Path) -> list[list[str]]:
-    """Run a study on two ranks, into the folder ``ranks``; return stage, number, process and rank of every simulation."""
+    """Run a study on two ranks, into the folder ``ranks``; return each run's stage, number, process and rank."""
     options(home)
     calls = home / "calls"
     calls.mkdir()
