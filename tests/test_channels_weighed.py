@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+import shapely
 from making_diagnosed import BASE, diagnosed_of
 from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
 
@@ -20,9 +21,12 @@ from legfem.inverse.linearised import LinearisedProblem, fit
 from legfem.inverse.observations import Observations, blank_observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.predictor import Predictor
+from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.legs.plan import with_channels
+from legfem.legs.schema import SUBJECTS
 from legfem.report.diagnosis_channels import channel_chapter, channel_misfits, channel_sentences
+from legfem.report.diagnosis_section import misfit_in_section, seen_at
 from legfem.report.page import Curves
 from legfem.solve.protocol import Protocol
 
@@ -316,3 +320,23 @@ def test_planned_frames_are_read_at_their_displacement() -> None:
     (whole,) = blank_observations([cycle], [PlannedChannel("fat_thickness")]).channels
     assert len(whole.values) == 12 + 4 + 6
     np.testing.assert_allclose(whole.weights.sum(axis=1), 1.0)
+
+
+def test_the_section_is_marked_where_channels_depart() -> None:
+    """A fat that is stiffer is marked within the fat, and the skin's points on the skin."""
+    subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
+    both = recorded(seen(ramps()), {"superficial-stiffness.factor": 1.6})
+    found = diagnosed_of(both, ("superficial-stiffness", "force-drift"), library=Seen())
+    (drawn,) = misfit_in_section(found, subject)
+    (mark,) = drawn.marks
+    at = shapely.Point(mark.x, -mark.y)
+    section = subject.section
+    assert mark.name == "departs: fat thickness"
+    assert section.polygon("skin").contains(at) and not section.polygon("fascia").contains(at)
+    assert section.polygon("fascia").contains(shapely.Point(seen_at("muscle_thickness", subject)))
+    for side in ("left", "right"):
+        skin = shapely.Point(seen_at(f"skin_rise_{side}_25", subject))
+        assert section.polygon("skin").exterior.distance(skin) < 1e-6
+        away = skin.distance(shapely.Point(seen_at("lateral_force", subject)))
+        assert away > 24.9
+    assert not misfit_in_section(diagnosed_of(replace(both, channels=()), ("force-drift",), library=Seen()), subject)

@@ -22,6 +22,7 @@ from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, pla
 from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_headline import TITLE, capital, headline
 from legfem.report.diagnosis_numbers import known_of
+from legfem.report.diagnosis_section import misfit_in_section
 from legfem.report.diagnosis_sentences import hidden_sentence, next_experiments, percent, verdict_sentence
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section
@@ -99,13 +100,14 @@ def diagnosis_web_page(
     pressed
         The section for the reader to press; as it is unpressed without it.
     """
+    located = misfit_in_section(found, subject) if isinstance(subject, Subject) else []
     chapters = [
         web.Chapter(
             "Recordings and model",
             [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)],
         ),
         *channel_chapter(found),
-        web.Chapter("Where the model is wrong", _where(found)),
+        web.Chapter("Where the model is wrong", [*_where(found), *located]),
         web.Chapter("Which physics, and how sure", _physics(found)),
         web.Chapter("What was tested", _tested(found)),
         web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),

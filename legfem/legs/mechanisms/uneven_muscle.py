@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -14,13 +14,53 @@ from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Val
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
+if TYPE_CHECKING:
+    from legfem.geometry.indenter import Indenter
+    from legfem.geometry.section import LegSection
+
 _DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
-_RADIUS_MM = 8.0
+RADIUS_MM = 8.0
 _PLACES = tuple(product(_DEPTHS_MM, _SIDES_MM))
 _SATURATION = 0.2
 """Of solutions on a leg of 0.75 kPa: right within 2 % from a quarter to three times as stiff."""
 _HARD = 10.0
 """Factor at which it is solved, too: from there on a lump is as good as rigid."""
+
+
+class PressedLeg(Protocol):
+    """A section, and what it is pressed by."""
+
+    @property
+    def section(self) -> LegSection:
+        """Across the leg."""
+        ...
+
+    @property
+    def indenter(self) -> Indenter:
+        """Its size, aim and direction."""
+        ...
+
+
+def place_in_section(leg: PressedLeg, depth: float, side: float) -> tuple[float, float]:
+    """Return a place in the section's coordinates, mm.
+
+    Parameters
+    ----------
+    leg
+        The leg.
+    depth
+        Below the fascia along the travel (mm).
+    side
+        To the left of the line of travel (mm).
+    """
+    from legfem.geometry.section import first_crossing
+    from legfem.meshing.section import first_touch
+
+    travel, radius = leg.indenter.direction, leg.indenter.radius
+    centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
+    fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
+    x, y = centre + (fascia + depth) * travel + side * np.array([-travel[1], travel[0]])
+    return float(x), float(y)
 
 
 @dataclass(frozen=True)
@@ -80,17 +120,10 @@ class UnevenMuscle(TissueMechanism):
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the muscle's excess of stiffness at the lattice's places."""
-        from legfem.geometry.section import first_crossing
         from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
-        from legfem.meshing.section import first_touch
 
-        travel, radius = leg.indenter.direction, leg.indenter.radius
-        centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
-        fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
-        across = np.array([-travel[1], travel[0]])
-        points = [centre + (fascia + depth) * travel + side * across for depth, side in _PLACES]
-        places = tuple((float(x), float(y)) for x, y in points)
-        return [UnevenStiffness("deep", leg.tissues.deep, places, _RADIUS_MM)]
+        places = tuple(place_in_section(leg, depth, side) for depth, side in _PLACES)
+        return [UnevenStiffness("deep", leg.tissues.deep, places, RADIUS_MM)]
 
     @property
     def nodes(self) -> tuple[Values, ...]:
