@@ -337,8 +337,10 @@ def _located(
     Where a model suits, it tells what the base model misses without the noise; else the windows do.
     """
     located = np.zeros(len(base.residual), dtype=bool)
-    forces = explained.base.problem.predictor.observed.data.spans[0]
-    if explained.adequacy >= ADEQUATE:
+    forces = slice(len(explained.base.problem.predictor.observed.force))
+    observed = explained.base.problem.predictor.observed
+    elsewhere = observed.channels and not any(window.channel == "force" for window in assessment.windows)
+    if explained.adequacy >= ADEQUATE or elsewhere:
         return located[forces]
     if models:
         return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)[forces]

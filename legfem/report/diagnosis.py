@@ -159,6 +159,8 @@ def _name(model: Explanation) -> str:
 
 def _where(found: Diagnosis) -> list[web.Block]:
     if not found.located.any():
+        if any(window.channel != "force" for window in found.assessment.windows):
+            return [web.Prose("No interval of the force stands out, but channels beside the force do.")]
         return [
             web.Prose(
                 "No interval stands out from the noise."
