@@ -209,7 +209,9 @@ def _fits(result: SpecimenFit) -> bool:
 def _headline(best: SpecimenFit) -> web.Headline:
     law = LAW_NAMES[best.law]
     values = "; ".join(
-        f"{_words(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
+        f"{_words(name)}: no value, since the search stopped at its {found.at_bound} bound"
+        if found.at_bound and found.parameter.scale == "log"
+        else f"{_words(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
         for name, found in best.estimates.items()
         if found.parameter.role == "identified"
     )
@@ -317,7 +319,14 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
         )
     )
     rows += [
-        web.Known("sizes", sizes_text(sizes), "assumed", "specimen.toml")
+        web.Known(f"{one.words}, {LAW_NAMES[r.law]} law", f"{100 * one.probability:.0f} %", "estimated", "their curves")
+        for r in results
+        for one in r.details.alternatives
+    ]
+    rows += [
+        web.Known(
+            "sizes", sizes_text(sizes), "assumed", "specimen.toml; the intervals include their errors ([accuracy])"
+        )
         for sizes in dict.fromkeys(one.sizes for one in first.details.folder.recordings)
     ]
     return rows
