@@ -24,6 +24,7 @@ from legfem.experiments.experiment import Solved
 from legfem.experiments.indentation import solve_once
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
+from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.jobs.pool import Workers
 from legfem.legs.folder import check_new_folder, write_subject_folder
 from legfem.mechanics.contact import ContactSettings
@@ -33,7 +34,6 @@ from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from studies.command_line import Jobs, new_app
 from studies.lab.recording import InstrumentNoise, record_path
-from studies.legs.shapes import Calf, calf_section
 
 DEFINITION = Path(__file__).parent / "frauziols" / "reconstruction.toml"
 PAPER_D = 28.0

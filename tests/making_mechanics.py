@@ -20,6 +20,7 @@ from legfem.fem.spaces import LegSpaces, build_spaces
 from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
+from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.mechanics.contact import ContactSettings, RigidCylinder
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
@@ -27,7 +28,6 @@ from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
 from legfem.solve.newton import NewtonOutcome, NewtonSolver
 from legfem.solve.settings import NewtonSettings, StepSettings
-from studies.legs.shapes import Calf, calf_section
 from studies.reconstruct import DEFINITION
 
 FORMULATIONS = ("displacement", "mixed")

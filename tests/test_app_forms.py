@@ -8,6 +8,7 @@ from making import leg, press, write_contours, write_recording
 from making_specimens import write_bars
 
 from legfem.app.description import (
+    CalfSize,
     DescribedLeg,
     DescribedSpecimens,
     DescribedStocking,
@@ -116,6 +117,14 @@ def test_a_scan_takes_the_place_of_contours(tmp_path):
     DescribedLeg("Mine", "leg.nii.gz", 30, 50, (0, 0), 90, 300.0).describe(tmp_path)
     section = subject_entry(tmp_path / "subject.toml").given.section
     assert (section.scan, section.contours, section.level_mm) == ("leg.nii.gz", None, 300.0)
+
+
+def test_girth_and_fat_take_the_place_of_contours(tmp_path):
+    write_recording(tmp_path / "trial1.csv", press())
+    DescribedLeg("Mine", CalfSize(365.0, 9.0), 30.0, 50.0).describe(tmp_path)
+    subject = load_subject(tmp_path, need_instrument=False)
+    assert subject.typical_shape and len(subject.recordings) == 1
+    assert str(subject.indenter) == "cylinder, 30 mm in diameter and 50 mm long"
 
 
 def described(folder, length=50.0, **pressed):

@@ -248,6 +248,28 @@ def test_a_leg_is_described_without_red_before_anything_is_wrong(served, page, t
     page.sees("Is this what you measured?", 3 * MINUTES)
 
 
+def test_a_calf_without_outlines_is_described_by_girth_and_fat(served, page, tmp_path):
+    workspace, _ = served
+    loose = loose_files(tmp_path)
+    (loose / "outline.csv").unlink()
+    page.drop([loose])
+    page.until("location.pathname.startsWith('/input/my%20leg')")
+    page.sees("holds no subject.toml", 3 * MINUTES)
+    page.click("Describe")
+    for label, number in (
+        ("girth of the calf (mm)", "365"),
+        ("skin and fat where it is pressed (mm)", "9"),
+        ("cylinder's diameter (mm)", "30"),
+        ("cylinder's length (mm)", "50"),
+    ):
+        page.type(label, number)
+    page.click("It is a pressed calf")
+    page.sees("columns are separated by ;", 3 * MINUTES)
+    assert not page.value(RED)
+    section = subject_entry(workspace.input(workspace.inputs[0]) / "subject.toml").given.section
+    assert (section.girth_mm, section.fat_mm, section.contours) == (365.0, 9.0, None)
+
+
 def test_an_input_is_renamed_deleted_and_put_back(served, page):
     workspace, _ = served
     name = begun(page, "a pressed leg")

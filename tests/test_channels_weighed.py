@@ -7,20 +7,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+import shapely
 from making_diagnosed import BASE, diagnosed_of
 from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
 
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
 from legfem.data.channels import CHANNELS, RecordedChannel
+from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import error_model
 from legfem.inverse.linearised import LinearisedProblem, fit
-from legfem.inverse.observations import Observations, observe
+from legfem.inverse.observations import Observations, blank_observations, observe
+from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.predictor import Predictor
+from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
+from legfem.legs.plan import with_channels
+from legfem.legs.schema import SUBJECTS
+from legfem.report.diagnosis_channels import channel_chapter, channel_misfits, channel_sentences
+from legfem.report.diagnosis_section import misfit_in_section, seen_at
+from legfem.report.page import Curves
+from legfem.solve.protocol import Protocol
 
 FAT_MM, MUSCLE_MM = 10.0, 30.0
+RAMP = Protocol.ramp(20.0, 0.4)
 BOTH = ("fat_thickness", "lateral_force")
 
 
@@ -257,3 +268,75 @@ def test_a_clean_leg_is_consistent_in_every_channel() -> None:
     low, high = found.intervals["C10"]
     assert low < BASE["C10"] < high
     assert found.base.fit.sd("C10") < alone.base.fit.sd("C10")
+
+
+def test_the_page_says_which_channel_departs_and_where() -> None:
+    """A chapter on what stands beside the force, with its sentence, table and curves; none with force alone."""
+    asked = ("superficial-stiffness", "compressibility", "force-drift")
+    both = recorded(seen(ramps()), {"superficial-stiffness.factor": 1.6})
+    found = diagnosed_of(both, asked, library=Seen())
+    assert any(line.startswith("The thickness of the fat under the cylinder") for line in channel_sentences(found))
+    misfits = {one.name: one for one in channel_misfits(found)}
+    assert list(misfits) == ["force", "fat_thickness", "lateral_force"]
+    fat = misfits["fat_thickness"]
+    assert fat.rms_after is not None and fat.rms_after < fat.rms_before
+    (chapter,) = channel_chapter(found)
+    curves = [block for block in chapter.blocks if isinstance(block, Curves)]
+    assert [one.name for one in curves] == ["channel0-fat_thickness", "channel0-lateral_force"]
+    assert len(curves[0].x) == 36 and (np.diff(curves[0].x) >= 0).all()
+    assert not channel_chapter(diagnosed_of(replace(both, channels=()), asked, library=Seen()))
+
+
+def test_a_plan_ranks_the_channel_that_shows_the_effect() -> None:
+    """Of a fat that hardly shows in the force, frames of its thickness distinguish; a lateral force doesn't."""
+    blank = blank_observations([RAMP] * 3)
+    predictor = Predictor(blank, Seen(), "reduced-polynomial")
+    readings = predictor(BASE)
+    problem = LinearisedProblem(predictor, error_model(blank.with_force(readings), NOISE, readings))
+    base = fit(LinearisedProblem(replace(predictor, observed=blank.with_force(readings)), problem.errors), (), BASE)
+    candidates = prior_candidates(problem, base, [mechanism_named("superficial-stiffness")])
+    given = {test.name: test for test in with_channels(RAMP)}
+    again = Design("again", (RAMP,) * 3)
+
+    def chance(test: Design) -> float:
+        found = evaluate_design(test, candidates, predictor, lambda *_: [], NOISE, 0.01)
+        assert found is not None
+        return found.chances["superficial-stiffness", "nothing"]
+
+    lateral, frames, *_ = given.values()
+    assert all(test.effort for test in given.values())
+    assert {one.at for one in frames.channels} == {(10.0, 20.0)}
+    assert chance(frames) > chance(again) + 0.2
+    assert chance(lateral) == pytest.approx(chance(again), abs=0.1)
+
+
+def test_planned_frames_are_read_at_their_displacement() -> None:
+    """Frames of a planned test stand where they are taken, in every trial; a record all along has all phases."""
+    cycle = Protocol.cycle(20.0, 0.4, 60.0)
+    frames = blank_observations([cycle] * 2, [PlannedChannel("fat_thickness", (10.0, 20.0))])
+    (one,) = frames.channels
+    np.testing.assert_allclose(one.weights @ frames.displacement, [10.0, 20.0] * 2, atol=1e-9)
+    assert set(frames.phase[one.nearest]) == {"loading"} and list(frames.trial[one.nearest]) == [0, 0, 1, 1]
+    (whole,) = blank_observations([cycle], [PlannedChannel("fat_thickness")]).channels
+    assert len(whole.values) == 12 + 4 + 6
+    np.testing.assert_allclose(whole.weights.sum(axis=1), 1.0)
+
+
+def test_the_section_is_marked_where_channels_depart() -> None:
+    """A fat that is stiffer is marked within the fat, and the skin's points on the skin."""
+    subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
+    both = recorded(seen(ramps()), {"superficial-stiffness.factor": 1.6})
+    found = diagnosed_of(both, ("superficial-stiffness", "force-drift"), library=Seen())
+    (drawn,) = misfit_in_section(found, subject)
+    (mark,) = drawn.marks
+    at = shapely.Point(mark.x, -mark.y)
+    section = subject.section
+    assert mark.name == "departs: fat thickness"
+    assert section.polygon("skin").contains(at) and not section.polygon("fascia").contains(at)
+    assert section.polygon("fascia").contains(shapely.Point(seen_at("muscle_thickness", subject)))
+    for side in ("left", "right"):
+        skin = shapely.Point(seen_at(f"skin_rise_{side}_25", subject))
+        assert section.polygon("skin").exterior.distance(skin) < 1e-6
+        away = skin.distance(shapely.Point(seen_at("lateral_force", subject)))
+        assert away > 24.9
+    assert not misfit_in_section(diagnosed_of(replace(both, channels=()), ("force-drift",), library=Seen()), subject)

@@ -9,7 +9,7 @@ import pytest
 
 from legfem.legs.loading import load_subject
 from studies.concealed.cases import make_cases
-from studies.other_code.plane_leg import OtherCase, OtherCode
+from studies.other_code.plane_leg import Lump, OtherCase, OtherCode
 from studies.other_code.pressing import DeepTissue
 
 CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
@@ -83,7 +83,7 @@ def test_the_other_codes_effects_change_the_force_the_way_they_should():
             "springs": OtherCase(1.5, springs=0.4),
             "stiff springs": OtherCase(1.5, springs=1e4),
             "fat": OtherCase(1.5, factors={"superficial": 2.0}),
-            "lump": OtherCase(1.5, lump=(14.0, 6.0, 3.0)),
+            "lump": OtherCase(1.5, lump=Lump(14.0, 6.0, 6.0, 3.0)),
         }.items()
     }
     assert at["slip"] < at["none"] and at["springs"] < at["none"]

@@ -82,7 +82,7 @@ def test_its_table_is_near_full_solutions_between_the_places(solved, mechanism):
     assert library.missing == {}
     at = library.middle, library.middle * float(np.expm1(0.8))
     deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)
-    for factor, depth, side in ((0.5, 8.0, 0.0), (1.7, 12.0, 7.0), (3.0, 22.0, -6.0)):
+    for factor, depth, side in ((0.5, 8.0, 0.0), (1.7, 12.0, 7.0), (3.0, 22.0, -6.0), (10.0, 15.0, 3.0)):
         values = {"factor": factor, "depth": depth, "side": side}
         tabulated = library.relative_change(mechanism, values, at, observed)[deep]
         true = solved.relative_change(mechanism, values, at, observed)[deep]

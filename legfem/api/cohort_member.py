@@ -90,7 +90,7 @@ def _identified(options: Options, member: Member, folder: Path) -> list[Row]:
 
     given = opened(member.folder)
     found = identify(given, out=folder, **options.given)
-    report = found.write(folder)
+    report = found.write(folder, every_rank=True)
     content = found.document()
     page = kind_of(found.fits).page(found.fits, None, "", "")
     best = preferred(found.fits)

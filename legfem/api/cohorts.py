@@ -8,6 +8,7 @@ import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -20,7 +21,7 @@ from legfem.cohort.rows import Row
 from legfem.cohort.table import cohort_frame, units_frame, write_tables
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
-from legfem.jobs.engines import Died, Engine, local, outcomes
+from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.key import Contents
 from legfem.jobs.store import Store
 
@@ -170,6 +171,8 @@ def cohort(
     cells: int | None = None,
     seed: int | None = None,
     out: Given,
+    on: EngineName = "local",
+    scheduler: str | None = None,
     jobs: int = 1,
     dry_run: bool = False,
     progress: bool = False,
@@ -201,8 +204,13 @@ def cohort(
         Of searches or draws.
     out : str or Path
         Folder for results and for what is done so far.
+    on : {"local", "mpi", "dask"}
+        What does members at once: processes here; the ranks of mpirun, all of which call this, and of which the others
+        end (SystemExit) when the first is done; or the workers of a dask scheduler, which see the same folders.
+    scheduler : str, optional
+        Address of the dask scheduler, or the file that it writes.
     jobs : int
-        Members at once. More than one needs the calling script's ``if __name__ == "__main__":``.
+        Processes of ``local``. More than one needs the calling script's ``if __name__ == "__main__":``.
     dry_run : bool
         Whether only to say what would be done, for how long, and with how much memory.
     progress : bool
@@ -219,21 +227,23 @@ def cohort(
         If there are no members, or the table or an option is wrong.
     """
     check_one_of("do", do, get_args(Task.__value__))
+    check_one_of("on", on, get_args(EngineName.__value__))
     check_whole("jobs", jobs, 1)
     check_folder("out", out)
     started = time.perf_counter()
     given = {"law": law, "identify": identify, "prior": prior, "fix": fix, "depth": depth, "correction": correction}
     given |= {"model": model, "mesh": mesh, "cells": cells, "seed": seed}
     options = _options(do, {name: value for name, value in given.items() if value not in (None, ())}, library)
-    members = find_members(Path(folder), do, layout, None if table is None else Path(table))
-    store = Store(Path(out) / "rows", list[Row], [do, options.given], _CODE[do], named=lambda asked: asked["place"])
-    asked = {one.name: {"place": one.place.replace("/", "__"), "files": _files(one)} for one in members.every}
-    known = {name: _kept(store, entry, Path(out)) for name, entry in asked.items()}
-    if dry_run:
-        return _expected(members, known, store, asked, do, jobs)
-    with progress_on(quiet=not progress) as shown:
-        found = _run(members, known, options, Path(out), local, jobs, shown, store, asked)
-    return Cohort(members, options, tuple(found), time.perf_counter() - started)
+    with engine_named(on, jobs, scheduler) as engine:
+        if engine is not None:
+            members = find_members(Path(folder), do, layout, None if table is None else Path(table))
+            known = _Known(Path(out), members, options)
+            if dry_run:
+                return known.expected(engine.workers)
+            with progress_on(quiet=not progress) as shown:
+                found = _run(known, engine, shown)
+            return Cohort(members, options, tuple(found), time.perf_counter() - started)
+    raise SystemExit(0)  # another rank, which has served the first
 
 
 _TAKES: Mapping[str, tuple[str, ...]] = {
@@ -280,67 +290,62 @@ def _texts(value: Any) -> list[str]:
     return [text for part in parts for text in _texts(part)]
 
 
-def _kept(store: Store[list[Row]], asked: object, out: Path) -> list[Row] | None:
-    """What is known of a member, if its report is still there."""
-    rows = store.get(asked)
-    there = rows is not None and all((out / row.report).is_file() for row in rows if row.report)
-    return rows if there else None
+class _Known:
+    """What is there of a cohort, and what isn't."""
 
+    def __init__(self, out: Path, members: Members, options: Options) -> None:
+        self.out, self.members, self.options = out, members, options
+        depends = [options.task, options.given]
+        place = itemgetter("place")
+        self._store = Store(out / "rows", list[Row], depends, _CODE[options.task], named=place)
+        self._asked = {one.name: {"place": one.place.replace("/", "__"), "files": _files(one)} for one in members.every}
+        self.rows: dict[str, list[Row]] = {}
+        for one in members.every:
+            rows = [Row(one.name, problem=one.problem)] if one.problem else self._store.get(self._asked[one.name])
+            # A report that was removed is written again.
+            if rows is not None and all((out / row.report).is_file() for row in rows if row.report):
+                self.rows[one.name] = rows
 
-def _expected(
-    members: Members,
-    known: Mapping[str, list[Row] | None],
-    store: Store[list[Row]],
-    asked: Mapping[str, object],
-    task: str,
-    jobs: int,
-) -> Expected:
-    done = [row for rows in known.values() for row in rows or () if row.done and row.seconds > 0]
-    seconds, peak = _TYPICAL[task]
-    basis = "as of legs that come with legfem"
-    if done:
-        seconds = sum(row.seconds for row in done) / len(done)
-        peak = max(row.peak_mb for row in done)
-        basis = f"as of the {len(done)} done here"
+    def keep(self, name: str, rows: list[Row]) -> None:
+        """Keep a member's rows."""
+        self._store.put(self._asked[name], rows)
 
-    def state(one: Member) -> Literal["known", "new", "changed", "missing"]:
+    def expected(self, workers: int) -> Expected:
+        """What a run would do."""
+        done = [row for rows in self.rows.values() for row in rows if row.done and row.seconds > 0]
+        seconds, peak = _TYPICAL[self.options.task]
+        basis = "as of legs that come with legfem"
+        if done:
+            seconds = sum(row.seconds for row in done) / len(done)
+            peak = max(row.peak_mb for row in done)
+            basis = f"as of the {len(done)} done here"
+        return Expected(self.members, tuple(map(self._state, self.members.every)), workers, seconds, peak, basis)
+
+    def _state(self, one: Member) -> Literal["known", "new", "changed", "missing"]:
         if one.problem:
             return "missing"
-        if known[one.name] is not None:
+        if one.name in self.rows:
             return "known"
-        return "changed" if store.path(asked[one.name]).is_file() else "new"
-
-    return Expected(members, tuple(map(state, members.every)), jobs, seconds, peak, basis)
+        return "changed" if self._store.path(self._asked[one.name]).is_file() else "new"
 
 
-def _run(
-    members: Members,
-    known: Mapping[str, list[Row] | None],
-    options: Options,
-    out: Path,
-    engine: Engine,
-    workers: int,
-    progress: Progress,
-    store: Store[list[Row]],
-    asked: Mapping[str, object],
-) -> list[Row]:
-    found = {name: rows for name, rows in known.items() if rows is not None}
-    found |= {one.name: [Row(one.name, problem=one.problem)] for one in members.every if one.problem}
-    for one in members.every:
+def _run(known: _Known, engine: Engine, progress: Progress) -> list[Row]:
+    members, found = known.members.every, dict(known.rows)
+    for one in members:
         if one.problem:
             _log.warning("%s", one.problem)
-    todo = [one for one in members.every if one.name not in found]
+    todo = [one for one in members if one.name not in found]
     began = time.perf_counter()
-    progress.stage(f"{options.task}: {len(members.every)} members ({len(found)} known)", len(todo))
-    work = functools.partial(done_with, options, out)
-    for number, (place, made) in enumerate(outcomes(engine, min(workers, max(len(todo), 1)), work, todo), 1):
+    progress.stage(f"{known.options.task}: {len(members)} members ({len(found)} known){engine.place}", len(todo))
+    work = functools.partial(done_with, known.options, known.out)
+    for number, (place, made) in enumerate(outcomes(engine, work, todo), 1):
         member = todo[place]
         rows = [Row(member.name, problem=made.problem)] if isinstance(made, Died) else made.rows
         if not isinstance(made, Died) and made.worth:
-            store.put(asked[member.name], rows)
+            known.keep(member.name, rows)
         found[member.name] = rows
         left = (time.perf_counter() - began) / number * (len(todo) - number)
         after = f"; about {duration(left)} left" if number < len(todo) else ""
         problem = next((row.problem for row in rows if row.problem), "")
         progress.advance(f"{member.name}: {problem or f'{rows[0].seconds:.0f} s'}{after}")
-    return [row for one in members.every for row in found[one.name]]
+    return [row for one in members for row in found[one.name]]

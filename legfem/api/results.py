@@ -116,12 +116,15 @@ class Identification(Result):
 
         return kind_of(self.fits).figure(self.fits)
 
-    def write(self, folder: Given) -> Path:
-        """Write result.json, report.txt, report.html, tables, figures and fields; return the path of report.txt."""
+    def write(self, folder: Given, every_rank: bool = False) -> Path:
+        """Write result.json, report.txt, report.html, tables, figures and fields; return the path of report.txt.
+
+        Under MPI the first rank writes alone, unless every rank has a leg and a folder of its own.
+        """
         from legfem.report.identification import write_report
         from legfem.report.page import command_line
 
-        return write_report(self.fits, Path(folder), command_line(), self._experiment, self.jobs)
+        return write_report(self.fits, Path(folder), command_line(), self._experiment, self.jobs, every_rank)
 
     def to_frame(self) -> pd.DataFrame:
         """The parameters: a row each, with law, value, 95 % interval, unit and verdict."""

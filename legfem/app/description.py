@@ -196,20 +196,30 @@ def read_value(setting: Setting, text: str) -> Value:
 
 
 @dataclass(frozen=True)
+class CalfSize:
+    """What stands for a calf's outlines where there are none."""
+
+    girth: float
+    """Of the calf where it is pressed, mm."""
+    fat: float
+    """Thickness of skin and fat under the indenter, mm."""
+
+
+@dataclass(frozen=True)
 class DescribedLeg:
     """What a person has to say of a leg that was pressed; nothing else can be assumed."""
 
     title: str
-    source: str
-    """File in the folder: contours of the section, or a scan that it is cut from."""
+    source: str | CalfSize
+    """File in the folder (contours of the section, or a scan that it is cut from), or the size of a typical calf."""
     diameter: float
     """Of what pressed, mm."""
     length: float | None
     """Of a cylinder along its axis, mm."""
-    aim: tuple[float, float]
-    """A point on its line of travel, mm."""
-    direction: float
-    """Of travel, degrees from +x."""
+    aim: tuple[float, float] | None = None
+    """A point on its line of travel, mm; of a typical calf there is none to give, ..."""
+    direction: float | None = None
+    """... nor a direction of travel, degrees from +x."""
     level: float | None = None
     """At which a scan is cut, mm."""
     shape: IndenterShape = "cylinder"
@@ -227,11 +237,12 @@ class DescribedLeg:
         InputError
             As the file does; nothing is written or moved then.
         """
-        text = subject_text(plain_id(folder.name), self.title, "measured", 0.6, self.aim, self.direction)
+        text = subject_text(plain_id(folder.name), self.title, "measured", 0.6, (0.0, 0.0), 0.0)
         stated: dict[tuple[str, ...], Value] = {
-            ("section", "contours"): None,
-            ("section", "scan" if is_scan(folder / self.source) else "contours"): self.source,
+            **self._shape_of_leg(folder),
             ("section", "level_mm"): self.level,
+            ("indenter", "aim_mm"): None if self.aim is None else list(self.aim),
+            ("indenter", "direction_deg"): self.direction,
             ("indenter", "diameter_mm"): self.diameter,
             ("indenter", "length_mm"): self.length,
             ("indenter", "shape"): None if self.shape == "cylinder" else self.shape,
@@ -240,8 +251,18 @@ class DescribedLeg:
         }
         path, described = folder / "subject.toml", with_settings(text, stated)
         checked(path, tomllib.loads(described), SubjectFile)
-        _gather_recordings(folder, but=[self.source])
+        _gather_recordings(folder, but=[self.source] if isinstance(self.source, str) else ())
         write_atomically(path, described)
+
+    def _shape_of_leg(self, folder: Path) -> dict[tuple[str, ...], Value]:
+        if isinstance(self.source, CalfSize):
+            sizes: dict[tuple[str, ...], Value] = {
+                ("section", "girth_mm"): self.source.girth,
+                ("section", "fat_mm"): self.source.fat,
+            }
+            return {("section", "contours"): None, **sizes}
+        scan = is_scan(folder / self.source)
+        return {("section", "contours"): None, ("section", "scan" if scan else "contours"): self.source}
 
 
 @dataclass(frozen=True)

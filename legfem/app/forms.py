@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from nicegui import ui
 
 from legfem.app.description import (
+    CalfSize,
     DescribedLeg,
     DescribedSpecimens,
     DescribedStocking,
@@ -171,9 +172,9 @@ def _text(path: Path, text: str) -> None:
 
 
 _NO_CONTOURS = (
-    "A leg that was pressed needs its section's contours: a CSV file part,x_mm,y_mm with the parts "
-    "skin, fascia, tibia and fibula, or a scan with labels. Add it under Files; until then the "
-    "recordings are graded."
+    "A typical calf of this size stands for the leg's outlines, and C10's interval includes the error of that. With "
+    "the section's contours (a CSV file part,x_mm,y_mm with the parts skin, fascia, tibia and fibula) or a scan with "
+    "labels the interval is narrower, and other places than the back of the calf can be pressed: add one under Files."
 )
 _SHAPES = {"cylinder": "a cylinder", "ball": "a ball", "punch": "a flat punch"}
 _TESTS = {name: kind.done for name, kind in kinds().items()}
@@ -185,11 +186,41 @@ def describe_tab(folder: Path) -> None:
     if contours or scans:
         _pressed(folder, [*contours, *scans])
     else:
-        tag("p", _NO_CONTOURS)
+        _pressed_from_behind(folder)
     if scans:
         _dressed(folder, scans)
     if any(may_be_recording(path) and not is_contours(path) for path in files_of(folder)):
         _tested(folder)
+
+
+def _pressed_from_behind(folder: Path) -> None:
+    with ui.element("fieldset"):
+        tag("legend", "A calf that a cylinder pressed from behind, without outlines")
+        with ui.element("div").classes("fields"):
+            title = ui.input("title", value=folder.name)
+            sizes = [
+                ui.number(label)
+                for label in (
+                    "girth of the calf (mm)",
+                    "skin and fat where it is pressed (mm)",
+                    "cylinder's diameter (mm)",
+                    "cylinder's length (mm)",
+                )
+            ]
+
+        def describe() -> None:
+            girth, fat, diameter, length = _numbers(sizes)
+            DescribedLeg(title.value or folder.name, CalfSize(girth, fat), diameter, length).describe(folder)
+
+        _button("It is a pressed calf", describe)
+    tag("p", _NO_CONTOURS, "quiet")
+
+
+def _numbers(boxes: Sequence[ui.number]) -> list[float]:
+    """Numbers of a form's fields, all of which are needed."""
+    if missing := [box.props["label"] for box in boxes if box.value is None]:
+        raise InputError("form", ", ".join(missing), "missing", "fill in every one")
+    return [float(box.value) for box in boxes]
 
 
 def _pressed(folder: Path, sources: list[str]) -> None:
@@ -213,9 +244,7 @@ def _pressed(folder: Path, sources: list[str]) -> None:
         def describe() -> None:
             cylinder = shape.value == "cylinder"
             needed = [diameter, *place, *([length] if cylinder else [])]
-            if missing := [box.props["label"] for box in needed if box.value is None]:
-                raise InputError("form", ", ".join(missing), "missing", "fill in every one")
-            values = [float(box.value) for box in needed]
+            values = _numbers(needed)
             across, x, y, direction = values[:4]
             leg = DescribedLeg(
                 title.value or folder.name,

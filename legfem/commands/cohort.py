@@ -8,7 +8,14 @@ from typing import Annotated, Any, Literal
 import typer
 
 from legfem.commands.options import Jobs
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, end_without_a_solution, parallel_context
+from legfem.common.command_line import (
+    AsJson,
+    Quiet,
+    check_out_folder,
+    command_context,
+    end_without_a_solution,
+    parallel_context,
+)
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -45,6 +52,13 @@ def cohort(
     cells: Annotated[int | None, _option("As of stocking.")] = None,
     seed: Annotated[int | None, _option("As of identify or diagnose.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/cohort-NAME by default.")] = None,
+    on: Annotated[
+        Literal["local", "mpi", "dask"],
+        _option(
+            "What does members at once: processes here (the default), ranks of mpirun, or a dask scheduler's workers."
+        ),
+    ] = "local",
+    scheduler: Annotated[str | None, _option("Address of the dask scheduler, or the file that it writes.")] = None,
     jobs: Jobs = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would be done, for how long and with how much memory.")
@@ -62,7 +76,8 @@ def cohort(
     Example: python -m legfem.cohort study --law reduced-polynomial --out results/study
     """
     resume = "run the same command again to go on; members that are done are kept"
-    with parallel_context(jobs, resume, quiet) as processes:
+    alone = command_context(resume, quiet) if on == "mpi" else parallel_context(jobs, resume, quiet)
+    with alone as processes:
         from legfem.api.cohorts import DOCUMENT, Expected
         from legfem.api.cohorts import cohort as cohort_in_full
         from legfem.cohort.table import CSV
@@ -88,7 +103,9 @@ def cohort(
             cells=cells,
             seed=seed,
             out=place,
-            jobs=processes,
+            on=on,
+            scheduler=scheduler,
+            jobs=processes or 1,
             dry_run=dry_run,
             progress=not quiet,
         )

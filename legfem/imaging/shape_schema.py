@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import ClassVar
 
 from pydantic import model_validator
 
@@ -30,14 +31,22 @@ class ShapeEntry(FileTable):
     contours: Text | None = None
     surfaces: dict[str, Text | list[Text]] | None = None
 
+    sources: ClassVar[dict[str, str]] = {
+        "scan": "scan (label volume)",
+        "contours": "contours (CSV)",
+        "surfaces": "surfaces (STL files by part)",
+    }
+    """Keys of which one says what the shape is taken from, in words."""
+
     @model_validator(mode="after")
     def _one_source(self) -> ShapeEntry:
-        given = [name for name in ("scan", "contours", "surfaces") if getattr(self, name)]
+        given = [name for name in self.sources if getattr(self, name)]
         if len(given) != 1:
+            *others, last = self.sources.values()
             raise trouble(
                 "scan",
                 f"{len(given)} sources of the leg's shape are given",
-                "give one of scan (label volume), contours (CSV) and surfaces (STL files by part)",
+                f"give one of {', '.join(others)} and {last}",
             )
         if self.series is not None and self.scan is None:
             raise trouble("series", "is given without a scan", "give the scan, or leave it out")

@@ -43,11 +43,23 @@ def channel_covariance(one: ChannelReadings, observed: Observed, predicted: Floa
     return np.asarray(np.diag(one.white_variance) + same * (slow + np.outer(lag, lag)) + model)
 
 
-def shared_errors(one: ChannelReadings, predicted: FloatArray) -> dict[str, FloatArray]:
-    """Return by name what one standard deviation of an error does that all of a channel's readings share (k,)."""
+def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray) -> dict[str, FloatArray]:
+    """Return by name what one standard deviation of an error does that all of a channel's readings share (k,).
+
+    Parameters
+    ----------
+    one
+        The channel.
+    predicted
+        (k,), by the model.
+    force
+        (n,), N, at the stations: a cell that reads several forces mixes them by as much as its gains are off.
+    """
     found = {"boundary" if one.kind.unit == "mm" else "zero": one.accuracy.bias * np.ones(len(predicted))}
     if one.accuracy.gain > 0:
         found["gain"] = one.accuracy.gain * predicted
+        if one.is_force:
+            found["cross-talk"] = one.accuracy.gain * (one.weights @ force)
     return {f"{one.kind.name.replace('_', ' ')}: {name}": effect for name, effect in found.items()}
 
 

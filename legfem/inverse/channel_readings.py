@@ -101,6 +101,68 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
     return tuple(found)
 
 
+@dataclass(frozen=True)
+class PlannedChannel:
+    """A channel that a test would record beside its force, as accurate as usual.
+
+    Parameters
+    ----------
+    name
+        Of its kind.
+    at
+        Displacements in the loading of single frames (mm); all along the test without any.
+    """
+
+    name: str
+    at: tuple[float, ...] = ()
+
+
+def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stations]) -> tuple[ChannelReadings, ...]:
+    """Return the readings, of nothing, that channels of a test would give.
+
+    Parameters
+    ----------
+    planned
+        Channels.
+    stations
+        Of each trial.
+    """
+    starts = np.cumsum([0, *(len(own.time) for own in stations)])
+    found = []
+    for one in planned:
+        rows, counts = [], list[int]()
+        for k, own in enumerate(stations):
+            for count, weights in _planned_in(one, own):
+                row = np.zeros(starts[-1])
+                row[starts[k] : starts[k + 1]] = weights
+                rows.append(row)
+                counts.append(count)
+        kind, nothing = CHANNELS[one.name], np.zeros(len(rows))
+        variance = kind.usual.reading**2 / np.array(counts, float)
+        found.append(ChannelReadings(kind, kind.usual, np.array(rows), nothing, variance))
+    return tuple(found)
+
+
+def _planned_in(one: PlannedChannel, stations: Stations) -> list[tuple[int, FloatArray]]:
+    """Return of each reading of a trial how many samples it has, and what it takes of the stations."""
+    found: list[tuple[int, FloatArray]] = []
+    if one.at:
+        loading = np.flatnonzero(stations.segment == 0)
+        for row in _between(np.array(one.at), stations.displacement[loading]):
+            weights = np.zeros(len(stations.time))
+            weights[loading] = row
+            found.append((1, weights))
+        return found
+    for number in np.unique(stations.segment):
+        here = np.flatnonzero(stations.segment == number)
+        most = _MOST.get(str(stations.phase[here[0]]), _MOST_UNLOADING)
+        for group in np.array_split(here, min(most, len(here))):
+            weights = np.zeros(len(stations.time))
+            weights[group] = 1.0 / len(group)
+            found.append((len(group), weights))
+    return found
+
+
 def _noise(one: RecordedChannel) -> float:
     """Return the standard deviation of a sample: as stated, or as seen from sample to sample where that is more."""
     return max(one.accuracy.reading, sample_noise(one.values) if len(one.values) >= _FEWEST else 0.0)

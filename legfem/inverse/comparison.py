@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_triangular
 
 from legfem.common.units import FloatArray
@@ -26,9 +27,12 @@ from legfem.solve.path import ForceCurve
 
 Weighting = Literal["paper", "covariance"]
 """What is minimised: the plain sum of squares (Eq. 12 of the paper), or the sum weighted by the errors."""
-ErrorSource = Literal["recordings", "differences", "model", "misfit", "sizes", "ends", "fibres", "priors"]
-"""Readings; a factor by which recordings or specimens differ; the model's numerical error; what the law misses;
-sizes of specimens; the correction for the cylinder's ends; muscle fibres' part in it; what was known beforehand."""
+ErrorSource = Literal[
+    "recordings", "differences", "model", "misfit", "sizes", "ends", "fibres", "shape", "channels", "priors"
+]
+"""Readings of the force; a factor by which recordings or specimens differ; the model's numerical error; what the law
+misses; sizes of specimens; the correction for the cylinder's ends; muscle fibres' part in it; a typical shape in place
+of measured outlines; instruments of what else was recorded; what was known beforehand."""
 Covariances = Mapping[ErrorSource, FloatArray]
 """Covariances of the readings (n, n), in their units squared, by source; they add up."""
 
@@ -70,6 +74,43 @@ def shares_of_error(gain: FloatArray, covariances: Covariances) -> list[dict[Err
     whole = np.sum(list(parts.values()), axis=0)
     return [
         {source: float(part[k] / whole[k]) for source, part in parts.items() if whole[k] > 0} for k in range(len(gain))
+    ]
+
+
+def shares_of_information(
+    jacobian: FloatArray, covariance: FloatArray, channels: Mapping[str, NDArray[np.int_]], of_priors: FloatArray
+) -> list[dict[str, float]]:
+    r"""Share of each channel in what determines each parameter.
+
+    With :math:`F_c = J_c^T \Sigma_c^{-1} J_c` of each channel by itself and F their sum, priors included, the share of
+    a channel in parameter k is :math:`(F^{-1} F_c F^{-1})_{kk} / (F^{-1})_{kk}`.
+
+    Parameters
+    ----------
+    jacobian : (n, p) array
+        Of the readings.
+    covariance : (n, n) array
+        Of their errors.
+    channels : mapping
+        Places of each channel's readings; without any there are no shares.
+    of_priors : (k, p) array
+        Derivatives of the priors' departures, which have errors of one.
+    """
+    parameters = jacobian.shape[1]
+    if not channels:
+        return [{} for _ in range(parameters)]
+    # Parameters differ in size by orders.
+    size = 1 / np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
+    parts = {}
+    for name, places in channels.items():
+        own = size * jacobian[places]
+        parts[name] = own.T @ np.linalg.solve(covariance[np.ix_(places, places)], own)
+    if len(of_priors):
+        parts["priors"] = (size * of_priors).T @ (size * of_priors)
+    spread = np.linalg.pinv(np.sum(list(parts.values()), axis=0))
+    return [
+        {name: float((spread @ part @ spread)[k, k] / spread[k, k]) for name, part in parts.items()}
+        for k in range(parameters)
     ]
 
 
@@ -129,6 +170,20 @@ class Comparison(ABC):
         """Whether the objective is in units of errors: 1 more of it is a standard error."""
         return False
 
+    @property
+    def channels(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places among the n readings of each channel's; empty where there is but the force."""
+        return {}
+
+    @property
+    def linear_scale(self) -> FloatArray | None:
+        """Sizes (m,) of model values that may have either sign, 0 for forces along the travel; None of these alone."""
+        return None
+
+    def of_force(self, values: FloatArray) -> FloatArray:
+        """Return those of values (..., n) that are of forces along the travel: all, where there is nothing else."""
+        return values[..., self.channels["force"]] if self.channels else values
+
     @abstractmethod
     def reached_by(self, outcome: Outcome) -> bool:
         """Whether a solve came as far as what was measured."""
@@ -172,8 +227,8 @@ class Comparison(ABC):
         return self.weighted(np.eye(len(self)))
 
     def cost(self, values: FloatArray) -> FloatArray:
-        """Sum of squared differences (...) of predicted readings (..., n): Eq. 12, N2 of forces."""
-        return np.asarray(np.sum((values - self.measured) ** 2, axis=-1))
+        """Sum of squared differences (...) of the forces among predicted readings (..., n): Eq. 12, N2."""
+        return np.asarray(np.sum(self.of_force(values - self.measured) ** 2, axis=-1))
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Weighted residual (..., n) of predicted readings (..., n)."""
@@ -214,6 +269,11 @@ class Test(ABC):
     @abstractmethod
     def model_size(self) -> int:
         """Number m of values that the model gives on its grid."""
+
+    @property
+    def linear_scale(self) -> FloatArray | None:
+        """As that of a `Comparison`, of this test's m."""
+        return None
 
     @abstractmethod
     def reached_by(self, curve: ForceCurve) -> bool:
@@ -270,6 +330,24 @@ class JointComparison(Comparison):
     def measured(self) -> FloatArray:
         """Readings of all tests, (n,)."""
         return np.concatenate([test.data.values for test in self.tests])
+
+    @cached_property
+    def channels(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places among the n readings of each channel's; empty where there is but the force."""
+        found: dict[str, list[NDArray[np.int_]]] = {}
+        for test, whole in zip(self.tests, self.spans, strict=True):
+            for one, span in zip(test.data.channels, test.data.spans, strict=True):
+                found.setdefault(one.name, []).append(whole.start + np.arange(span.start, span.stop))
+        return {} if len(found) < 2 else {name: np.concatenate(places) for name, places in found.items()}
+
+    @cached_property
+    def linear_scale(self) -> FloatArray | None:
+        """Sizes (m,) of model values that may have either sign, 0 for forces along the travel; None of these alone."""
+        every = [test.linear_scale for test in self.tests]
+        if all(one is None for one in every):
+            return None
+        pairs = zip(every, self.tests, strict=True)
+        return np.concatenate([np.zeros(test.model_size) if one is None else one for one, test in pairs])
 
     @property
     def if_deeper(self) -> FloatArray:

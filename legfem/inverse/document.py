@@ -93,6 +93,7 @@ def _law(fit: Fit[Any], kind: KindDocument) -> dict[str, Any]:
 
 def _test(fit: Fit[Any], number: int, kind: KindDocument) -> dict[str, Any]:
     one: TestFit = fit.tests[number]
+    others = one.channels[1:]
     return {
         "name": one.name,
         "fitted": one.fitted,
@@ -101,6 +102,7 @@ def _test(fit: Fit[Any], number: int, kind: KindDocument) -> dict[str, Any]:
         "goodness": _goodness(one.goodness),
         "by_itself": {key_of(name): _own(name, own) for name, own in one.by_itself.items()},
         "curve": _curve(one.force),
+        **({"channels": {beside.channel.name: _beside(beside) for beside in others}} if others else {}),
         **kind.of_test(fit, number),
     }
 
@@ -121,6 +123,18 @@ def _curve(one: ChannelFit) -> dict[str, Any]:
         "measured_force_standard_error_N": one.channel.sd,
         **({"force_derivative_N_per_kPa": by_stress} if by_stress else {}),
         **({"force_derivative_by_others": others} if others else {}),
+    }
+
+
+def _beside(one: ChannelFit) -> dict[str, Any]:
+    """Measured and predicted readings of a channel beside the force, in its unit."""
+    return {
+        "unit": one.channel.unit,
+        one.channel.along: one.channel.station,
+        "predicted": one.predicted,
+        "measured": one.channel.values,
+        "standard_error": one.channel.sd,
+        "rms": one.rms,
     }
 
 
@@ -151,6 +165,7 @@ def _estimate(found: Estimate) -> dict[str, Any]:
         "identifiability": found.identifiability,
         "why": found.why,
         "share_of_squared_error": dict(found.error_shares),
+        **({"share_of_information": dict(found.information_shares)} if found.information_shares else {}),
         "relative_change_if_fat_c10_is_10_percent_higher": found.moves.get("superficial.C10"),
         "relative_change_if_fascia_c10_is_10_percent_higher": found.moves.get("fascia.C10"),
         "relative_change_if_forces_are_10_percent_higher": found.moves.get(FORCE),

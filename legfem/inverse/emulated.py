@@ -160,7 +160,7 @@ class Emulated:
         slopes = np.einsum(
             "nkm,nkj->njm", by.reshape(len(force), len(names), force.shape[1]), coordinates.derivatives(points)
         )
-        return cls(law, misfit, Emulator(Samples(coordinates.of(points), force, slopes)))
+        return cls(law, misfit, Emulator(Samples(coordinates.of(points), force, slopes, misfit.linear_scale)))
 
     def values(self, points: FloatArray) -> FloatArray:
         """Return what the instrument shows (..., n), N, at points (..., p)."""

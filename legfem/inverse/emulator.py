@@ -1,6 +1,7 @@
 r"""A smooth stand-in for a model, through its solved values and exact derivatives.
 
-Of :math:`\ln F(d_i)` at all grid points :math:`d_i` at once, by kriging.
+Of :math:`\ln F(d_i)` at all grid points :math:`d_i` at once, by kriging; of what may have either sign as it is, over
+its size.
 
 Gradient-enhanced kriging of many quantities at once, in any number of coordinates, about a linear
 trend, with a squared-exponential covariance whose lengths (one a coordinate) are those of the
@@ -159,11 +160,14 @@ class Samples:
         N.
     slopes : (n, p, m) array
         Derivatives of the force by the coordinates (N).
+    linear_scale : (m,) array, optional
+        Sizes of those that may have either sign, in the unit that they have in the place of N; 0 for forces.
     """
 
     at: FloatArray
     force: FloatArray
     slopes: FloatArray
+    linear_scale: FloatArray | None = None
 
 
 class Emulator:
@@ -178,8 +182,13 @@ class Emulator:
     def __init__(self, samples: Samples) -> None:
         self.samples = samples
         force = np.maximum(samples.force, _SMALLEST_FORCE_N)
-        slopes = samples.slopes / force[:, None, :]
-        self._log_force = Kriging(samples.at, np.log(force), slopes, _NUGGET)
+        slopes, values = samples.slopes / force[:, None, :], np.log(force)
+        size = samples.linear_scale
+        if size is not None:
+            linear, safe = size > 0, np.where(size > 0, size, 1.0)
+            slopes = np.where(linear, samples.slopes / safe, slopes)
+            values = np.where(linear, samples.force / safe, values)
+        self._log_force = Kriging(samples.at, values, slopes, _NUGGET)
 
     @property
     def dimensions(self) -> int:
@@ -193,5 +202,7 @@ class Emulator:
 
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the force (..., m) in N at coordinates (..., p)."""
+        found, size = self._log_force(at), self.samples.linear_scale
         # Far outside the samples the trend may run away.
-        return np.asarray(np.exp(np.clip(self._log_force(at), -30.0, 30.0)))
+        force = np.exp(np.clip(found, -30.0, 30.0))
+        return np.asarray(force if size is None else np.where(size > 0, size * found, force))

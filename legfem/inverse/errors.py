@@ -156,7 +156,7 @@ def error_model(
         here = slice(first, first + len(one.values))
         blocks.append(channel_covariance(one, observed, prediction[here], noise.correlation_time))
         spread.append(np.sqrt(np.diag(blocks[-1])))
-        for name, effect in shared_errors(one, prediction[here]).items():
+        for name, effect in shared_errors(one, prediction[here], force).items():
             columns[name] = np.zeros(len(prediction))
             columns[name][here] = effect
         first = here.stop

@@ -10,7 +10,15 @@ import numpy as np
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.comparison import Covariances, ErrorSource, main_source, shares_of_error, total_of
+from legfem.inverse.comparison import (
+    Comparison,
+    Covariances,
+    ErrorSource,
+    main_source,
+    shares_of_error,
+    shares_of_information,
+    total_of,
+)
 from legfem.inverse.intervals import (
     ADDS_NOTHING,
     Bound,
@@ -54,6 +62,8 @@ class Estimate:
     displacements (``force_N``, ``displacement_mm``) were 10 % higher."""
     error_shares: Mapping[ErrorSource, float] = field(default_factory=dict)
     """Of the square of the standard error, by what causes it."""
+    information_shares: Mapping[str, float] = field(default_factory=dict)
+    """Of what determines the value, by channel, and ``priors``; empty where there is but the force."""
 
     @property
     def unit(self) -> str:
@@ -92,7 +102,9 @@ _RULED_BY: Mapping[ErrorSource, str] = {
     "misfit": "what the law misses",
     "sizes": "that of the specimen's sizes",
     "ends": "that of the correction for the cylinder's ends",
+    "shape": "that of a typical shape in place of measured outlines",
     "fibres": "that of the muscle fibres' ratio and effect",
+    "channels": "that of what was recorded beside the force",
     "priors": "that of what was known beforehand",
 }
 
@@ -152,11 +164,14 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     # By which measured forces would differ less from the model's, were each a tenth higher.
     tenths = {
         **{name: -value * sensitivities[name] for name, value in optimum.assumed.items() if name in sensitivities},
-        FORCE: misfit.measured,
+        FORCE: _forces_alone(misfit),
         DISPLACEMENT: misfit.if_deeper,
     }
     moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items()}
     shares = shares_of_error(optimum.linear.gain, optimum.covariances)
+    told = shares_of_information(
+        linear.prediction.jacobian(law.names), total_of(optimum.covariances), misfit.channels, law.priors.jacobian(at)
+    )
     found = {}
     for k, parameter in enumerate(law.parameters):
         error = math.sqrt(spread[k, k])
@@ -172,9 +187,18 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         if optimum.plane and parameter.name == DEEP_C10:
             why += "; a constant 3D factor can't be told from it"
         found[parameter.name] = Estimate(
-            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own, shares[k]
+            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own, shares[k], told[k]
         )
     return found
+
+
+def _forces_alone(misfit: Comparison) -> FloatArray:
+    """Return the measured forces (n,), N, and 0 for what else was read."""
+    if not misfit.channels:
+        return misfit.measured
+    forces = np.zeros(len(misfit))
+    forces[misfit.channels["force"]] = misfit.of_force(misfit.measured)
+    return forces
 
 
 def _moves(linear: Linearised, change: FloatArray) -> FloatArray:

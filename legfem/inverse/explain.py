@@ -203,9 +203,17 @@ def _shares_beside(
     ]
 
 
+HIDDEN_FROM = 1e-3
+"""Probability of a single mechanism from which it may hide: its strength is integrated out, for the stiffness."""
+
+
 def _integrated(found: list[Explanation], evidence: Evidence, unknowns: Sequence[Discrepancy]) -> list[Explanation]:
-    """Integrate out the strength of every explanation that may be what was left out."""
-    while waiting := [e for e in found if e.names and not e.strength_integrated and e.probability >= CONFIRMED_FROM]:
+    """Integrate out the strength of every explanation that may be what was left out, or may hide."""
+
+    def matters(one: Explanation) -> bool:
+        return one.probability >= (HIDDEN_FROM if len(one.names) == 1 else CONFIRMED_FROM)
+
+    while waiting := [e for e in found if e.names and not e.strength_integrated and matters(e)]:
         for one in waiting:
             problem = one.problem
             # Steps are fitted as the fit itself was, or they begin at another minimum.

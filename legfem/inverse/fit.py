@@ -379,7 +379,7 @@ def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
     search, best = found.search, found.best
     comparison, law = search.misfit, search.law
     value = float(comparison.cost(found.linear.prediction.values))
-    measured = comparison.measured
+    measured = comparison.of_force(comparison.measured)
     weighting = weighting_used(comparison)
     minimised = {
         "paper": "the sum itself (Eq. 12)",

@@ -18,7 +18,8 @@ within its bounds, with :math:`Z(z)` linear in the rest; the posterior is the mi
 that begins at nothing is known to no better than an order of magnitude: :math:`p` is a sum of normal distributions of
 several widths (`WIDTHS`). With one width alone, of two mechanisms that do the same to the force that one would be
 preferred whose usual strength is nearer to what it needs. Parameters are given with the widest, so that as much may be
-hidden as by the usual strength.
+hidden as by the usual strength. A share of them may be of any strength that is possible
+(`legfem.inverse.mechanism.Occurrence`): :math:`p` then has a level part.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
 from legfem.inverse.mechanism import MeasuredStrength, prior_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.parameter import Prior
+from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.posterior import MixtureComponents, Posterior, mixed, moments_of
 from legfem.inverse.predictor import detected_onset
 
@@ -189,6 +190,7 @@ def integrate_strength(
     k = least_determined(fitted, posterior)
     prior = prior_of(fitted.parameters[k])
     low, high = sorted(prior.departure(end) for end in fitted.parameters[k].bounds)
+    strong = _strong(problem, fitted.parameters[k])
     steps = _steps(problem, fitted, k, of, (low, high))
     if len(steps) < 2:
         return posterior
@@ -197,8 +199,8 @@ def integrate_strength(
     log_likelihood = CubicSpline(z, [step.log_likelihood for step in steps])(fine)
     log_likelihood += np.log(fine[1] - fine[0])
     log_likelihood[[0, -1]] -= np.log(2.0)
-    total = float(logsumexp(log_likelihood + _log_prior(prior, fine)))
-    log_shares = log_likelihood + norm.logpdf(fine)
+    total = float(logsumexp(log_likelihood + strong.beside(_log_prior(prior, fine), fine)))
+    log_shares = log_likelihood + strong.beside(norm.logpdf(fine), fine)
     shares = np.exp(log_shares - logsumexp(log_shares))
     hats = np.array([np.interp(fine, z, one) for one in np.eye(len(z))])
     # Between points the strength is spread evenly.
@@ -208,7 +210,8 @@ def integrate_strength(
     )
     mean, covariance = moments_of(shares, means, covariances)
     strands = MixtureComponents(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
-    found = mixed(total - _log_inside(prior, low, high), hats @ shares, parts)
+    inside = strong.share + (1 - strong.share) * np.exp(_log_inside(prior, low, high))
+    found = mixed(total - float(np.log(inside)), hats @ shares, parts)
     return replace(found, mean=mean, covariance=covariance, components=strands)
 
 
@@ -247,7 +250,33 @@ def _held(problem: LinearisedProblem, near: LinearisedFit, k: int, z: float, of:
     held = fit(problem, near.mechanisms, {**near.values, own.name: value}, (own.name,))
     posterior = of(held)
     likelihood = posterior.log_evidence + gain_of_widths(held, posterior)
-    return _Step(z, held, posterior, likelihood, likelihood + float(norm.logpdf(z)))
+    density = float(_strong(problem, own).beside(np.asarray(norm.logpdf(z)), np.asarray(z)))
+    return _Step(z, held, posterior, likelihood, likelihood + density)
+
+
+@dataclass(frozen=True)
+class _Strong:
+    """The share of strengths that lie anywhere within what is possible, evenly, as departures."""
+
+    share: float
+    low: float
+    high: float
+
+    def beside(self, log_usual: FloatArray, z: FloatArray) -> FloatArray:
+        """Return the logarithm of the density of the usual ones and these."""
+        if self.share == 0.0:
+            return log_usual
+        even = np.where((z >= self.low) & (z <= self.high), self.share / (self.high - self.low), 0.0)
+        return np.asarray(np.log((1 - self.share) * np.exp(log_usual) + even))
+
+
+def _strong(problem: LinearisedProblem, strength: Parameter) -> _Strong:
+    possible = problem.possible.get(strength.name.partition(".")[0])
+    if possible is None:
+        return _Strong(0.0, 0.0, 0.0)
+    prior, (low, high) = prior_of(strength), strength.bounds
+    ends = prior.departure(max(low, possible.low)), prior.departure(min(high, possible.high))
+    return _Strong(possible.strong, *ends)
 
 
 def gain_of_widths(fitted: LinearisedFit, posterior: Posterior) -> float:

@@ -13,7 +13,7 @@ from legfem.common.units import FloatArray
 from legfem.data.segmentation import LOADING
 from legfem.inverse.emulator import Emulator, Kriging, Samples
 from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
-from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, null_of
+from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import (
     ELASTIC_DERIVATIVES,
@@ -44,6 +44,7 @@ class Task:
     stations: Stations | None = None
     geometry: Displaced | None = None
     material: bool = False
+    node: Values | None = None
 
     @property
     def label(self) -> str:
@@ -79,6 +80,8 @@ def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Out
         return coarse.sensitivities(coarse.variants.assumed, task.point)
     elif mechanism is None:
         found = solved.elastic(task.point)
+    elif task.node is not None:
+        found = coarse.elastic_change(mechanism.solution(task.node), task.point)
     elif mechanism.derivatives:
         found = coarse.by_derivatives(mechanism, task.stations, task.point)
     else:
@@ -129,7 +132,7 @@ def tasks_for(
         for at in (where if m.strengths else [centre])
         for strength in (m.strengths or (0.0,))
     ]
-    return tasks
+    return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]
 
 
 def outcomes_of(
@@ -366,7 +369,7 @@ def _table(
     rows: dict[float, list[Outcome | None]] = {}
     for task, outcome in zip(tasks, outcomes, strict=True):
         own = "" if task.stations is None else task.stations.key
-        if task.mechanism is mechanism and own == key:
+        if task.mechanism is mechanism and own == key and task.node is None:
             # Where no force is left there is no ratio to tabulate.
             left = outcome is not None and not (ratios and np.any(outcome[_ONE]["force"] <= -1.0))
             rows.setdefault(task.point[0], []).append(outcome if left else None)
@@ -378,5 +381,20 @@ def _table(
     if not whole:
         return None
     values = np.array([np.vstack(changes) for changes in whole.values()])
+    solved = [o for t, o in zip(tasks, outcomes, strict=True) if t.mechanism is mechanism and t.node is not None]
+    if not mechanism.along_path and mechanism.nodes:
+        missed = _missed_at_nodes(
+            mechanism, [None if o is None else _as_row(o[_ONE], names) for o in solved], values[0]
+        )
+        values = np.concatenate([values, missed[None]], axis=1)
     logs = np.log(list(whole))
     return Table(logs, np.log1p(values) if ratios and tuple(names) == ("force",) else values)
+
+
+def _missed_at_nodes(mechanism: TissueMechanism, solved: Sequence[FloatArray | None], rows: FloatArray) -> FloatArray:
+    """Return what the derivatives (k, m) miss of the changes at the nodes; nothing where a solution stopped."""
+    missed = []
+    for node, change in zip(mechanism.nodes, solved, strict=True):
+        by_rows = mechanism.shares(node)[: len(rows)] @ rows
+        missed.append(np.zeros(rows.shape[1]) if change is None else change - by_rows)
+    return np.array(missed)

@@ -22,7 +22,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
-from legfem.inverse.mechanism import MeasuredStrength, Mechanism, null_of, prior_of
+from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, null_of, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
@@ -216,6 +216,8 @@ class LinearisedProblem:
     """Strengths that were measured by themselves: they count in a fit's posterior."""
     causes: Mapping[str, Cause] = field(default_factory=dict)
     """By the names of the errors' known effects."""
+    possible: Mapping[str, Occurrence] = field(default_factory=dict)
+    """Which strengths mechanisms may have, by their names; within their bounds without it."""
 
     def without(self, left_out: NDArray[np.bool_]) -> LinearisedProblem:
         """Return the problem with observations left out."""
@@ -252,7 +254,11 @@ class LinearisedProblem:
 
 
 def fit(
-    problem: LinearisedProblem, mechanisms: Sequence[Mechanism], start: Mapping[str, float], held: Collection[str] = ()
+    problem: LinearisedProblem,
+    mechanisms: Sequence[Mechanism],
+    start: Mapping[str, float],
+    held: Collection[str] = (),
+    evaluations: int | None = None,
 ) -> LinearisedFit:
     """Fit the base parameters and the mechanisms', from each of the mechanisms' starts.
 
@@ -266,6 +272,8 @@ def fit(
         Of the search; mechanisms whose strength it has begin there alone.
     held
         Full names of parameters that stay at ``start``.
+    evaluations
+        Most of the search from the best start; as many as a fit takes without it.
     """
     starts = [dict(start)]
     for mechanism in mechanisms:
@@ -281,7 +289,7 @@ def fit(
         tried = [_fit_from(problem, mechanisms, values, held, _FEW) for values in starts]
         best = min(tried, key=lambda f: f.cost)
         starts = [dict(best.values)]
-    return _fit_from(problem, mechanisms, starts[0], held, _MANY)
+    return _fit_from(problem, mechanisms, starts[0], held, evaluations or _MANY)
 
 
 def fit_base(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:

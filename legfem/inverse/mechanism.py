@@ -79,6 +79,27 @@ def factor(name: str, statement: str, bounds: tuple[float, float], log_sd: float
 
 
 @dataclass(frozen=True)
+class Occurrence:
+    """Which strengths of a mechanism anatomy and rigs allow, and how common the great ones are.
+
+    Parameters
+    ----------
+    low, high
+        Between which it lies, in its unit.
+    strong
+        Share of those that lie anywhere between them, evenly in what its prior is normal in; the others
+        are as usual: as its prior says.
+    source
+        Where that is known from; empty where nobody has counted.
+    """
+
+    low: float
+    high: float
+    strong: float = 0.0
+    source: str = ""
+
+
+@dataclass(frozen=True)
 class Mechanism:
     """A mechanism that does nothing: what others override.
 
@@ -96,6 +117,8 @@ class Mechanism:
     measured_sd: ClassVar[float | None] = None
     """How well that measures the strength by itself, without the indenter: standard deviation in
     its unit, or of a factor's logarithm; None where it doesn't."""
+    would_be: ClassVar[str] = ""
+    """What its strength is in a sentence, which stands at ``{}``: "fat of {} times the stiffness"."""
     expected: ClassVar[float] = 1.0
     """How often it is there, over the other mechanisms, before anything was recorded."""
     stands_for_C20: ClassVar[bool] = False
@@ -321,6 +344,14 @@ class TissueMechanism(Mechanism):
         """
         return ()
 
+    @property
+    def nodes(self) -> tuple[Values, ...]:
+        """Values far from the null at which it is solved, too, where it is tabulated by derivatives.
+
+        What those miss there is tabulated after them, and has a share of its own.
+        """
+        return ()
+
     def tabulated(self, values: Values) -> float:
         """Return the strength at which the response is looked up, and ..."""
         return values[self.parameters[0].name]
@@ -330,7 +361,7 @@ class TissueMechanism(Mechanism):
         return 1.0
 
     def shares(self, values: Values) -> FloatArray:
-        """Return what each of the derivatives is multiplied by (k,)."""
+        """Return what each of the derivatives, and what they miss at each of the nodes, is multiplied by (k,)."""
         raise NotImplementedError(f"{self.name} isn't tabulated by derivatives")
 
     @property

@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 from legfem.common.units import FloatArray
 from legfem.data.contact import Contact, contact_at_start
 from legfem.data.segmentation import HOLD, LOADING, UNLOADING, Segmentation
-from legfem.inverse.channel_readings import ChannelReadings, channel_readings
+from legfem.inverse.channel_readings import ChannelReadings, PlannedChannel, channel_readings, planned_readings
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.stations import Stations, group_trials, read_at, stations_along, stations_of
 from legfem.solve.protocol import Protocol
@@ -217,8 +217,16 @@ class Observations:
         return replace(self, force=force, channels=channels)
 
 
-def blank_observations(protocols: Sequence[Protocol]) -> Observations:
-    """Return observations of nothing at a programme's stations, one trial a protocol."""
+def blank_observations(protocols: Sequence[Protocol], planned: Sequence[PlannedChannel] = ()) -> Observations:
+    """Return observations of nothing at a programme's stations, one trial a protocol.
+
+    Parameters
+    ----------
+    protocols
+        Of the trials.
+    planned
+        Channels beside the force.
+    """
     distinct = list(dict.fromkeys(protocols))
     stations = tuple(stations_along(protocol) for protocol in distinct)
     numbers = tuple(distinct.index(protocol) for protocol in protocols)
@@ -234,6 +242,7 @@ def blank_observations(protocols: Sequence[Protocol]) -> Observations:
         0.0,
         tuple(contact_at_start() for _ in protocols),
         (),
+        channels=planned_readings(planned, [stations[k] for k in numbers]),
     )
 
 

@@ -20,19 +20,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
+from typing import ClassVar
 
 import numpy as np
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
-from legfem.inverse.discrepancy import possible_discrepancies
+from legfem.inverse.channel_readings import PlannedChannel
+from legfem.inverse.discrepancy import discrepancy_scales, possible_discrepancies
 from legfem.inverse.errors import error_model
 from legfem.inverse.explain import INEXACT_SHARE
 from legfem.inverse.explanation import INEXACT
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.inverse.mechanism import AssumedAccuracy, Mechanism, measured_strength, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
-from legfem.inverse.predictor import Predictor, values_of
+from legfem.inverse.predictor import Predictor, onset_name, values_of
 from legfem.inverse.trial_noise import Noise
 from legfem.solve.protocol import Protocol
 
@@ -53,6 +55,10 @@ class Design:
         Whether first contact is seen: the recording begins in air, slowly.
     length_factor
         Of the cylinder, over that of the test that was made.
+    channels
+        What is recorded beside the force.
+    effort
+        What it takes beyond the test that was made, in words.
     """
 
     name: str
@@ -60,6 +66,8 @@ class Design:
     outlines_known: bool = False
     contact_known: bool = False
     length_factor: float = 1.0
+    channels: tuple[PlannedChannel, ...] = ()
+    effort: str = ""
 
 
 @dataclass(frozen=True)
@@ -74,6 +82,8 @@ class DirectReadings:
 
     mechanisms: tuple[Mechanism, ...]
 
+    effort: ClassVar[str] = "a measurement of its own"
+
     @property
     def name(self) -> str:
         """What to do, in words."""
@@ -84,6 +94,7 @@ DISTINGUISHED = 3.0
 """ln of the Bayes factor: twenty to one."""
 _STEP = 1e-3
 _SEEN_ONSET_SD_MM = 0.05
+_ONSET_STEP_MM = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +132,7 @@ class DesignValue:
 
 
 type DesignedNuisances = Callable[[Design, Observations, FloatArray], Sequence[NuisanceEffect]]
-"""What isn't known exactly does to the force (n,), N, at a test's stations."""
+"""What isn't known exactly does to a test's readings (N,)."""
 
 
 def evaluate_design(
@@ -147,21 +158,21 @@ def evaluate_design(
     noise, gain_sd
         Of the instruments and from trial to trial.
     """
-    blank = blank_observations(design.protocols)
+    blank = blank_observations(design.protocols, design.channels)
     new = replace(predictor, observed=blank, offset=0.0)
-    forces = [_force(new, c.fit.mechanisms, c.fit.moved(c.mean), design) for c in candidates]
-    if any(np.isnan(force).any() for force in forces):
+    readings = [_readings(new, c.fit.mechanisms, c.fit.moved(c.mean), design) for c in candidates]
+    if any(np.isnan(own).any() for own in readings):
         return None
-    told = [_told(new, c, f, design) for c, f in zip(candidates, forces, strict=True)]
+    told = [_told(new, c, own, design) for c, own in zip(candidates, readings, strict=True)]
     chances = {}
     for one, mine in zip(candidates, told, strict=True):
-        effects = [(one.name, one.effect) for one in nuisances(design, blank, mine.force)]
-        errors = error_model(blank.with_force(mine.force), noise, mine.force, effects)
+        effects = [(one.name, one.effect) for one in nuisances(design, blank, mine.readings)]
+        errors = error_model(blank.with_values(mine.readings), noise, mine.readings, effects)
         known = replace(errors, gain_sd=gain_sd).covariance
         for other, its in zip(candidates, told, strict=True):
             if other is one:
                 continue
-            apart, total = mine.force - its.force, known + its.taken
+            apart, total = mine.readings - its.readings, known + its.taken
             exact = chance_to_distinguish(apart, total)
             left = chance_to_distinguish(apart, total + mine.inexact + its.inexact)
             chances[one.name, other.name] = (1 - INEXACT) * exact + INEXACT * left
@@ -200,41 +211,50 @@ def ranked(found: Sequence[DesignValue]) -> list[DesignValue]:
 class _Told:
     """What a candidate says of a test."""
 
-    force: FloatArray
-    """(n,), N."""
+    readings: FloatArray
+    """(N,)."""
     taken: FloatArray
-    """(n, n), N^2: what its parameters and first contacts may still take up."""
+    """(N, N): what its parameters and first contacts may still take up."""
     inexact: FloatArray
-    """(n, n), N^2: what its form may leave, that is never quite the effect's."""
+    """(N, N): what its form may leave, that is never quite the effect's."""
 
 
-def _told(new: Predictor, candidate: Candidate, force: FloatArray, design: Design) -> _Told:
+def _told(new: Predictor, candidate: Candidate, readings: FloatArray, design: Design) -> _Told:
     blank, fitted = new.observed, candidate.fit
-    slopes, known = _slopes(new, candidate, force, design), _known(candidate, design)
+    slopes, known = _slopes(new, candidate, readings, design), _known(candidate, design)
     own = len(fitted.stiffness)
     refit = np.column_stack([slopes[:, :own], slopes[:, -len(design.protocols) :]])
-    shown = force - _force(new, (), fitted.moved(candidate.mean), design)
+    shown = readings - _readings(new, (), fitted.moved(candidate.mean), design)
     shown = shown - refit @ np.linalg.lstsq(refit, shown)[0]
-    return _Told(force, slopes @ known @ slopes.T, _inexact(blank, force, shown))
+    return _Told(readings, slopes @ known @ slopes.T, _inexact(blank, readings, shown))
 
 
-def _inexact(blank: Observations, force: FloatArray, shown: FloatArray) -> FloatArray:
-    """Return the covariance of what a form leaves of what shows of it (n,), N.
+def _inexact(blank: Observations, readings: FloatArray, shown: FloatArray) -> FloatArray:
+    """Return the covariance of what a form leaves of what shows of it (N,), channel by channel.
 
     As an explanation is weighed: an error of unknown shape, of a share of what shows at most.
     """
+    total = np.zeros((len(readings), len(readings)))
     if not shown.any():
-        return np.zeros((len(force), len(force)))
-    unknowns = possible_discrepancies(blank, force)[1:]
-    size = INEXACT_SHARE * float(np.sqrt(np.mean(shown**2)) / np.abs(force).max())
-    most = max(size, unknowns[0].size)
-    largest = max((u for u in unknowns if u.size <= most), key=lambda u: u.size)
-    assert largest.covariance is not None
-    return largest.covariance
+        return total
+    unknowns = [u for u in possible_discrepancies(blank, readings)[1:] if all(u.by_channel)]
+    for span, scale in zip(blank.data.spans, discrepancy_scales(blank, readings), strict=True):
+        size = INEXACT_SHARE * float(np.sqrt(np.mean(shown[span] ** 2)) / scale)
+        most = max(size, unknowns[0].size)
+        largest = max((u for u in unknowns if u.size <= most), key=lambda u: u.size)
+        assert largest.covariance is not None
+        total[span, span] = largest.covariance[span, span]
+    return total
 
 
-def _force(new: Predictor, mechanisms: Sequence[Mechanism], values: Mapping[str, float], design: Design) -> FloatArray:
-    """Return the force (n,), N; a longer cylinder's ends count less, the rest more."""
+def _readings(
+    new: Predictor,
+    mechanisms: Sequence[Mechanism],
+    values: Mapping[str, float],
+    design: Design,
+    onsets: Mapping[str, float] | None = None,
+) -> FloatArray:
+    """Return the readings (N,), first contacts (mm) where they are counted from; of a longer cylinder more force."""
     given = dict(values)
     for k in range(len(new.observed.trials)):
         given.setdefault(f"trial{k + 1}.onset", 0.0)
@@ -243,7 +263,12 @@ def _force(new: Predictor, mechanisms: Sequence[Mechanism], values: Mapping[str,
     for one in mechanisms:
         own = one.for_length(values_of(given, one), design.length_factor)
         given |= {f"{one.name}.{name}": value for name, value in own.items()}
-    return design.length_factor * new(given, mechanisms)
+    found = new({**given, **(onsets or {})}, mechanisms)
+    for kind, span in zip(
+        [True, *(one.is_force for one in new.observed.channels)], new.observed.data.spans, strict=True
+    ):
+        found[span] *= design.length_factor if kind else 1.0
+    return found
 
 
 def _slopes(new: Predictor, candidate: Candidate, here: FloatArray, design: Design) -> FloatArray:
@@ -255,11 +280,19 @@ def _slopes(new: Predictor, candidate: Candidate, here: FloatArray, design: Desi
             continue
         moved = candidate.mean.copy()
         moved[k] += _STEP
-        there = _force(new, fitted.mechanisms, fitted.moved(moved), design)
+        there = _readings(new, fitted.mechanisms, fitted.moved(moved), design)
         columns.append((there - here) / _STEP)
-    slope = blank.with_force(here).stiffness
-    onsets = [np.where(blank.trial == k, -slope, 0.0) for k in range(len(blank.trials))]
-    return np.column_stack([*columns, *onsets])
+    slope = blank.with_values(here).stiffness
+    for k in range(len(blank.trials)):
+        column = np.zeros(len(here))
+        column[: len(slope)] = np.where(blank.trial == k, -slope, 0.0)
+        if blank.channels:
+            later = _readings(
+                new, fitted.mechanisms, fitted.moved(candidate.mean), design, {onset_name(k): _ONSET_STEP_MM}
+            )
+            column[len(slope) :] = (later - here)[len(slope) :] / _ONSET_STEP_MM
+        columns.append(column)
+    return np.column_stack(columns)
 
 
 def _known(candidate: Candidate, design: Design) -> FloatArray:

@@ -20,6 +20,8 @@ from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Tiss
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
+type Spline = tuple[int, float, float, tuple[str, ...]]
+"""Responses, C10 and C20 (kPa), and channels; the force without any."""
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4
 _SPLINES_KEPT = 400
@@ -109,7 +111,7 @@ class Predictor:
     ends: Ends | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    _splines: dict[tuple[int, float, float, bool], CubicSpline | None] = field(default_factory=dict, repr=False)
+    _splines: dict[Spline, CubicSpline | None] = field(default_factory=dict, repr=False)
 
     def corrected(self, offset: FloatArray) -> Predictor:
         """Return the predictor shifted to agree with a full solution."""
@@ -199,21 +201,22 @@ class Predictor:
         nodes = np.array([1.0]) if high - low < 1e-12 else np.linspace(low, high, _FACTOR_NODES)
         at_null = high - low < 1e-12
         scale = factor[0] if at_null else 1.0
-        splines = [self._spline(c10 * scale * n, c20 * scale * n, beside) for n in nodes]
+        names = tuple(one.name for one in self.observed.channels) if beside else ()
+        splines = [self._spline(c10 * scale * n, c20 * scale * n, names) for n in nodes]
         known = [spline for spline in splines if spline is not None]
         if len(known) < len(splines):
             return _Elastic([_unknown], np.array([1.0]), None)
         return _Elastic(known, nodes, None if at_null else _lagrange(nodes, factor))
 
-    def _spline(self, c10: float, c20: float, beside: bool) -> CubicSpline | None:
-        """Return the elastic courses of a stiffness (kPa), kept for the next time; None without."""
-        key = id(self.responses), float(c10), float(c20), beside
+    def _spline(self, c10: float, c20: float, names: tuple[str, ...]) -> CubicSpline | None:
+        """Return the elastic force of a stiffness (kPa), or channels, kept for the next time; None without."""
+        key = id(self.responses), float(c10), float(c20), names
         if key not in self._splines:
             if len(self._splines) > _SPLINES_KEPT:
                 self._splines.clear()
             grid = np.concatenate([[0.0], self.responses.grid])
-            if beside:
-                curve = self.responses.channel_curves([one.name for one in self.observed.channels], c10, c20)
+            if names:
+                curve = self.responses.channel_curves(names, c10, c20)
             else:
                 curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
             self._splines[key] = None if np.isnan(curve).any() else CubicSpline(grid, curve)

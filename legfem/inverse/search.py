@@ -177,7 +177,7 @@ class Search[C: Comparison]:
             if not by_newton:
                 refuted = refuted + 1 if gained < 0 else 0
             if trial.prediction is not None and trial is self.best:
-                self.emulator_error = float(np.max(np.abs(trial.prediction.values - expected)))
+                self.emulator_error = float(np.max(np.abs(self.misfit.of_force(trial.prediction.values - expected))))
 
     def propose(self, emulated: Emulated, attempt: int) -> FloatArray:
         """Return the optimum (p,) on the emulator, where that is to be trusted."""

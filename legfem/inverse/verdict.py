@@ -18,6 +18,7 @@ from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.explain import base_about_solution, explain, refitted_about_solutions
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
+from legfem.inverse.hidden import Limit, profile_of
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.linearised import (
     LinearisedFit,
@@ -29,50 +30,30 @@ from legfem.inverse.linearised import (
     variance_degrees,
 )
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
-from legfem.inverse.mechanism import MeasuredStrength, Mechanism, null_of
+from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name
 from legfem.inverse.trial_noise import estimate_noise
 
 
-@dataclass(frozen=True)
-class Limit:
-    """A mechanism's strength that these recordings leave possible."""
-
-    name: str
-    parameter: str
-    unit: str
-    low: float
-    high: float
-    """Between which it lies with 95 % (one-sided where only one sign is possible)."""
-    effect: float
-    """N: greatest change of the force by the stronger end."""
-
-
 def limits_of(explained: Explained) -> tuple[Limit, ...]:
-    """Return every single mechanism's limits, by name."""
-    found = []
-    for one in explained.every:
-        if len(one.names) != 1:
-            continue
-        mechanism = one.fit.mechanisms[0]
-        first = mechanism.parameters[0]
-        full = f"{mechanism.name}.{first.name}"
-        null = null_of(first)
-        sided = null <= first.bounds[0]
-        low, high = one.interval(full, 0.05 if sided else 0.025)
-        stronger = max((low, high), key=lambda value: abs(value - null))
-        values = {**one.fit.moved(one.posterior.mean), full: stronger}
-        predict = one.problem.predictor
-        change = predict(values, one.fit.mechanisms) - predict({**values, full: null}, one.fit.mechanisms)
-        change = change[predict.observed.data.spans[0]]
-        found.append(
-            Limit(mechanism.name, first.name, first.unit, null if sided else low, high, float(np.abs(change).max()))
-        )
-    return tuple(sorted(found, key=lambda limit: limit.name))
+    """Return every single mechanism's limits, those first that may move C10 most; see `legfem.inverse.hidden`."""
+    base = explained.base.fit
+    singles = [one for one in explained.every if len(one.names) == 1]
+    found = [profile_of(one, base, one.problem.possible.get(one.names[0])).limit(base) for one in singles]
+    return tuple(sorted(found, key=lambda limit: (-shift_of(limit, base), limit.name)))
+
+
+def shift_of(limit: Limit, base: LinearisedFit) -> float:
+    """Return how far an effect within its limits may have moved C10, over the base model's; nothing without C10."""
+    if "C10" not in limit.stiffness:
+        return 0.0
+    return max(abs(value / base.values["C10"] - 1.0) for value in limit.stiffness["C10"])
 
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
+TRUSTED = 0.15
+"""Of C10: where all that may hide moves it by less, with 95 %, a model that fits is trusted."""
 ADEQUATE = 0.5
 """Probability of the base model alone from which the recordings are called consistent."""
 SHOWN_MOST = 6
@@ -99,7 +80,7 @@ class Diagnosis:
     untested: Mapping[str, str]
     """Mechanisms that the recordings can't show, and why."""
     limits: tuple[Limit, ...]
-    """How strong each mechanism may be unseen."""
+    """How strong each mechanism may be unseen, those first that may move C10 most."""
     located: NDArray[np.bool_]
     """(n,): forces at which the base model is wrong by more than a trial's noise."""
     with_ends: bool
@@ -149,6 +130,19 @@ class Diagnosis:
         found = {name: averaged_interval(self.explained, name) for name in ("C10", "C20")}
         return {name: ends for name, ends in found.items() if ends is not None}
 
+    @cached_property
+    def may_be_off(self) -> float:
+        """How far C10 may be from the value given by all that may hide, with 95 %: a share of that value."""
+        if "C10" not in self.intervals or "C10" not in self.best.fit.free:
+            return 0.0
+        return max(abs(end / self.best.value("C10") - 1.0) for end in self.intervals["C10"])
+
+    @property
+    def hidden(self) -> tuple[Limit, ...]:
+        """Effects that may be there unseen and would move C10 by more than `TRUSTED`, the greatest first."""
+        base = self.weighted_base.fit
+        return tuple(limit for limit in self.limits if shift_of(limit, base) > TRUSTED)
+
 
 class FullSolutions(Responses, Protocol):
     """Responses that are solved when asked for."""
@@ -173,6 +167,7 @@ def diagnose(
     measured: Sequence[MeasuredStrength] = (),
     untested: Mapping[str, str] | None = None,
     seed: int = 0,
+    possible: Mapping[str, Occurrence] | None = None,
 ) -> Diagnosis:
     """Diagnose recordings: noise, base fit, location, explanations, verdict.
 
@@ -196,17 +191,21 @@ def diagnose(
         Why other mechanisms aren't among those, by name.
     seed
         Of the draws that windows are judged by.
+    possible
+        Which strengths mechanisms may have, and how common the great ones are; within their bounds without it.
     """
     observed = predictor.observed
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0
     problem, ordinary = _fitted(predictor, instrument, nuisances)
     problem, ordinary, error = base_about_solution(problem, ordinary, solved)
-    problem = replace(problem, measured=tuple(measured))
+    problem = replace(problem, measured=tuple(measured), possible=dict(possible or {}))
     base = fit(problem, (), ordinary.values)
     progress.stage(f"weighing {len(mechanisms)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
     explained = explain(problem, base, mechanisms, confirm, ordinary.values)
+    progress.stage("what could hide")
+    limits = limits_of(explained)
     progress.stage("where the base model is wrong")
     assessment = score_tests(problem, base, mechanisms, seed)
     verdict, models = _verdict(explained)
@@ -224,7 +223,7 @@ def diagnose(
         held_out(shown.problem, shown.fit, problem.errors),
         held,
         dict(untested or {}),
-        limits_of(explained),
+        limits,
         _located(explained, shown.fit, models, assessment, problem.errors),
         predictor.ends is not None,
         (solved.solutions if solved is not None else 0) - made,

@@ -1,4 +1,4 @@
-"""Where many long tasks run: processes, ranks, or a cluster's workers; one that dies costs itself alone.
+"""Where many long tasks run: processes, MPI's ranks, or a cluster's workers; one that dies costs itself alone.
 
 Every engine is a `concurrent.futures.Executor`; nothing here deals out tasks beyond handing over the next one.
 """
@@ -7,10 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from typing import Any, Literal
 
+from legfem.common.errors import InputError
 from legfem.jobs.pool import interruptible, processes
+
+type EngineName = Literal["local", "mpi", "dask"]
+_PATIENCE = "20s"
+"""With a scheduler that doesn't answer."""
 
 
 @dataclass(frozen=True)
@@ -20,13 +26,56 @@ class Died:
     problem: str
 
 
-type Engine = Callable[[int], AbstractContextManager[Executor]]
-"""Gives an executor with a number of workers."""
+@dataclass(frozen=True)
+class Engine:
+    """What runs tasks.
+
+    Parameters
+    ----------
+    workers : int
+        How many tasks it does at once.
+    start : callable
+        Gives an executor; again after one broke.
+    lost : tuple of type
+        What a task raises whose worker died, and which the engine has tried elsewhere already.
+    place : str
+        Where it runs and what shows its progress, in words.
+    """
+
+    workers: int
+    start: Callable[[], AbstractContextManager[Executor]]
+    lost: tuple[type[BaseException], ...] = ()
+    place: str = ""
 
 
-def local(workers: int) -> AbstractContextManager[Executor]:
-    """Processes on this machine; this one, if it is to be one alone."""
-    return _Here() if workers == 1 else processes(workers)
+@contextmanager
+def engine_named(name: EngineName, jobs: int, scheduler: str | None) -> Iterator[Engine | None]:
+    """Yield an engine; None on MPI's other ranks, after they have served the first.
+
+    Parameters
+    ----------
+    name
+        ``local``, ``mpi`` or ``dask``.
+    jobs
+        Processes of ``local``.
+    scheduler
+        Address of a dask scheduler, or its file.
+
+    Raises
+    ------
+    InputError
+        If the engine isn't there.
+    """
+    if scheduler is not None and name != "dask":
+        raise InputError("--scheduler", scheduler, f"is of no use on {name}", "add --on dask")
+    if name == "mpi":
+        with _ranks() as engine:
+            yield engine
+    elif name == "dask":
+        with _dask(scheduler) as engine:
+            yield engine
+    else:
+        yield Engine(jobs, _Here if jobs == 1 else lambda: processes(jobs))
 
 
 class _Here(Executor):
@@ -41,57 +90,94 @@ class _Here(Executor):
         return future
 
 
+@contextmanager
+def _ranks() -> Iterator[Engine | None]:
+    """The ranks of mpirun but the first, which hands over; a rank that dies ends all, as MPI has it."""
+    import petsc4py.PETSc  # noqa: F401  (it starts on all ranks together)
+    from mpi4py import MPI
+    from mpi4py.futures import MPICommExecutor
+
+    ranks = MPI.COMM_WORLD.size
+    if ranks == 1:
+        raise InputError("--on", "mpi", "there is one rank", "begin the command with mpirun -n 4")
+    with MPICommExecutor(MPI.COMM_WORLD, root=0) as executor:
+        if executor is None:
+            yield None
+            return
+        root: Any = executor
+        yield Engine(ranks - 1, lambda: nullcontext(root), place=f", on {ranks - 1} ranks")
+
+
+@contextmanager
+def _dask(scheduler: str | None) -> Iterator[Engine]:
+    from distributed import Client
+    from distributed.scheduler import KilledWorker
+
+    if scheduler is None:
+        remedy = "start one with: dask scheduler, workers with: dask worker ADDRESS --nthreads 1, and give its address"
+        raise InputError("--scheduler", "missing", "dask needs a scheduler", remedy)
+    try:
+        address = {"scheduler_file": scheduler} if scheduler.endswith(".json") else {"address": scheduler}
+        client = Client(**address, timeout=_PATIENCE)
+    except (OSError, ValueError) as error:
+        said = " ".join(str(error).split())[:120]
+        raise InputError("--scheduler", scheduler, f"doesn't answer ({said})", "check the address") from None
+    with client:
+        threads = client.nthreads()
+        if not threads or max(threads.values()) > 1:
+            problem = "has workers of several threads, in which PETSc can't run" if threads else "has no workers"
+            raise InputError("--scheduler", scheduler, problem, "start workers with dask worker ADDRESS --nthreads 1")
+        yield Engine(
+            len(threads),
+            lambda: client.get_executor(pure=False),
+            (KilledWorker,),
+            f", on {len(threads)} workers, shown at {client.dashboard_link}",
+        )
+
+
 def outcomes[Task, Outcome](
-    engine: Engine, workers: int, work: Callable[[Task], Outcome], tasks: Sequence[Task]
+    engine: Engine, work: Callable[[Task], Outcome], tasks: Sequence[Task]
 ) -> Iterator[tuple[int, Outcome | Died]]:
     """Yield tasks' places with their outcomes as they become known.
 
-    No more tasks are handed over than workers can begin at once. Where a worker dies, the tasks that were begun are
+    No more tasks are handed over than workers can begin at once. Where a process dies, those that were begun are
     suspected: each is tried once more when the others are done, by itself, so that it is known which one it was.
 
     Parameters
     ----------
     engine
         Where they run.
-    workers
-        How many at once.
     work
-        Function of a task, defined in a module; what it raises is raised here.
+        Function of a task, picklable; what it raises is raised here.
     tasks
         Picklable.
     """
     waiting, suspects = list(range(len(tasks)))[::-1], list[int]()
     while waiting:
         begun: dict[Future[Outcome], int] = {}
-        with engine(workers) as executor:
+        with engine.start() as executor:
             try:
                 while waiting or begun:
-                    while waiting and len(begun) < workers:
+                    while waiting and len(begun) < engine.workers:
                         place = waiting.pop()
                         begun[executor.submit(work, tasks[place])] = place
                     for future in wait(begun, return_when=FIRST_COMPLETED).done:
-                        yield begun[future], future.result()
+                        place = begun[future]
+                        try:
+                            outcome: Outcome | Died = future.result()
+                        except engine.lost as error:
+                            outcome = Died(f"its workers died one after another ({' '.join(str(error).split())[:200]})")
                         del begun[future]
+                        yield place, outcome
             except BrokenExecutor:
-                suspects += _undone(begun)
-                yield from _done(begun)
+                for future, place in begun.items():
+                    if future.done() and not future.cancelled() and future.exception() is None:
+                        yield place, future.result()
+                    else:
+                        suspects.append(place)
     for place in suspects:
         with processes(1) as executor:
             try:
                 yield place, executor.submit(work, tasks[place]).result()
             except BrokenExecutor:
                 yield place, Died("its process was ended from outside twice (out of memory?)")
-
-
-def _undone[Outcome](begun: dict[Future[Outcome], int]) -> list[int]:
-    return [place for future, place in begun.items() if not _succeeded(future)]
-
-
-def _done[Outcome](begun: dict[Future[Outcome], int]) -> Iterator[tuple[int, Outcome]]:
-    for future, place in begun.items():
-        if _succeeded(future):
-            yield place, future.result()
-
-
-def _succeeded[Outcome](future: Future[Outcome]) -> bool:
-    return future.done() and not future.cancelled() and future.exception() is None

@@ -15,7 +15,7 @@ from legfem.data import Instrument
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
-from legfem.inverse.mechanism import MeasuredStrength, measured_strength, null_of, prior_of, testable
+from legfem.inverse.mechanism import MeasuredStrength, Occurrence, measured_strength, null_of, prior_of, testable
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import LawName, Predictor
 from legfem.inverse.responses import SolvedResponses
@@ -27,8 +27,9 @@ from legfem.legs.mechanisms import Mechanism, mechanisms
 from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
 from legfem.legs.nuisances import DRAWN, Accuracy, nuisance_effects
+from legfem.legs.occurrence import OCCURRENCES
 from legfem.legs.plausibility import doubts_about
-from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.legs.subject import TYPICAL_ACCURACY, MeasuredEffect, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 from legfem.legs.variants import solved_responses
 
@@ -154,6 +155,7 @@ class Diagnoser:
             seed,
             ruled_out_of(subject, ends),
             with_correction(mechanisms(), self.correction),
+            OCCURRENCES,
         )
 
 
@@ -169,6 +171,7 @@ def diagnose_body(
     seed: int = 0,
     ruled_out: Mapping[str, str] | None = None,
     every: Sequence[Mechanism] | None = None,
+    possible: Mapping[str, Occurrence] | None = None,
 ) -> Diagnosis:
     """Diagnose recordings of a leg, or of another body whose responses are tabulated.
 
@@ -196,6 +199,8 @@ def diagnose_body(
         See `legfem.legs.diagnosis.shown_mechanisms`.
     every
         Mechanisms that the body may have; all that legfem knows without it.
+    possible
+        Which strengths they may have; within their bounds without it.
     """
     accuracy = accuracy or Accuracy()
     able, untested = shown_mechanisms(observed, None, ruled_out, every)
@@ -215,6 +220,7 @@ def diagnose_body(
         measured_strengths(accuracy, able),
         {**untested, **library.missing},
         seed,
+        possible,
     )
 
 
@@ -246,7 +252,7 @@ def accuracy_of(subject: Subject) -> Accuracy:
         If an effect was measured that legfem doesn't know, or that is impossible.
     """
     check_measured(subject.directory / "subject.toml", subject.measured)
-    given = subject.accuracy
+    given = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
     usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
     return Accuracy(
         usual.contour_sd if given.contour_sd is None else given.contour_sd,

@@ -21,7 +21,7 @@ from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.plausible_channels import check_channels
 from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
-from legfem.legs.subject import LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
+from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
 
 
 def load_sites(directory: Path) -> SitedLeg | None:
@@ -126,11 +126,13 @@ def load_subject(
         site=entry.site,
         elastography=moduli,
         fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
+        typical_shape=given.section.girth_mm is not None,
         measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
     )
+    outlines = (TYPICAL_ACCURACY if subject.typical_shape else subject.accuracy).contour_sd or 0.0
     for trial in subject.trials:
         check_trial(trial)
-        check_channels(trial, toml, section, indenter)
+        check_channels(trial, section, indenter, outlines)
     doubts_about(subject)
     return subject
 

@@ -19,7 +19,7 @@ from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, 
 from legfem.legs.elastography import elastography_priors
 from legfem.legs.plausibility import doubts_about, poisson_ratio
 from legfem.legs.site_test import SiteTest
-from legfem.legs.subject import Subject
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 
 _DISAGREES = 2.0
@@ -27,6 +27,11 @@ _DISAGREES = 2.0
 _EXTRUDED = (
     "The leg in 3D is the measured section, extruded: how the leg's girth changes along {what} is left out. Give a "
     "scan, surfaces or contours at several levels as [section]."
+)
+_TYPICAL = (
+    "The leg's outlines are a typical calf's of the measured girth and fat thickness: the intervals include "
+    f"{100 * TYPICAL_FORCE_SD:g} % of the force (one standard deviation) for its shape. Outlines of this leg from MRI, "
+    "CT or ultrasound remove that error."
 )
 _NO_FIBRES = (
     "The 3D correction takes muscle to be alike in all directions. Where its shear modulus along "
@@ -52,7 +57,10 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
     reach = "" if several else f"{curve_of(fit.tests[0]).displacement[-1]:g} mm"
     texts += of_failed_solves(log, reach)
     texts += far_from_priors(fit.estimates)
+    if details.subject.typical_shape:
+        texts.append(_TYPICAL)
     if isinstance(details.spatial, SpatialSites):
+        texts += _left_out(fit)
         texts += of_elastography(details.subject, fit.estimates)
         return (*texts, *_in_3d(fit, details.spatial))
     texts += dict.fromkeys(
@@ -73,6 +81,14 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
                 "bulk modulus lies below 2/3 of its shear modulus."
             )
     return tuple(texts)
+
+
+def _left_out(fit: Fit[LegDetails]) -> Iterator[str]:
+    """Say that channels beside the force aren't used, which a model in 3D doesn't give."""
+    every = (one.name for site in fit.details.leg.sites for trial in site.recordings for one in trial.channels)
+    names = " and ".join(name.replace("_", " ") for name in dict.fromkeys(every))
+    if names:
+        yield f"What was recorded of {names} is not used: the model in 3D gives the force alone (--model 2d uses it)."
 
 
 def of_two_fidelities(evidence: SpatialEvidence, most_solves: int) -> Iterator[str]:

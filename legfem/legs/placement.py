@@ -17,9 +17,10 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.geometry.section import BONES, LegSection
 from legfem.geometry.section_from_outlines import section_from_outlines
+from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.imaging.registration import register_points
 from legfem.imaging.shape_schema import existing
-from legfem.legs.schema import SUBJECTS, IndenterEntry, SubjectFile, subject_entry
+from legfem.legs.schema import SUBJECTS, IndenterEntry, SectionEntry, SubjectFile, subject_entry
 from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
@@ -62,10 +63,11 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     entry, indenter = given.section, given.indenter
     thickness = entry.fascia_thickness_mm
     if not given.is_cut:
-        assert entry.contours is not None and indenter.aim_mm is not None
-        assert indenter.direction_deg is not None
-        path = existing(directory, entry.contours, toml, "section.contours")
-        section = read_contours(path, thickness)
+        assert indenter.aim_mm is not None and indenter.direction_deg is not None
+        if entry.contours is not None:
+            section = read_contours(existing(directory, entry.contours, toml, "section.contours"), thickness)
+        else:
+            section = _typical(toml, entry)
         aim = np.array(indenter.aim_mm)
         return Placement(section, aim, indenter.direction_deg, axis_deg=indenter.axis_deg or 0.0)
     # Readers of scans are slow to import, and most folders have none.
@@ -104,6 +106,20 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     angle = float(np.degrees(np.arctan2(along[1], along[0]))) % 360.0
     cut = f"{Path(source.name).name}, {plane}"
     return Placement(section, plane.flat(position), angle, cut, residual, source, plane, turn)
+
+
+def _typical(toml: Path, entry: SectionEntry) -> LegSection:
+    """Section of a typical calf of the stated girth and fat."""
+    assert entry.girth_mm is not None and entry.fat_mm is not None
+    try:
+        return calf_section(Calf.with_fat_behind(entry.girth_mm, entry.fat_mm, entry.fascia_thickness_mm))
+    except InputError as error:
+        raise InputError(
+            toml,
+            "section.fat_mm",
+            f"{entry.fat_mm:g} mm of fat and a girth of {entry.girth_mm:g} mm make no calf ({error.problem})",
+            "measure both again, or give contours",
+        ) from None
 
 
 def _to_scan(directory: Path, toml: Path, indenter: IndenterEntry) -> tuple[RigidTransform, float | None]:
@@ -187,7 +203,8 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
         )
     place = placed(subject.directory, toml, given)
     if place.source is None:
-        words = f"the measured section, extruded over {length:g} mm (assumed)"
+        what = "a typical calf's section" if subject.typical_shape else "the measured section"
+        words = f"{what}, extruded over {length:g} mm (assumed)"
         return SpatialLeg(_extruded(subject.section, length), words, True)
     shape = _about(place, 0.5 * length)
     low, high = (float(shape.levels[k]) for k in (0, -1))

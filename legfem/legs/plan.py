@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
+from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
@@ -75,6 +77,7 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     rates = found.observed.rates
     library, _ = diagnoser.library(subject, found.observed, progress)
     tests = designs(found.observed.depth, rates[0], float(library.grid[-1]), found.observed.shows_air)
+    tests = _beside(tests, [one.name for one in found.observed.channels])
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
     plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)
@@ -86,6 +89,17 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     known = {one.effect for one in accuracy.effects}
     by_readings = evaluate_readings([m for m in asked if m.name not in known], candidates, accuracy)
     return ranked([*found_by_tests, *by_readings])
+
+
+def _beside(tests: Sequence[Design], recorded: Sequence[str]) -> list[Design]:
+    """Return tests in which channels that were recorded are recorded again; those that add none of theirs are left."""
+    again = tuple(PlannedChannel(name) for name in recorded)
+    news = [tuple(one for one in test.channels if one.name not in recorded) for test in tests]
+    return [
+        replace(test, channels=(*again, *new))
+        for test, new in zip(tests, news, strict=True)
+        if new or not test.channels
+    ]
 
 
 def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, progress: Progress) -> list[DesignValue]:
@@ -132,11 +146,13 @@ def _reckoned(
     """Return what tests are worth whose responses are known."""
     known = accuracy_of(subject)
 
-    def nuisances(test: Design, blank: Observations, force: FloatArray) -> list[NuisanceEffect]:
+    def nuisances(test: Design, blank: Observations, readings: FloatArray) -> list[NuisanceEffect]:
         accuracy = replace(known, contour_sd=0.0) if test.outlines_known else known
-        return nuisance_effects(library.nuisances, blank, force, accuracy)
+        return nuisance_effects(library.nuisances, blank, readings, accuracy)
 
-    found = [evaluate_design(test, candidates, predictor, nuisances, noise, gain_sd) for test in tests]
+    seen = set(library.beside.names)
+    able = [test for test in tests if all(one.name in seen for one in test.channels)]
+    found = [evaluate_design(test, candidates, predictor, nuisances, noise, gain_sd) for test in able]
     return [one for one in found if one is not None]
 
 
@@ -221,6 +237,7 @@ def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> 
             (Protocol.ramp(0.5 * depth, rate),) * (2 * REPEATS),
         ),
     ]
+    found += with_channels(same)
     if not in_air:
         found.append(
             Design(
@@ -233,6 +250,39 @@ def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> 
     if deeper > depth + 1.0:
         found.append(Design(f"press {deeper:.0f} mm deep", (Protocol.ramp(deeper, rate),) * REPEATS))
     return found
+
+
+def with_channels(same: Protocol) -> list[Design]:
+    """Return the same test with further channels than the force."""
+    depth = float(max(same.displacement))
+    frames = 0.5 * depth, depth
+    at = f"{frames[0]:.0f} and {frames[1]:.0f} mm"
+    given: list[tuple[str, tuple[PlannedChannel, ...], str]] = [
+        (
+            "record the lateral force too",
+            (PlannedChannel("lateral_force"),),
+            "a load cell of two or more axes, and no more time",
+        ),
+        (
+            f"take an ultrasound frame under the cylinder at {at}, and read the thickness of fat and muscle",
+            tuple(PlannedChannel(name, frames) for name in ("fat_thickness", "muscle_thickness")),
+            "an ultrasound probe in the indenter, and a minute to read each frame",
+        ),
+        (
+            f"photograph the skin 25 mm to either side of the cylinder at {at}",
+            tuple(PlannedChannel(f"skin_rise_{side}_25", frames) for side in ("left", "right")),
+            "two cameras with a scale, or a scanner",
+        ),
+        (
+            "record the lateral force, and ultrasound all along",
+            tuple(PlannedChannel(name) for name in ("lateral_force", "fat_thickness", "muscle_thickness")),
+            "both instruments, and software that follows the boundaries",
+        ),
+    ]
+    return [
+        Design(f"{name}, in the same test", (same,) * REPEATS, channels=channels, effort=effort)
+        for name, channels, effort in given
+    ]
 
 
 _FASTER = 5.0

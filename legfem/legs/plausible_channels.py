@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.polynomial import Polynomial
 
@@ -22,8 +20,17 @@ _APART_MM, _APART = 3.0, 0.35
 """Of a thickness from the section's own: mm, or a share of it where that is more."""
 
 
-def check_channels(trial: Segmentation, toml: Path, section: LegSection, indenter: Indenter) -> None:
+def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter, outline_sd: float = 0.0) -> None:
     """Check a trial's channels against its force and displacement, and against the section.
+
+    Parameters
+    ----------
+    trial
+        With its channels.
+    section, indenter
+        Of the site.
+    outline_sd
+        Standard deviation of the section's outlines, mm.
 
     Raises
     ------
@@ -37,7 +44,7 @@ def check_channels(trial: Segmentation, toml: Path, section: LegSection, indente
             _check_lateral(channel, trial, source)
         if channel.name in ("fat_thickness", "muscle_thickness"):
             own = layer_thicknesses(section, indenter.aim, indenter.direction).get(channel.name)
-            _check_thickness(channel, trial, source, own)
+            _check_thickness(channel, trial, source, own, outline_sd)
 
 
 def loading_depths(channel: RecordedChannel, trial: Segmentation) -> FloatArray:
@@ -113,7 +120,9 @@ def _check_lateral(channel: RecordedChannel, trial: Segmentation, source: str) -
         )
 
 
-def _check_thickness(channel: RecordedChannel, trial: Segmentation, source: str, own: float | None) -> None:
+def _check_thickness(
+    channel: RecordedChannel, trial: Segmentation, source: str, own: float | None, outline_sd: float
+) -> None:
     name = channel.name.replace("_", " ")
     if own is None:
         raise InputError(
@@ -139,7 +148,7 @@ def _check_thickness(channel: RecordedChannel, trial: Segmentation, source: str,
             "check that the columns aren't exchanged, and that the frames are in order",
         )
     first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
-    tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias) + float(depth.min())
+    tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * outline_sd) + float(depth.min())
     if abs(first - own) > tolerance:
         raise InputError(
             source,

@@ -42,13 +42,14 @@ from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.laws import laws_of
 from legfem.legs.notices import doubts_of, warnings_about
+from legfem.legs.site_channels import site_channels
 from legfem.legs.site_test import SiteTest, beyond_of, measured_curve, source_of_mode, with_instrument_errors
 from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings
 
-ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres"})
+ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres", "shape"})
 """Sources of error that all sites of a leg have alike: they make none differ from another."""
 _ALWAYS_BY = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
 _ASSUMED = ("superficial.C10", "fascia.C10")
@@ -101,7 +102,7 @@ class LegProblem:
             return JointComparison(self.tests, "covariance", near)
         (test,) = self.tests
         read = replace(test, beyond=beyond_of(law.parameters, law.fixed), by_instrument=law.reads)
-        return JointComparison((read,), weighting_of(law, self.weighting), near)
+        return JointComparison((read,), weighting_of(law, self.weighting, bool(test.beside)), near)
 
     @property
     def sensitivities(self) -> tuple[str, ...]:
@@ -161,9 +162,11 @@ class LegProblem:
     def _per_length(self, found: Found[JointComparison]) -> float:
         """Sum of squared differences of forces per unit length of the cylinder, (N/mm)2; NaN of other indenters."""
         left = found.linear.prediction.values - found.search.misfit.measured
+        forces = [test.data.spans[0] for test in self.tests]
         lengths = [test.subject.indenter.length for test in self.tests]
         spans = found.search.misfit.spans
-        return math.fsum(float(np.sum(left[span] ** 2)) / one**2 for span, one in zip(spans, lengths, strict=True))
+        every = zip(spans, forces, lengths, strict=True)
+        return math.fsum(float(np.sum(left[span][force] ** 2)) / one**2 for span, force, one in every)
 
     def _settings(self, found: Found[JointComparison], times: float) -> dict[str, object]:
         law = found.search.law
@@ -218,13 +221,13 @@ def leg_problem(
     curves = [with_instrument_errors(measured_curve(site, request.depth), own_errors) for site in leg.sites]
     forward = forward or section_forward(leg, request, settings)
     tests = tuple(
-        SiteTest(site, curve, correction)
+        SiteTest(site, curve, correction, beside=site_channels(site, curve))
         for site, curve, correction in zip(leg.sites, curves, corrections or [None] * len(curves), strict=True)
     )
     unknowns = laws_of(leg.sites[0], laws, forward.nominal, parameters, fixed)
     if not several:
         for law in unknowns.values():
-            weighting_of(law, request.settings.weighting)
+            weighting_of(law, request.settings.weighting, bool(tests[0].beside))
     return LegProblem(leg, tests, forward, unknowns, request.settings.weighting, own_errors)
 
 
@@ -259,15 +262,22 @@ def pressed_depth(site: Subject, request: SearchRequest, with_offset: bool = Tru
     return float(measured_curve(site, request.depth).displacement[-1]) + beyond
 
 
-def weighting_of(law: IdentifiedLaw, asked: Weighting | None) -> Weighting:
+def weighting_of(law: IdentifiedLaw, asked: Weighting | None, channels: bool = False) -> Weighting:
     """What is minimised: the plain sum where nothing else is asked for or needed.
 
     Raises
     ------
     InputError
-        If the plain sum is asked for and there are priors.
+        If the plain sum is asked for and there are priors, or channels beside the force.
     """
-    if len(law.priors) == 0:
+    if channels and asked == "paper":
+        raise InputError(
+            "--weighting",
+            "paper",
+            "has no errors by which newtons and millimetres could be weighed against each other",
+            "leave it out, or take the channels out of the recordings",
+        )
+    if len(law.priors) == 0 and not channels:
         return asked or "paper"
     if asked == "paper":
         raise InputError(
@@ -346,12 +356,13 @@ def _test_fits(found: Found[JointComparison], single: SingleTests) -> list[TestF
     return [
         TestFit(
             test,
-            (
+            tuple(
                 ChannelFit(
-                    test.data.channels[0],
-                    prediction.values[span],
-                    MappingProxyType({name: by[span] for name, by in prediction.sensitivities.items()}),
-                ),
+                    channel,
+                    prediction.values[span][own],
+                    MappingProxyType({name: by[span][own] for name, by in prediction.sensitivities.items()}),
+                )
+                for channel, own in zip(test.data.channels, test.data.spans, strict=True)
             ),
             goodness,
             by_itself=MappingProxyType(own),

@@ -94,18 +94,35 @@ class IndenterEntry(FileTable):
         return self
 
 
+FROM_BEHIND: Mapping[str, Any] = {"aim_mm": [0.0, 0.0], "direction_deg": 90.0}
+"""Line of travel of a typical calf: towards its middle, whose front is at +y."""
 HOLDER = "a subject folder"
 """That holds the file."""
 
 
 class SectionEntry(ShapeEntry):
-    """``[section]``: contours of one section, or what a section is cut from."""
+    """``[section]``: contours of one section, what a section is cut from, or a typical calf's size."""
 
+    sources: ClassVar[dict[str, str]] = {
+        **ShapeEntry.sources,
+        "girth_mm": "girth_mm with fat_mm (a typical calf of that size)",
+    }
     fascia_thickness_mm: Positive
+    girth_mm: Annotated[float, Field(ge=200.0, le=600.0, allow_inf_nan=False)] | None = None
+    """Of the calf where it is pressed, by a tape; no outlines are needed then."""
+    fat_mm: Annotated[float, Field(ge=2.0, le=60.0, allow_inf_nan=False)] | None = None
+    """Thickness of skin and fat under the indenter, by ultrasound or half a skinfold."""
     level_mm: Finite | None = None
     """At which to cut, square to z; without it through the indenter's position."""
     length_mm: Positive | None = None
     """Of the leg that a model in 3D holds, the cylinder at its middle; 120 mm without it."""
+
+    @model_validator(mode="after")
+    def _both_sizes(self) -> SectionEntry:
+        if (self.girth_mm is None) != (self.fat_mm is None):
+            missing = "fat_mm" if self.fat_mm is None else "girth_mm"
+            raise trouble(missing, "missing", "a typical calf takes both girth_mm and fat_mm")
+        return self
 
 
 class TissueEntry(FileTable):
@@ -224,6 +241,24 @@ class SubjectFile(FileTable):
                 )
         return self
 
+    @model_validator(mode="before")
+    @classmethod
+    def _pressed_from_behind(cls, content: Any) -> Any:
+        """Give a typical calf its line of travel, which is known from behind only."""
+        if not isinstance(content, Mapping):
+            return content
+        section, indenter = content.get("section"), content.get("indenter")
+        if not (isinstance(section, Mapping) and isinstance(indenter, Mapping) and "girth_mm" in section):
+            return content
+        for key in ("aim_mm", "direction_deg", "position_mm", "direction"):
+            if key in indenter:
+                raise trouble(
+                    f"indenter.{key}",
+                    "is given beside section.girth_mm",
+                    "leave it out: a typical calf is pressed from behind, towards its middle",
+                )
+        return {**content, "indenter": {**indenter, **FROM_BEHIND}}
+
     @model_validator(mode="after")
     def _one_plane(self) -> SubjectFile:
         level, position = self.section.level_mm, self.indenter.position_mm
@@ -235,7 +270,7 @@ class SubjectFile(FileTable):
             )
         if "labels" in self.model_fields_set and self.section.scan is None:
             raise trouble("labels", "are given without a scan", "give the scan, or leave them out")
-        if not self.is_cut and self.section.contours is None:
+        if not self.is_cut and self.section.contours is None and self.section.girth_mm is None:
             raise trouble(
                 "section.level_mm",
                 "missing: nothing says where to cut the scan",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
@@ -19,12 +20,17 @@ from legfem.inverse.errors import numerical_covariance
 from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
-from legfem.legs.subject import Subject
+from legfem.legs.site_channels import SiteChannel
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.solve.path import ForceCurve
 
 OF_MODEL = "in 3D: "
 """Beginning of the names of modes that are errors of a leg's own model in 3D."""
+TYPICAL_SHAPE = "typical shape"
+"""Mode of the error that a typical calf's outlines make."""
 _STEP = 1e-4
+_ENDS_BESIDE = 0.05
+"""Of a thickness's or the skin's change: by how much it may differ in 3D. Assumed: no table of it is there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +50,8 @@ class SiteTest(Test):
         zero.
     by_instrument : bool
         Whether the instrument has a gain, zero or contact offset that is free or held.
+    beside : tuple of SiteChannel
+        What else was recorded, and is predicted.
     """
 
     subject: Subject
@@ -51,6 +59,7 @@ class SiteTest(Test):
     correction: Correction | None = None
     beyond: float = 0.0
     by_instrument: bool = False
+    beside: tuple[SiteChannel, ...] = ()
 
     @property
     def name(self) -> str:
@@ -59,9 +68,10 @@ class SiteTest(Test):
 
     @cached_property
     def data(self) -> Data:
-        """One channel, the force (N) along the displacement after first contact (mm)."""
+        """The force (N) along the displacement after first contact (mm), then what was recorded beside it."""
         curve = self.curve
-        return Data((Channel("force", "N", curve.displacement, "displacement_mm", curve.force, curve.force_sd),))
+        force = Channel("force", "N", curve.displacement, "displacement_mm", curve.force, curve.force_sd)
+        return Data((force, *(one.channel for one in self.beside)))
 
     @cached_property
     def grid(self) -> FloatArray:
@@ -73,8 +83,16 @@ class SiteTest(Test):
 
     @property
     def model_size(self) -> int:
-        """Number m of forces on the model's grid."""
-        return len(self.grid)
+        """Number m of values on the model's grid: forces, and of each channel its value at rest and changes."""
+        return len(self.grid) + len(self.beside) * (1 + len(self.grid))
+
+    @cached_property
+    def linear_scale(self) -> FloatArray | None:
+        """Sizes (m,) of what isn't a force along the travel, which is 0; None where all is."""
+        if not self.beside:
+            return None
+        sizes = [np.full(1 + len(self.grid), one.size) for one in self.beside]
+        return np.concatenate([np.zeros(len(self.grid)), *sizes])
 
     @property
     def reach(self) -> str:
@@ -84,36 +102,85 @@ class SiteTest(Test):
     @property
     def if_deeper(self) -> FloatArray:
         """Change of the measured forces (n,) per relative change of the displacements, N."""
-        return -self.curve.displacement * np.gradient(self.curve.force, self.curve.displacement)
+        of_force = -self.curve.displacement * np.gradient(self.curve.force, self.curve.displacement)
+        return np.concatenate([of_force, *(-one.depth * one.slope for one in self.beside)])
 
     def reached_by(self, curve: ForceCurve) -> bool:
         """Whether a solve came to the grid's end; one that stops short says nothing of the greatest forces."""
-        return curve.depth >= self.grid[-1] - 1e-9
+        told = all(one.kind.name in curve.channels for one in self.beside)
+        return told and curve.depth >= self.grid[-1] - 1e-9
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
-        """Forces (..., n) that the instrument shows of the model's (..., m)."""
-        return self._reading(model_values, instrument) if self.by_instrument else model_values
+        """Readings (..., n) that the instrument shows of the model's (..., m)."""
+        if not self.beside:
+            return self._reading(model_values, instrument) if self.by_instrument else model_values
+        force, *others = np.split(model_values, self._ends, axis=-1)
+        offset = instrument[..., 2] if self.by_instrument else np.zeros(())
+        seen = self._reading(force, instrument) if self.by_instrument else force[..., : len(self.curve.force)]
+        return np.concatenate([seen, *map(self._beside_at(offset), self._beside_readings, others)], axis=-1)
 
     def predict(self, curve: ForceCurve, values: Values, instrument: FloatArray) -> Prediction:
-        """Corrected force of a solve, as the instrument shows it."""
+        """Corrected force of a solve, and further channels, as the instrument shows them."""
         seen_by = instrument[: len(INSTRUMENT)]
-        force, by = self._corrected(curve, values)
+        force, by = self._corrected(
+            curve(self.grid), _on_grid(curve.sensitivity, curve.sensitivities, self.grid), values
+        )
         if not self.by_instrument:
-            return Prediction(force, by, force, by)
+            return self._with_beside(Prediction(force, by, force, by), curve, values, np.zeros(()))
         # Linear in the force but for the zero.
         slope = seen_by * (1.0, 0.0, 1.0)
         seen = {name: self._reading(derivative, slope) for name, derivative in by.items()}
         seen |= self._reading.derivatives(force, seen_by)
-        return Prediction(self._reading(force, seen_by), seen, force, by)
+        read = Prediction(self._reading(force, seen_by), seen, force, by)
+        return self._with_beside(read, curve, values, np.asarray(seen_by[2]))
+
+    def _with_beside(self, read: Prediction, curve: ForceCurve, values: Values, offset: FloatArray) -> Prediction:
+        """Return a prediction of forces with those of further channels after them, at a contact's offset (mm)."""
+        for one, reading in zip(self.beside, self._beside_readings, strict=True):
+            block, by = self._beside(one.kind.name, curve, values)
+            read_by = {name: reading.at(change[1:], offset) for name, change in by.items()}
+            read_by |= {name: np.zeros(len(one)) for name in read.sensitivities if name not in by}
+            if OFFSET in read.sensitivities:
+                read_by[OFFSET] = -reading.at(block[1:], offset, derivative=True)
+            read = Prediction(
+                np.concatenate([read.values, block[0] + reading.at(block[1:], offset)]),
+                _joined(read.sensitivities, read_by),
+                np.concatenate([read.model_values, block]),
+                _joined(read.model_sensitivities, by),
+            )
+        return read
+
+    def _beside(self, name: str, curve: ForceCurve, values: Values) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return a channel at rest and its changes on the grid, (1 + g,), and the derivatives of these."""
+        at = np.concatenate([[0.0], self.grid])
+        level = curve.channel(name, at)
+        by = {p: curve.channel_sensitivity(name, p, at) for p in curve.sensitivities}
+        change, by_change = level[1:] - level[0], {p: one[1:] for p, one in by.items()}
+        if name == "lateral_force":
+            change, by_change = self._corrected(change, by_change, values)
+        return np.concatenate([level[:1], change]), {p: np.concatenate([by[p][:1], by_change[p]]) for p in by}
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        """Where channels begin among the model's values."""
+        return [len(self.grid) + k * (1 + len(self.grid)) for k in range(len(self.beside))]
+
+    @cached_property
+    def _beside_readings(self) -> list[Reading]:
+        return [Reading(self.grid, one.depth) for one in self.beside]
+
+    @staticmethod
+    def _beside_at(offset: FloatArray) -> Callable[[Reading, FloatArray], FloatArray]:
+        return lambda reading, block: block[..., :1] + reading.at(block[..., 1:], offset)
 
     @cached_property
     def _reading(self) -> Reading:
         return Reading(self.grid, self.curve.displacement)
 
-    def _corrected(self, curve: ForceCurve, values: Values) -> tuple[FloatArray, dict[str, FloatArray]]:
-        grid = self.grid
-        force = curve(grid)
-        by = {name: curve.sensitivity(name, grid) for name in curve.sensitivities}
+    def _corrected(
+        self, force: FloatArray, by: dict[str, FloatArray], values: Values
+    ) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return forces on the grid (g,), and their derivatives, times the correction's factor."""
         if self.correction is None:
             return force, by
         c10, c20 = deep_stiffness(values)
@@ -131,16 +198,54 @@ class SiteTest(Test):
 
     @cached_property
     def own_errors(self) -> Covariances:
-        """Errors of the recordings and of the numerical model, (n, n), N2."""
+        """Errors of the recordings, the numerical model and further channels' instruments, (n, n)."""
         numerical = numerical_covariance(self.curve.displacement, self.curve.force, power=1.0)
-        return {"recordings": self.curve.covariance, "model": numerical}
+        if not self.beside:
+            return {"recordings": self.curve.covariance, "model": numerical}
+        blank = [np.zeros((len(one), len(one))) for one in self.beside]
+        own = block_diag(numerical, *(one.numerical + one.outlines for one in self.beside))
+        return {
+            "recordings": np.asarray(block_diag(self.curve.covariance, *blank)),
+            "model": np.asarray(own),
+            "channels": np.asarray(block_diag(np.zeros_like(numerical), *(one.instrument for one in self.beside))),
+        }
 
     def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:
-        """Errors of the correction, which are the same at all sites of a leg; about forces (n,), N."""
+        """Errors of the correction and of a typical shape, alike at all sites of a leg; about readings (n,)."""
+        found: dict[str, Mode] = {}
+        if self.subject.typical_shape:
+            forces = np.zeros(len(predicted))
+            forces[self.data.spans[0]] = predicted[self.data.spans[0]]
+            found[TYPICAL_SHAPE] = Mode("shape", TYPICAL_FORCE_SD * forces)
         if self.correction is None:
-            return {}
-        relative = self.correction.relative_errors(self.curve.displacement, *deep_stiffness(values))
-        return {name: Mode(source_of_mode(name), error * predicted) for name, error in relative.items()}
+            return found
+        of_deep = deep_stiffness(values)
+        effects: dict[str, list[FloatArray]] = {
+            name: [error * force]
+            for force in (predicted[self.data.spans[0]],)
+            for name, error in self.correction.relative_errors(self.curve.displacement, *of_deep).items()
+        }
+        unlike: list[FloatArray] = [np.zeros(len(self.curve.force))]
+        for one, span in zip(self.beside, self.data.spans[1:], strict=True):
+            along = self.correction.relative_errors(one.depth, *of_deep)
+            lateral = one.kind.name == "lateral_force"
+            for name, parts in effects.items():
+                parts.append(along[name] * predicted[span] if lateral else np.zeros(len(one)))
+            unlike.append(np.zeros(len(one)) if lateral else _ENDS_BESIDE * one.slope * one.depth)
+        found |= {name: Mode(source_of_mode(name), np.concatenate(parts)) for name, parts in effects.items()}
+        if self.beside:
+            found["ends: shape under the cylinder"] = Mode("ends", np.concatenate(unlike))
+        return found
+
+
+def _on_grid(
+    of: Callable[[str, FloatArray], FloatArray], names: Iterable[str], grid: FloatArray
+) -> dict[str, FloatArray]:
+    return {name: of(name, grid) for name in names}
+
+
+def _joined(first: Mapping[str, FloatArray], then: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    return {name: np.concatenate([values, then[name]]) for name, values in first.items()}
 
 
 def source_of_mode(name: str) -> ErrorSource:

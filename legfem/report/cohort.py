@@ -12,8 +12,10 @@ import numpy as np
 import legfem.report.page as web
 from legfem.cohort.members import Member, Members
 from legfem.cohort.rows import Found, Measure, Row, cohort_model, measured
+from legfem.cohort.statistics import statistics
 from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
 from legfem.common.versions import versions_of
+from legfem.report import cohort_statistics
 from legfem.report.cohort_figure import colours_of
 from legfem.report.cohort_methods import methods
 from legfem.report.many import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
@@ -59,6 +61,7 @@ def cohort_web_page(members: Members, rows: Sequence[Row], task: str, command: s
         web.Chapter("Who can be believed", _believed(every, rows)),
         web.Chapter("What was found", _numbers(every, rows, model, found)),
         *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
+        cohort_statistics.chapter(statistics(every, rows)),
         web.Chapter(ODD, _odd(odd, missing(every, rows))),
         web.Chapter("Methods", [web.Prose(text) for text in methods(members, rows, task, model)]),
     ]
@@ -109,7 +112,10 @@ def _headline(members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Susp
     answers = [
         ("How many", f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"),
         ("Without a result", listed(failed) if failed else "none"),
-        ("What is odd", f"{len(odd)} things to look into" if odd else "nothing that was looked for"),
+        (
+            "What is odd",
+            f"{len(odd)} thing{'' if len(odd) == 1 else 's'} to look into" if odd else "nothing that was looked for",
+        ),
         *([("Compared under", model)] if model else []),
     ]
     return web.Headline(tone, f"Of {len(rows)} members: {said}.", answers, f"{good} of {len(rows)} can be used")

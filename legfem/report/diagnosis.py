@@ -10,18 +10,20 @@ from legfem.common.units import kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
-from legfem.inverse.verdict import Diagnosis, explained_share
+from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.elastography import elastography_priors
 from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
+from legfem.report.diagnosis_channels import channel_chapter
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_headline import TITLE, capital, headline
 from legfem.report.diagnosis_numbers import known_of
-from legfem.report.diagnosis_sentences import next_experiments, percent, verdict_sentence
+from legfem.report.diagnosis_section import misfit_in_section
+from legfem.report.diagnosis_sentences import hidden_sentence, next_experiments, percent, verdict_sentence
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES
@@ -98,12 +100,14 @@ def diagnosis_web_page(
     pressed
         The section for the reader to press; as it is unpressed without it.
     """
+    located = misfit_in_section(found, subject) if isinstance(subject, Subject) else []
     chapters = [
         web.Chapter(
             "Recordings and model",
             [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)],
         ),
-        web.Chapter("Where the model is wrong", _where(found)),
+        *channel_chapter(found),
+        web.Chapter("Where the model is wrong", [*_where(found), *located]),
         web.Chapter("Which physics, and how sure", _physics(found)),
         web.Chapter("What was tested", _tested(found)),
         web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
@@ -186,12 +190,7 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         web.WebTable("What was left out, and how probably", *tables.explanation_cells(found)),
     ]
     if found.verdict == "consistent":
-        return [
-            *blocks,
-            web.WebTable(
-                "How strong each mechanism may be without being detected", *tables.limit_cells(found), folded=True
-            ),
-        ]
+        return [*blocks, *_hidden(found)]
     if not found.models:
         return [*blocks, web.Prose(_closest(found))]
     return [
@@ -202,6 +201,25 @@ def _physics(found: Diagnosis) -> list[web.Block]:
             "the recordings are with the mechanism than without it; 5 is strong. “In part” means that a difference "
             "without a known cause remains, because no real effect has exactly the form of a model."
         ),
+    ]
+
+
+def _hidden(found: Diagnosis) -> list[web.Block]:
+    """Return what could hide, sorted by what it does to C10."""
+    how = (
+        "Each effect was made stronger step by step, and everything else fitted again, up to the strength that legs "
+        "and rigs can have. “Open” means that the recordings bound it no more closely than that."
+    )
+    limit = f"{100 * TRUSTED:.0f} %"
+    table = web.WebTable(
+        "How strong each mechanism may be without being detected", *tables.limit_cells(found), folded=True
+    )
+    if not found.hidden:
+        return [web.Prose(f"{how} None of them can move C10 by more than {limit} without being seen."), table]
+    return [
+        web.Prose(f"{how} These could move C10 by more than {limit} without being seen, the greatest first:"),
+        web.Bullets([hidden_sentence(found, one) for one in found.hidden]),
+        table,
     ]
 
 

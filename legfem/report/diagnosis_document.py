@@ -20,6 +20,7 @@ from legfem.inverse.location import runs
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.report.diagnosis_channels import channel_misfits, channel_sentences
 from legfem.report.diagnosis_sentences import next_experiments
 
 SCHEMA = 3
@@ -105,6 +106,8 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 {"what": name, "departure_in_sd": float(z)}
                 for name, z in zip(found.errors.names, posterior.effects, strict=True)
             ],
+            "channels": [asdict(one) for one in channel_misfits(found)],
+            "beside_the_force": list(channel_sentences(found)),
             "measured": [asdict(one) for one in measured_of(subject)],
             "mismatch": mismatches(found),
             "physics": [
@@ -140,7 +143,11 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "parameter": limit.parameter,
                     "unit": limit.unit,
                     "between": [limit.low, limit.high],
+                    "open": [limit.open_low, limit.open_high],
                     "greatest_change_of_force_N": limit.effect,
+                    "stiffness_kPa": {name: list(ends) for name, ends in limit.stiffness.items()},
+                    "at": dict(limit.strongest),
+                    "C10_there_kPa": limit.c10,
                 }
                 for limit in found.limits
             ],

@@ -10,19 +10,17 @@ from collections.abc import Sequence
 
 from legfem.inverse.averaging import widened_by
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.verdict import Diagnosis
+from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import determined, places_of
-from legfem.report.diagnosis_sentences import next_experiments, percent, statements
+from legfem.report.diagnosis_sentences import hidden_sentence, next_experiments, percent, statements
 from legfem.report.estimates import high_or_low
 from legfem.report.words import number
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
 _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
-_WIDE = 0.2
-"""Half-width of an interval over the value, from which the interval is what counts."""
 
 
 def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Headline:
@@ -54,10 +52,13 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
 
 def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
     """Return how the verdict looks, and the answer to the page's title."""
-    if found.verdict == "consistent":
-        return "sound", "Yes, as a range." if _wide(found) else "Yes."
     if found.verdict == "unexplained":
         return "wrong", "No."
+    if _wide(found):
+        fits = "The model fits" if found.verdict == "consistent" else "The corrected model fits"
+        return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
+    if found.verdict == "consistent":
+        return "sound", "Yes."
     if found.verdict == "named" or _alike(found):
         return "caution", "Yes, but use the corrected one."
     return "open", "Only as a range."
@@ -82,7 +83,8 @@ def _write_down(found: Diagnosis) -> str:
 
 def _wrong(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        return "None. What this test cannot show is listed further down, under “What could not be tested”."
+        hides = f" But: {hidden_sentence(found, found.hidden[0])}" if found.hidden and _wide(found) else ""
+        return f"None.{hides} What this test cannot show is listed further down."
     if found.verdict == "unexplained":
         return (
             "The computer model of the leg does not reproduce the recording, and no cause that "
@@ -138,6 +140,8 @@ def _stiffness(found: Diagnosis) -> str:
     if "C10" not in found.base.fit.free:
         return "C10 was given, not found."
     before = _value(found, found.base)
+    if found.verdict == "consistent" and _wide(found):
+        return f"{_C10}, is {before} kPa if nothing hides; what may hide can move it by {percent(found.may_be_off)}."
     if found.verdict == "consistent":
         return f"{_C10}, is {before} kPa; no correction is needed."
     after = [_value(found, model) for model in found.models]
@@ -191,21 +195,20 @@ def _ends(found: Diagnosis) -> tuple[float, float]:
 
 
 def _wide(found: Diagnosis) -> bool:
-    """Return whether a sound model's C10 is known as a range alone: what is hidden may move it."""
-    if found.verdict != "consistent" or "C10" not in found.base.fit.free:
+    """Return whether C10 is known as a range alone: what is hidden may move it."""
+    if found.verdict == "unexplained" or (found.verdict == "ambiguous" and not _alike(found)):
         return False
-    low, high = _ends(found)
-    return high - low > 2 * _WIDE * found.base.value("C10")
+    return found.may_be_off > TRUSTED
 
 
 def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
-    widest = widened_by(found.explained, "C10") if _wide(found) else None
+    consistent = found.verdict == "consistent"
+    widest = widened_by(found.explained, "C10") if _wide(found) and consistent else None
     if widest is not None:
         return (
             "Use the range. It is so wide because this test cannot determine whether "
-            f"{statements(widest)}. To narrow it, ask the lab to "
-            f"{widest.fit.mechanisms[0].next_experiment}."
+            f"{statements(widest)}. To narrow it, ask the lab to {_narrowing(widest, lines)}."
         )
     if found.verdict == "consistent":
         if not lines:
@@ -223,6 +226,12 @@ def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
         return f"Use the corrected number. To confirm the cause, {asked}."
     kept = "the corrected number" if _alike(found) else "the range, and no single number"
     return f"Use {kept}. To find out which cause it is, {asked}."
+
+
+def _narrowing(widest: Explanation, lines: Sequence[str]) -> str:
+    """Return what would narrow C10's range: what settles its widest part, and what wasn't recorded yet."""
+    wanted = widest.fit.mechanisms[0].next_experiment
+    return "; or to ".join([wanted, *[line for line in lines if line != wanted][:1]])
 
 
 def capital(text: str) -> str:

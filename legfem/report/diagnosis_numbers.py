@@ -207,18 +207,22 @@ def explanation_cells(found: Diagnosis, most: int = 8) -> Cells:
 
 
 def limit_cells(found: Diagnosis) -> Cells:
-    """Return how strong each mechanism may be unseen."""
+    """Return how strong each mechanism may be unseen, and C10 then, what moves that most first."""
+    ends = {(True, True): "on both sides", (True, False): "downwards", (False, True): "upwards"}
     rows = []
     for limit in found.limits:
         unit = "" if limit.unit == "-" else f" {limit.unit}"
+        stiffness = limit.stiffness.get("C10")
         rows.append(
             [
                 plain(limit.name),
                 f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{unit}",
+                ends.get((limit.open_low, limit.open_high), "no"),
+                "-" if stiffness is None else f"{stiffness[0]:.3g} to {stiffness[1]:.3g}",
                 f"{limit.effect:.2g}",
             ]
         )
-    return ["mechanism", "range (95 %)", "largest change of the force (N)"], rows
+    return ["mechanism", "range (95 %)", "open", "C10 then (kPa)", "largest change of the force (N)"], rows
 
 
 def held_out_note(held: HeldOut) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.inverse.explanation import Explanation
+from legfem.inverse.hidden import Limit
+from legfem.inverse.mechanism import null_of
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.mechanisms import Mechanism
 from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
@@ -128,6 +130,19 @@ def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
     if recorded and isinstance(mechanism, TissueRelaxation):
         return _HOLDS_RECORDED
     return mechanism.next_experiment
+
+
+def hidden_sentence(found: Diagnosis, limit: Limit) -> str:
+    """Return what would not have been seen, and what C10 would then be."""
+    mechanism = next(e.fit.mechanisms[0] for e in found.explained.every if e.names == (limit.name,))
+    first = mechanism.parameters[0]
+    value = limit.strongest[first.name]
+    size = f"{value:.2g}" + ("" if first.unit == "-" else f" {first.unit}")
+    plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
+    what = (mechanism.would_be or plain).format(size)
+    at_end = limit.open_high if value > null_of(first) else limit.open_low
+    seen = "would not have been seen" + ("" if at_end else ", but a stronger effect would")
+    return f"{what[:1].upper()}{what[1:]} {seen}; C10 would then be {_digits(limit.c10)} kPa."
 
 
 def next_experiments(found: Diagnosis) -> list[str]:

@@ -195,6 +195,10 @@ class Remedies:
             "ends": self.ends,
             "fibres": "most of the uncertainty comes from the muscle's fibres; measure them with shear "
             "waves along and across the leg ([[elastography]]), or use --model 3d",
+            "channels": "most of the uncertainty comes from the instruments beside the load cell; state their errors "
+            "under [channels] where they are smaller, or record more often",
+            "shape": "most of the uncertainty comes from a typical calf's outlines; give this leg's own "
+            "([section] contours)",
             "priors": "most of the uncertainty comes from what was stated with --prior; measure that "
             "separately, and state the new value",
         }[source]

@@ -18,6 +18,7 @@ from legfem.jobs.background import in_background
 from legfem.legs.details import LegDetails
 from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
+from legfem.report.channels import SHOWS, beside_force, channels_figure
 from legfem.report.cost_figure import cost_figure
 from legfem.report.estimates import preferred
 from legfem.report.fit_figure import fit_figure
@@ -72,6 +73,7 @@ def write_report(
     command: str = "",
     experiment: PlaneStrainIndentation | None = None,
     jobs: int = 1,
+    every_rank: bool = False,
 ) -> Path:
     """Write the folder of fits: result.json, report.html and report.txt, tables, figures; return report.txt's path.
 
@@ -88,10 +90,12 @@ def write_report(
         and fields of it out. Under MPI all ranks of its communicator call.
     jobs
         Processes: with several the figures are drawn while the deformed state is read.
+    every_rank
+        Whether each rank has fits and a folder of its own; else the first one of MPI's writes alone.
     """
     kind, out = kind_of(fits), Path(out)
     comm = MPI.COMM_SELF if experiment is None else experiment.comm
-    if comm.size == 1 and MPI.COMM_WORLD.rank > 0:
+    if comm.size == 1 and MPI.COMM_WORLD.rank > 0 and not every_rank:
         return out / REPORT
     if comm.rank == 0:
         write_document(out / "result.json", fit_document(fits, kind.document))
@@ -118,6 +122,8 @@ def _leg_figures(fits: LegFits, folder: Path) -> Drawn:
             "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
         )
     ]
+    if beside_force(fits[0]):
+        entries.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
     for fit in fits:
         if len(fit.estimates) > 2 or len(fit.tests) > 1:
             continue

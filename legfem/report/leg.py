@@ -15,6 +15,7 @@ from legfem.legs.notices import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
+from legfem.report.channels import beside_force, channel_curves, channel_lines
 from legfem.report.leg_numbers import how_done, known_of
 from legfem.report.page import Curves, Dash, Line, PressedSection
 from legfem.report.section import still_section
@@ -256,7 +257,7 @@ def _curves(fits: Sequence[LegFit], chosen: LegFit) -> list[web.Block]:
         where = f"{one.name}. " if several else ""
         name = f"site{number}" if several else "fit"
         blocks.append(fit_curves(name, where, curve_of(one), predicted, chosen.law))
-    return blocks
+    return [*blocks, *(channel_curves(fits, number, k) for number, k in beside_force(chosen))]
 
 
 def _site_table(chosen: LegFit) -> list[web.WebTable]:
@@ -297,6 +298,7 @@ def _tested(fits: Sequence[LegFit]) -> list[str]:
                     for test in one.tests
                 ),
             ]
+        lines += channel_lines(one)
         lines += estimates.why_identifiable(one.estimates, one.law)
     return lines
 

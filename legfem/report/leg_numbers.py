@@ -29,7 +29,7 @@ _AT = (5.0, 15.0, 25.0)
 _TISSUES = ("deep", "superficial", "fascia")
 _WEIGHTINGS = {
     "paper": "every point counts alike, as in the paper",
-    "covariance": "points count by the inverse of the curve's covariance",
+    "covariance": "points count by the inverse of the readings' covariance",
 }
 
 

@@ -258,6 +258,17 @@ class PressedSection:
 
 
 @dataclass(frozen=True)
+class Mark:
+    """A circle on a section, y downwards, mm."""
+
+    name: str
+    x: float
+    y: float
+    radius: float
+    colour: str
+
+
+@dataclass(frozen=True)
 class StillSection:
     """The contours of a section and the indenter where it first touches."""
 
@@ -271,6 +282,7 @@ class StillSection:
     """Centre and radius, y downwards."""
     travel: tuple[float, float, float, float]
     """Line from the centre along the indenter's travel."""
+    marks: Sequence[Mark] = ()
 
 
 @dataclass(frozen=True)

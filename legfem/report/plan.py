@@ -34,7 +34,11 @@ def effects_of(ranked: Sequence[DesignValue]) -> list[str]:
 
 def plan_lines(ranked: Sequence[DesignValue]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
-    return [f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates" for one in ranked]
+    return [
+        f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates"
+        + (f" (it takes {one.design.effort})" if one.design.effort else "")
+        for one in ranked
+    ]
 
 
 def plan_document(ranked: Sequence[DesignValue], subject: str) -> dict[str, Any]:
@@ -46,6 +50,7 @@ def plan_document(ranked: Sequence[DesignValue], subject: str) -> dict[str, Any]
         "tests": [
             {
                 "test": one.design.name,
+                "effort": one.design.effort,
                 "chance": one.chance,
                 "told_apart": [{"if": a, "from": b, "chance": chance} for (a, b), chance in one.chances.items()],
             }

@@ -6,7 +6,7 @@ quadrature than the diagnosis uses. Finite-element solutions are kept on disk.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -37,7 +37,10 @@ TRUTH_SETTINGS = replace(
 )
 ELASTIC_RATE = 1.0
 """mm/s, of a loading whose force knows no rate."""
-LUMP_DISTANCE_MM, LUMP_RADIUS_MM, LUMP_FACTOR = 14.0, 6.0, 3.0
+LUMP_DISTANCE_MM, LUMP_RADIUS_MM = 14.0, 6.0
+LUMPS = {"lump": 3.0, "hard-lump": 10.0}
+"""How many times as stiff as the muscle."""
+TAKES_WAY = ("support-compliance", "leg-shift")
 _OTHER_STEP_MM = 0.8
 _FINE = 401
 """Points of a segment that are kept."""
@@ -45,15 +48,17 @@ _FINE = 401
 
 @dataclass(frozen=True)
 class ForceCourse:
-    """A solution's force (N) at times (s) of its protocol; empty where it stopped."""
+    """A solution's force (N) and further channels at times (s) of its protocol; empty where it stopped."""
 
     time: list[float]
     force: list[float]
+    channels: dict[str, list[float]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, time: FloatArray, force: FloatArray) -> ForceCourse:
+    def of(cls, time: FloatArray, force: FloatArray, channels: Mapping[str, FloatArray] | None = None) -> ForceCourse:
         """Return the course of arrays (n,)."""
-        return cls([float(v) for v in time], [float(v) for v in force])
+        beside = {name: [float(v) for v in values] for name, values in (channels or {}).items()}
+        return cls([float(v) for v in time], [float(v) for v in force], beside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +135,13 @@ class Truths:
             for name, size in case.outside:
                 if name in OUTSIDE_ON_COURSE:
                     trial = replace(trial, force=OUTSIDE_ON_COURSE[name](trial, size))
-            trials.append(Course(time, d, trial.force))
+            # What takes up a part of the way leaves the leg as it is at the rest of it.
+            moves = case.protocol == "ramps" and any(
+                name in TAKES_WAY and not _in_model(case, name) for name in (*effects, *dict(case.outside))
+            )
+            at = np.interp(trial.force, pressed, time) if moves else time
+            beside = {name: np.interp(at, model.time, values) for name, values in model.channels.items()}
+            trials.append(Course(time, d, trial.force, beside))
             without.append(Course(time, d, elastic(d)))
         return SealedTruth(tuple(trials), tuple(without))
 
@@ -151,7 +162,7 @@ class Truths:
     def _model_force(self, case: SealedCase, protocol: Protocol) -> ForceCourse | None:
         """Return the force along a protocol with the effects that are in the model."""
         inside = {name: dict(v) for name, v in case.effects if _in_model(case, name)}
-        lump = {name: {"size": s} for name, s in case.outside if name == "lump"}
+        lump = {name: {"size": s} for name, s in case.outside if name in LUMPS}
         timed = protocol if _along_path(inside) else None
         if timed is not None and case.code == "legfem":
             return self._solved(case, inside, timed)
@@ -160,8 +171,9 @@ class Truths:
             return None
         time = np.linspace(0.0, protocol.duration, 4 * round(protocol.duration) + 1)
         d = protocol.displacement_at(time)
-        force = np.interp(d, np.array(curve.time) * ELASTIC_RATE, curve.force)
-        return ForceCourse.of(time, force)
+        grid = np.array(curve.time) * ELASTIC_RATE
+        beside = {name: np.interp(d, grid, values) for name, values in curve.channels.items()}
+        return ForceCourse.of(time, np.interp(d, grid, curve.force), beside)
 
     def _elastic(self, case: SealedCase, effects: dict[str, dict[str, float]]) -> ForceCourse | None:
         return self._solved(case, effects, Protocol.ramp(DEPTH_MM, ELASTIC_RATE))
@@ -196,14 +208,14 @@ class Truths:
             elif "viscoelasticity" in name:
                 solution = _branches(mechanism.region, mechanism.variant, v)  # type: ignore[attr-defined]
             else:
-                solution = mechanism.solution({first: v["strength"]})
+                solution = _joined(solution, mechanism.solution({first: v["strength"]}))
         variants = self._variants.setdefault(repr(settings.contact), self._made(settings))
         path = variants.follow(protocol, deep, solution)
         if isinstance(path, Stopped):
             return ForceCourse([], [])
         parts = [np.linspace(a, b, _FINE)[:-1] for a, b in pairwise(protocol.time)]
         time = np.concatenate([*parts, [protocol.duration]])
-        return ForceCourse.of(time, path.force_at(time))
+        return ForceCourse.of(time, path.force_at(time), {name: path.channel_at(name, time) for name in path.channels})
 
     def _made(self, settings: Any) -> LegVariants:
         from legfem.legs.experiments import tissues_of
@@ -218,11 +230,12 @@ class Truths:
             return ForceCourse([], [])
         d = np.linspace(0.0, DEPTH_MM, _FINE)
         force = CubicSpline(curve.displacement, curve.force)(d)
-        return ForceCourse.of((d / ELASTIC_RATE), force)
+        beside = {name: CubicSpline(curve.displacement, own)(d) for name, own in curve.channels.items()}
+        return ForceCourse.of((d / ELASTIC_RATE), force, beside)
 
 
 def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
-    from studies.other_code.plane_leg import OtherCase
+    from studies.other_code.plane_leg import Lump, OtherCase
 
     def strength(name: str) -> float | None:
         return effects.get(name, {}).get("strength")
@@ -235,9 +248,10 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
     friction, compliance = strength("contact-slip"), strength("support-compliance")
     stiffening = effects.get("strain-stiffening")
     lump = None
-    if "lump" in effects:
-        radius = LUMP_RADIUS_MM * float(np.sqrt(effects["lump"]["size"]))
-        lump = (LUMP_DISTANCE_MM, radius, LUMP_FACTOR)
+    for name, factor in LUMPS.items():
+        if name in effects:
+            radius = LUMP_RADIUS_MM * float(np.sqrt(effects[name]["size"]))
+            lump = Lump(LUMP_DISTANCE_MM, radius, radius, factor)
     return OtherCase(
         case.c10_kpa,
         case.c20_kpa,
@@ -247,6 +261,16 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
         # Two bones share the force.
         None if compliance is None else 0.5 / compliance,
         lump,
+    )
+
+
+def _joined(one: Solution, other: Solution) -> Solution:
+    """Return the solution with what both change."""
+    return replace(
+        other,
+        parameters={**one.parameters, **other.parameters},
+        scaled={**one.scaled, **other.scaled},
+        tilt_deg=one.tilt_deg + other.tilt_deg,
     )
 
 

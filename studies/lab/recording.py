@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -36,11 +36,14 @@ class Course:
         mm after first touch.
     force
         N.
+    channels
+        What else the lab sees, by name.
     """
 
     time: FloatArray
     displacement: FloatArray
     force: FloatArray
+    channels: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,8 @@ def shortened(course: Course, depth: float) -> Course:
     if np.argmax(course.displacement) < len(course.displacement) - 1:
         return course
     kept = course.displacement <= depth
-    return Course(course.time[kept], course.displacement[kept], course.force[kept])
+    beside = {name: values[kept] for name, values in course.channels.items()}
+    return Course(course.time[kept], course.displacement[kept], course.force[kept], beside)
 
 
 def _recorded(

@@ -1,9 +1,8 @@
-"""Shapes of legs made of a few numbers that a reader can judge: a calf's section, and legs in 3D."""
+"""Legs in 3D made of a few numbers that a reader can judge."""
 
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,112 +11,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from scipy.interpolate import CubicHermiteSpline
 from shapely import Polygon
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.contours import check_section
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, shape_of_contours
 from legfem.geometry.leg_shape_from_outlines import smoothed
-from legfem.geometry.section import LegSection, girth
 from legfem.geometry.section_from_outlines import Clearances, nested_outlines
-
-
-@dataclass(frozen=True)
-class Calf:
-    """Shape of one calf.
-
-    Parameters
-    ----------
-    girth_mm : float
-        Perimeter of the skin.
-    fat_mm : float
-        Mean thickness between skin and fascia.
-    fascia_thickness_mm : float
-        Of the fascia.
-    aspect : float
-        Width over depth of the oval.
-    bulge : float
-        How much farther the back reaches than the front, relative to the mean radius.
-    asymmetry : float
-        The same between the two sides.
-    fat_variation : float
-        Relative: the fat is this much thicker at the back and thinner over the tibia.
-    tibia_mm, fibula_mm : tuple[float, float]
-        Mean radii.
-    side : {1, -1}
-        On which side of the y axis the fibula lies.
-    """
-
-    girth_mm: float
-    fat_mm: float
-    fascia_thickness_mm: float
-    aspect: float = 1.04
-    bulge: float = 0.05
-    asymmetry: float = 0.02
-    fat_variation: float = 0.15
-    tibia_mm: float = 12.0
-    fibula_mm: float = 6.0
-    side: int = 1
-
-    def __post_init__(self) -> None:
-        """Check the lengths and that the fascia is thinner than the fat."""
-        check_positive(self, "girth_mm", "fat_mm", "fascia_thickness_mm", "aspect", "tibia_mm", "fibula_mm")
-        if self.fascia_thickness_mm >= self.fat_mm:
-            raise InputError("Calf", "fascia_thickness_mm", "is not below fat_mm", "give a thinner fascia")
-
-
-def calf_section(calf: Calf, points: int = 240) -> LegSection:
-    """Return the contours of a calf.
-
-    Raises
-    ------
-    InputError
-        If the numbers give contours that cross.
-    """
-    angle = 2 * np.pi * np.arange(points) / points
-    shape = oval(angle, calf.aspect, calf.bulge, calf.asymmetry)
-    unit = np.column_stack([np.cos(angle), np.sin(angle)])
-    outline = shape[:, None] * unit
-    radius = calf.girth_mm / _perimeter(outline)
-    skin = radius * outline
-    # Thickest at the back (-y), thinnest over the tibia's face.
-    over_tibia = np.cos(angle - (np.pi / 2 + 0.5 * calf.side))
-    fat = calf.fat_mm * (1 - calf.fat_variation * over_tibia)
-    fascia = skin - fat[:, None] * outward_normals(skin)
-    tibia = bone_outline(calf.tibia_mm, (-0.20 * calf.side * radius, 0.46 * radius), 0.16, 3, 0.4 * calf.side)
-    fibula = bone_outline(calf.fibula_mm, (0.42 * calf.side * radius, 0.20 * radius), 0.10, 2, 0.9)
-    section = LegSection(skin, fascia, tibia, fibula, calf.fascia_thickness_mm)
-    check_section(section, "Calf")
-    if abs(girth(section) / calf.girth_mm - 1) > 1e-3:
-        raise InputError("Calf", "girth_mm", "is not met", "use more points on the contour")
-    return section
-
-
-def oval(angle: FloatArray, aspect: float, bulge: float, asymmetry: float) -> FloatArray:
-    """Return how far a calf's skin reaches at an angle from +x, over its radius; see `Calf`."""
-    a, b = np.sqrt(aspect), 1 / np.sqrt(aspect)
-    ellipse = 1 / np.sqrt((np.cos(angle) / a) ** 2 + (np.sin(angle) / b) ** 2)
-    bulged = -bulge * np.sin(angle) + asymmetry * np.cos(angle)
-    flattened = -0.012 * np.cos(3 * (angle - np.pi / 2))
-    return ellipse * (1 + bulged + flattened)
-
-
-def bone_outline(radius: float, centre: tuple[float, float], lobe: float, lobes: int, turn: float) -> FloatArray:
-    """Return a bone's outline with rounded corners, one at the angle ``turn``; (60, 2), mm."""
-    angle = 2 * np.pi * np.arange(60) / 60
-    reach = radius * (1 + lobe * np.cos(lobes * (angle - turn)) / lobes)
-    return np.asarray(centre) + reach[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _perimeter(closed: FloatArray) -> float:
-    return float(np.linalg.norm(closed - np.roll(closed, 1, axis=0), axis=1).sum())
-
-
-def outward_normals(closed: FloatArray) -> FloatArray:
-    """Return unit normals at the points of a counter-clockwise contour, (n, 2)."""
-    tangent = np.roll(closed, -1, axis=0) - np.roll(closed, 1, axis=0)
-    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
-
+from legfem.geometry.typical_calf import bone_outline, outward_normals, oval
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

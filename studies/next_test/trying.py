@@ -204,7 +204,7 @@ def can_be_made(design: Design | DirectReadings, case: SealedCase) -> bool:
     """
     if isinstance(design, DirectReadings):
         return all(can_be_read(m, case) for m in design.mechanisms)
-    if design.length_factor != 1.0 or design.outlines_known or design.contact_known:
+    if design.length_factor != 1.0 or design.outlines_known or design.contact_known or design.channels:
         return False
     if max(p.depth for p in design.protocols) > DEPTH_MM + _SLACK_MM:
         return False

@@ -21,6 +21,8 @@ type Ints = NDArray[np.int_]
 
 GAUSS = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)
 """Points and weights on an edge from -1 to 1."""
+BESIDE_MM = (-40.0, -25.0, 25.0, 40.0)
+"""To the left of the travel, where the skin's rise is seen."""
 _SIZES = {"contact": 1.2, "far": 4.0}
 
 
@@ -129,8 +131,49 @@ def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) 
     return TriangleMesh(points, turned, outer[nearest == 0], bones)
 
 
+_CHORDS = np.array([[(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)] for s in np.linspace(0, 1, 9)])
+"""Shape functions of an edge's ends and middle at nine points."""
+
+
+def _edges(cells: Ints) -> Ints:
+    return np.vstack([cells[:, [0, 1, 3]], cells[:, [1, 2, 4]], cells[:, [2, 0, 5]]])
+
+
+def _shared(one: Ints, other: Ints) -> Ints:
+    """Return the edges (n, 3) of one tissue that are another's too."""
+    return one[np.isin(one[:, 2], other[:, 2])]
+
+
 _PENALTY, _ALONG = 400.0, 200.0
 """Normal and tangential, times the fat's shear modulus over the cylinder's radius."""
+
+
+@dataclass(frozen=True)
+class Lump:
+    """A stiffer or softer ellipse in the deep tissue, with an edge.
+
+    Parameters
+    ----------
+    distance, side
+        Of its middle from first touch, along the travel and across it (counter-clockwise), mm.
+    along, across
+        Its half-axes, mm.
+    factor
+        On C10 and C20.
+    """
+
+    distance: float
+    along: float
+    across: float
+    factor: float
+    side: float = 0.0
+
+    def holds(self, points: FloatArray, touch: FloatArray, travel: FloatArray) -> NDArray[np.bool_]:
+        """Return which points (n, 2) lie in it."""
+        away = points - touch
+        along = away @ travel - self.distance
+        across = away @ np.array([-travel[1], travel[0]]) - self.side
+        return np.asarray((along / self.along) ** 2 + (across / self.across) ** 2 < 1.0)
 
 
 @dataclass(frozen=True)
@@ -151,8 +194,7 @@ class OtherCase:
         Of every bone, N/mm over the cylinder's length, across and along the travel; bones are held
         without it.
     lump
-        Distance from first touch along the travel (mm), radius (mm) and factor on C10 of a stiffer
-        lump in the deep tissue.
+        In the deep tissue.
     """
 
     c10: float
@@ -161,7 +203,7 @@ class OtherCase:
     factors: Mapping[str, float] = field(default_factory=dict)
     friction: float = np.inf
     springs: float | None = None
-    lump: tuple[float, float, float] | None = None
+    lump: Lump | None = None
 
 
 class OtherCode(OtherPressing):
@@ -203,10 +245,9 @@ class OtherCode(OtherPressing):
             own = self.subject.tissues[name]
             parts = {1.0: cells}
             if name == "deep" and self.case.lump is not None:
-                distance, radius, factor = self.case.lump
                 middle = self.mesh.points[cells[:, :3]].mean(axis=1)
-                inside = np.linalg.norm(middle - touch - distance * travel, axis=1) < radius
-                parts = {1.0: cells[~inside], factor: cells[inside]}
+                inside = self.case.lump.holds(middle, touch, travel)
+                parts = {1.0: cells[~inside], self.case.lump.factor: cells[inside]}
             for factor, part in parts.items():
                 region = fem.RegionQuadraticTriangle(fem.Mesh(self.mesh.points, part, "triangle6"))
                 holder = fem.FieldContainer([fem.FieldPlaneStrain(region, dim=2)])
@@ -240,6 +281,40 @@ class OtherCode(OtherPressing):
                 width += 2
         r, c = np.concatenate(rows), np.concatenate(columns)
         return csr_matrix((np.ones(len(r)), (r, c)), shape=(2 * count, width))
+
+    def _seen(self, u: FloatArray, resultant: FloatArray) -> dict[str, float]:
+        """Return the lateral force (N), both thicknesses on the line of travel and the skin's rise beside it (mm)."""
+        moved = self.mesh.points + u.reshape(-1, 2)
+        left = np.array([-self.travel[1], self.travel[0]])
+
+        def place(edges: Ints, points: FloatArray = moved, beside: float = 0.0) -> float:
+            """Where the line, shifted to its left, first meets edges: deformed, each is a parabola of eight chords."""
+            bent = np.einsum("qn,knd->kqd", _CHORDS, points[edges])
+            start = self.start + beside * left
+            line = shapely.LineString([start - 200 * self.travel, start + 400 * self.travel])
+            met = shapely.get_coordinates(line.intersection(shapely.MultiLineString(list(bent))))
+            return float(((met - start) @ self.travel).min()) if len(met) else np.nan
+
+        skin, outer, inner, bone = map(place, self._outlines)
+        edges = self._outlines[0]
+        rises = {
+            f"skin_rise_{'left' if side > 0 else 'right'}_{abs(side):g}": place(edges, self.mesh.points, side)
+            - place(edges, moved, side)
+            for side in BESIDE_MM
+        }
+        return {
+            **rises,
+            "lateral_force": float(resultant @ left) * self.whole,
+            "fat_thickness": outer - skin,
+            "muscle_thickness": bone - inner,
+        }
+
+    @cached_property
+    def _outlines(self) -> list[Ints]:
+        """Edges of skin, the fascia's two faces and the bones, (n, 3) each: ends and middle."""
+        fat, fascia, deep = (_edges(self.mesh.cells[name]) for name in ("superficial", "fascia", "deep"))
+        on_bone = np.isin(deep, np.concatenate(list(self.mesh.bones.values()))).all(axis=1)
+        return [self.mesh.skin, _shared(fat, fascia), _shared(deep, fascia), deep[on_bone]]
 
     def _untouched(self) -> FloatArray:
         return np.full(self.mesh.skin_weights.shape, np.nan)

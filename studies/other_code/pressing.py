@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -107,6 +107,8 @@ class OtherCurve:
     reached: bool
     moved: FloatArray
     """What all nodes have moved by at the end, one after the other, mm."""
+    channels: Mapping[str, FloatArray] = field(default_factory=dict)
+    """What else is seen, by name, as legfem's channels are called; (n,)."""
 
 
 def spread(
@@ -170,6 +172,10 @@ class OtherPressing(ABC):
     def _contact(self, u: FloatArray, to: float, before: Any) -> tuple[FloatArray, Any, FloatArray, Any]:
         """Return the indenter's force on the skin, its tangent, the resultant, what to remember."""
 
+    def _seen(self, u: FloatArray, resultant: FloatArray) -> Mapping[str, float]:
+        """Return what else is seen of a state (mm), the resultant (N) on the model given."""
+        return {}
+
     def _held(self, free: FloatArray, left: FloatArray, matrix: Any) -> tuple[FloatArray, Any]:
         """Return residual and tangent with what holds the body beside its tissue and the skin."""
         return left, matrix
@@ -184,6 +190,7 @@ class OtherPressing(ABC):
         earlier = free
         before = self._untouched()
         at, force = [0.0], [0.0]
+        seen = [self._seen(self._reduction @ free, np.zeros(len(self.travel)))]
         size, last = min(step, 0.25), 1.0
         while at[-1] < depth - 1e-9 and size > _LEAST_STEP_MM:
             to = min(at[-1] + size, depth)
@@ -198,9 +205,12 @@ class OtherPressing(ABC):
             resultant, before = self._contact(self._reduction @ free, to, before)[2:]
             at.append(to)
             force.append(float(resultant @ self.travel) * self.whole)
+            seen.append(self._seen(self._reduction @ free, resultant))
             size = min(step, 1.5 * size)
         reached = at[-1] >= depth - 1e-9
-        return OtherCurve(np.array(at), np.array(force), reached, self._reduction @ free)
+        every = {name: np.array([one[name] for one in seen]) for name in seen[0]}
+        channels = {name: values for name, values in every.items() if np.isfinite(values).all()}
+        return OtherCurve(np.array(at), np.array(force), reached, self._reduction @ free, channels)
 
     def _newton(self, free: FloatArray, to: float, before: Any) -> FloatArray | None:
         T = self._reduction

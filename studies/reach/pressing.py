@@ -16,12 +16,12 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, Tissues
 from legfem.geometry.contours import check_section
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone
+from legfem.geometry.typical_calf import bone_outline, outward_normals, oval
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.solve.newton import RELAXED
 from legfem.solve.path import ForceCurve
-from studies.legs.shapes import bone_outline, outward_normals, oval
 
 RADIUS_MM, LENGTH_MM, DEEPEST_MM, SHARE = 15.0, 50.0, 30.0, 0.8
 _TRIES = 400

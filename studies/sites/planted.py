@@ -16,12 +16,12 @@ import numpy as np
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.geometry.indenter import Indenter
+from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.jobs.store import Store
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import SitedLeg, Subject, TissueParameters
 from legfem.solve.path import ForceCurve
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
-from studies.legs.shapes import Calf, calf_section
 from studies.other_code.plane_leg import OtherCase, OtherCode
 from studies.planted.truths import TRUTH_SETTINGS
 

@@ -18,6 +18,7 @@ class Compressibility(TissueMechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         factor("factor", "on D1", (0.1, 60.0), 1.3, "reported bulk moduli of muscle differ a hundredfold"),
     )
+    would_be: ClassVar[str] = "a muscle of {} times the assumed compressibility"
     next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
     measured_sd: ClassVar[float | None] = 0.7
     """An estimate: areas to 0.5 % beside changes of 1 %."""

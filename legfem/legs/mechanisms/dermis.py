@@ -31,6 +31,7 @@ class DermisTension(TissueMechanism):
             "Diridollou 2000, Hendriks 2006 and Tran 2007: 0.04 to 2 N/mm",
         ),
     )
+    would_be: ClassVar[str] = "a skin of a stiffness of {}"
     next_experiment: ClassVar[str] = (
         "lift the skin with a suction cup, or stretch it between two pads, beside the indenter"
     )

@@ -50,6 +50,7 @@ class EndEffects(Mechanism):
         "first_contact": "first contact",
     }
     """Names of the correction's errors by parameter."""
+    would_be: ClassVar[str] = "ends of the cylinder that count {} times what is usual"
     next_experiment: ClassVar[str] = "repeat with a cylinder of twice the length"
 
     def untestable(self, observed: Observations) -> str | None:

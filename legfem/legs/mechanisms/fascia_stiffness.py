@@ -20,6 +20,7 @@ class FasciaStiffness(TissueMechanism):
             "factor", "on stiffness times thickness", (0.05, 50.0), 1.4, "crural fascia is reported from 0.1 to 100 MPa"
         ),
     )
+    would_be: ClassVar[str] = "a fascia of {} times the assumed stiffness"
     next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
     measured_sd: ClassVar[float | None] = 0.4
     """An estimate: a sheet thinner than a wave is long."""

@@ -18,6 +18,7 @@ class ForceDrift(Mechanism):
     name: ClassVar[str] = "force-drift"
     statement: ClassVar[str] = "the load cell's zero drifted in time"
     parameters: ClassVar[tuple[Parameter, ...]] = (strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),)
+    would_be: ClassVar[str] = "a zero that drifts by {}"
     next_experiment: ClassVar[str] = "record a minute in air before and after each trial, and compare the zeros"
     measured_sd: ClassVar[float | None] = 0.0005
     """An estimate: 0.05 N over 100 s."""

@@ -18,6 +18,7 @@ class IndenterTilt(TissueMechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("angle", "degrees", "of the travel from the one stated", 8.0, (-20.0, 20.0)),
     )
+    would_be: ClassVar[str] = "a travel turned by {} from the one stated"
     next_experiment: ClassVar[str] = "photograph the cylinder against the leg at both ends of the travel"
     measured_sd: ClassVar[float | None] = 1.5
     """An estimate."""

@@ -50,6 +50,7 @@ class LegMovement(Mechanism):
             statement="how long until it moved back, likewise; above one it stayed",
         ),
     )
+    would_be: ClassVar[str] = "a leg that moves away by {}"
     next_experiment: ClassVar[str] = "film the shin against the frame during the test, strap the leg, and repeat"
     measured_sd: ClassVar[float | None] = 0.15
     """An estimate: a mark of 1 mm, seen to a fraction."""

@@ -40,6 +40,7 @@ class MuscleContraction(Mechanism):
             statement="how long it takes to rise, likewise",
         ),
     )
+    would_be: ClassVar[str] = "a muscle that tenses and becomes stiffer by a share of {}"
     next_experiment: ClassVar[str] = "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
     measured_sd: ClassVar[float | None] = 0.03
     """An estimate."""

@@ -20,6 +20,7 @@ class FasciaPrestress(TissueMechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("tension", "kPa", "tension of the fascia at rest", 100.0, (0.0, 500.0)),
     )
+    would_be: ClassVar[str] = "a fascia under a tension of {}"
     next_experiment: ClassVar[str] = (
         "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
     )

@@ -18,6 +18,7 @@ class SuperficialStiffness(TissueMechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         factor("factor", "on C10", (0.1, 9.0), 0.9, "reported stiffness of fat differs tenfold"),
     )
+    would_be: ClassVar[str] = "fat of {} times the assumed stiffness"
     next_experiment: ClassVar[str] = (
         "press gently with a small tip (2 mm deep), or image the fat's thickness under load"
     )

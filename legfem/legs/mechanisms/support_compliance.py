@@ -38,6 +38,7 @@ class SupportCompliance(TissueMechanism):
             statement="share of the way from a frame that gives way to bones that do",
         ),
     )
+    would_be: ClassVar[str] = "a support that gives way by {}"
     next_experiment: ClassVar[str] = (
         "measure the shin's displacement during the test, or press a rigid block on the same rig"
     )

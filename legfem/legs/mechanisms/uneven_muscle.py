@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -14,21 +14,64 @@ from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Val
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
+if TYPE_CHECKING:
+    from legfem.geometry.indenter import Indenter
+    from legfem.geometry.section import LegSection
+
 _DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
-_RADIUS_MM = 8.0
+RADIUS_MM = 8.0
 _PLACES = tuple(product(_DEPTHS_MM, _SIDES_MM))
-_SATURATION = 0.12
-"""Of solutions on subject 3's leg: 0.09 (six times as stiff) to 0.14 (half as stiff)."""
+_SATURATION = 0.2
+"""Of solutions on a leg of 0.75 kPa: right within 2 % from a quarter to three times as stiff."""
+_HARD = 10.0
+"""Factor at which it is solved, too: from there on a lump is as good as rigid."""
+
+
+class PressedLeg(Protocol):
+    """A section, and what it is pressed by."""
+
+    @property
+    def section(self) -> LegSection:
+        """Across the leg."""
+        ...
+
+    @property
+    def indenter(self) -> Indenter:
+        """Its size, aim and direction."""
+        ...
+
+
+def place_in_section(leg: PressedLeg, depth: float, side: float) -> tuple[float, float]:
+    """Return a place in the section's coordinates, mm.
+
+    Parameters
+    ----------
+    leg
+        The leg.
+    depth
+        Below the fascia along the travel (mm).
+    side
+        To the left of the line of travel (mm).
+    """
+    from legfem.geometry.section import first_crossing
+    from legfem.meshing.section import first_touch
+
+    travel, radius = leg.indenter.direction, leg.indenter.radius
+    centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
+    fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
+    x, y = centre + (fascia + depth) * travel + side * np.array([-travel[1], travel[0]])
+    return float(x), float(y)
 
 
 @dataclass(frozen=True)
 class UnevenMuscle(TissueMechanism):
-    """A lump, or a weak spot, somewhere under the indenter; of one size, with no edge.
+    r"""A lump, or a weak spot, somewhere under the indenter; of one size, with no edge.
 
     A smaller one that is stiffer looks the same, so its size isn't asked for: as much as a disk of
     11 mm radius. Between the places of a lattice it is shared out among them. The force follows the
-    excess e as :math:`e / (1 + c e)`, as that of an inclusion does (J. D. Eshelby, Proc. R. Soc. A
-    241 (1957) 376), until a full solution says.
+    excess e as :math:`g = \ln(1 + c e) / c`, less and less as that of an inclusion does (J. D. Eshelby,
+    Proc. R. Soc. A 241 (1957) 376); what that misses of a solution with a hard lump at each place
+    counts with the square of g over its own there.
     """
 
     name: ClassVar[str] = "uneven-muscle"
@@ -56,7 +99,10 @@ class UnevenMuscle(TissueMechanism):
             statement="of its middle from the line of travel, counter-clockwise positive",
         ),
     )
+    would_be: ClassVar[str] = "a region of the muscle of {} times the stiffness of the rest"
     next_experiment: ClassVar[str] = "press at a second place of the calf, or map the muscle by shear-wave elastography"
+    expected: ClassVar[float] = 3.0
+    """Aponeuroses and tendons run through every calf, and vessels: what isn't known is whether they matter."""
     variant: ClassVar[str] = "uneven"
 
     @property
@@ -74,27 +120,29 @@ class UnevenMuscle(TissueMechanism):
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the muscle's excess of stiffness at the lattice's places."""
-        from legfem.geometry.section import first_crossing
         from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
-        from legfem.meshing.section import first_touch
 
-        travel, radius = leg.indenter.direction, leg.indenter.radius
-        centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
-        fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
-        across = np.array([-travel[1], travel[0]])
-        points = [centre + (fascia + depth) * travel + side * across for depth, side in _PLACES]
-        places = tuple((float(x), float(y)) for x, y in points)
-        return [UnevenStiffness("deep", leg.tissues.deep, places, _RADIUS_MM)]
+        places = tuple(place_in_section(leg, depth, side) for depth, side in _PLACES)
+        return [UnevenStiffness("deep", leg.tissues.deep, places, RADIUS_MM)]
+
+    @property
+    def nodes(self) -> tuple[Values, ...]:
+        """A hard lump at each of the lattice's places."""
+        return tuple({"factor": _HARD, "depth": depth, "side": side} for depth, side in _PLACES)
 
     def shares(self, values: Values) -> FloatArray:
-        """Return what the derivative by every place's excess is multiplied by."""
-        excess = values["factor"] - 1
-        return excess / (1 + _SATURATION * excess) * _weights(values["depth"], values["side"])
+        """Return what the derivative by every place's excess is multiplied by, and what a hard lump's rest there."""
+        at, weights = _saturating(values["factor"]), _weights(values["depth"], values["side"])
+        return np.concatenate([at * weights, (max(at, 0.0) / _saturating(_HARD)) ** 2 * weights])
 
     def solution(self, values: Values) -> Solution:
         """Return the model with that excess."""
         excess = (values["factor"] - 1) * _weights(values["depth"], values["side"])
         return Solution(self.variant, dict(zip(self.derivatives, map(float, excess), strict=True)))
+
+
+def _saturating(factor: float) -> float:
+    return float(np.log1p(_SATURATION * (factor - 1)) / _SATURATION)
 
 
 def _weights(depth: float, side: float) -> FloatArray:

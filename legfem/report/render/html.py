@@ -33,7 +33,7 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from legfem.common.units import FloatArray
-from legfem.common.versions import legfem_version
+from legfem.common.versions import legfem_build
 from legfem.report.page import PROVENANCE, SURFACE_CELLS, TONES, Curves, Line, ResponseSurface, WebPage
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import ORIGINS
@@ -248,7 +248,7 @@ def rendered(page: WebPage) -> str:
         provenances=PROVENANCE,
         plots=embedded([b for b in blocks if isinstance(b, Curves | ResponseSurface)]),
         scripts=list(dict.fromkeys(name for kind, name in _SCRIPTS.items() if kind in kinds)),
-        legfem=legfem_version(),
+        legfem=legfem_build(),
     )
 
 

@@ -53,7 +53,7 @@ def plain_page(page: WebPage, files: Sequence[ReportFile]) -> str:
     """Return the text of ``report.txt``: all that a page says, and what else was written."""
     blocks = [
         *_opening(page, underlined=True),
-        _headline("Numbers") + _numbers(page.known),
+        *([_headline("Numbers") + _numbers(page.known)] if page.known else []),
         *(_headline(one.title) + body for one in page.chapters if (body := _chapter(one))),
         _headline("How to repeat it") + _repeat(page),
         *([_headline("Files") + listing(files)] if files else []),
@@ -65,7 +65,7 @@ def brief(page: WebPage, chapters: Sequence[str] = (TESTED,)) -> str:
     """Return what a page says first, its estimates and some chapters, for the terminal."""
     found = [one for one in page.known if one.provenance in ("estimated", "prior")]
     told = [_chapter(one) for one in page.chapters if one.title in chapters]
-    return "\n\n".join([*_opening(page, underlined=False), _numbers(found), *told]) + "\n"
+    return "\n\n".join([*_opening(page, underlined=False), *([_numbers(found)] if found else []), *told]) + "\n"
 
 
 def _headline(name: str) -> str:
@@ -97,7 +97,7 @@ def _numbers(known: Sequence[Known]) -> str:
         lines.append(f"{one.name}: {number}; {one.provenance}, {one.source}{remark}")
     used = dict.fromkeys(one.provenance for one in known)
     legend = "; ".join(f"{name}: {PROVENANCE[name]}" for name in used)
-    return f"{bullets(lines)}\n\n{fill(f'({legend}.)')}" if lines else "None."
+    return f"{bullets(lines)}\n\n{fill(f'({legend}.)')}" if lines else ""
 
 
 def _chapter(chapter: Chapter) -> str:

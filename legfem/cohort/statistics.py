@@ -1,0 +1,231 @@
+"""Statistics of a cohort: those that its table permits, and why the others aren't there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from legfem.cohort.agreement import Agreement, Limits, agreement, limits
+from legfem.cohort.members import Member
+from legfem.cohort.mixed_model import Fitted, MixedModel
+from legfem.cohort.rows import Row, cohort_model, measured
+from legfem.common.units import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FACTORS = ("group", "side", "session", "rater", "rig", "sex")
+COVARIATES = ("age", "bmi")
+REPEATS = {"session": ("person", "side", "rater"), "rater": ("person", "side", "session")}
+"""What makes a target of repeated tests: all but the column itself."""
+_LEAST_TARGETS = 5
+_LEAST_PEOPLE = 4
+"""Beyond the number of effects."""
+_MOST_MISSING = 0.2
+"""Share of members without a covariate from which it is left out, and not they."""
+DIFFERENCES = (0.1, 0.2, 0.3)
+"""Relative, for which the size of a next study is given."""
+POWER, LEVEL = 0.8, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two levels at which the same legs were tested."""
+
+    levels: tuple[str, str]
+    limits: Limits
+    mean: FloatArray
+    difference: FloatArray
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """Agreement between sessions or raters."""
+
+    by: str
+    agreement: Agreement
+    pairs: tuple[Pair, ...]
+    own: float
+    """Root mean square of the tests' own standard errors."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """How a parameter differs between levels, or by a unit of a covariate."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    p_value: float
+    of_group: bool
+    adjusted: float = math.nan
+    """Holm's, over all groups and parameters."""
+
+
+@dataclass(frozen=True)
+class Analysed:
+    """One parameter's statistics."""
+
+    name: str
+    unit: str
+    logarithmic: bool
+    """Whether all are of its logarithm: differences are then relative."""
+    count: int
+    people: int
+    repeated: tuple[Repeated, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    fitted: Fitted | None = None
+    own: float = 0.0
+    """Root mean square of the members' own standard errors."""
+    needed: tuple[tuple[float, int], ...] = ()
+    """People in each of two groups by relative difference to be found."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """All parameters, and what couldn't be done."""
+
+    parameters: tuple[Analysed, ...]
+    not_done: tuple[str, ...] = ()
+
+
+def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
+    """Return a cohort's statistics; members whose model doesn't fit are left out."""
+    from statsmodels.stats.multitest import multipletests
+
+    reasons: dict[str, None] = {}
+    wrong = [row.name for row in rows if row.done and row.judged.tone == "wrong"]
+    if wrong:
+        reasons[f"{len(wrong)} members whose model does not fit are left out of statistics."] = None
+    kept = [row for row in rows if row.judged.tone != "wrong"]
+    found = [found for _, found in measured(kept, cohort_model(rows))]
+    names = dict.fromkeys(name for one in found for name in one.measures)
+    made = [one for name in names if (one := _analysed(members, kept, name, reasons)) is not None]
+    groups = [effect.p_value for one in made for effect in one.effects if effect.of_group]
+    adjusted = iter(multipletests(groups, method="holm")[1] if groups else ())
+
+    def with_adjusted(effect: Effect) -> Effect:
+        return replace(effect, adjusted=float(next(adjusted))) if effect.of_group else effect
+
+    made = [replace(one, effects=tuple(map(with_adjusted, one.effects))) for one in made]
+    return Statistics(tuple(made), tuple(reasons))
+
+
+def _analysed(members: Sequence[Member], rows: Sequence[Row], name: str, reasons: dict[str, None]) -> Analysed | None:
+    table, unit = _values(members, rows, name)
+    people = table["person"].nunique()
+    if people < 2:
+        reasons["Statistics need several people: the table names one, or none has a result."] = None
+        return None
+    logarithmic = bool((table["value"] > 0).all())
+    if logarithmic:
+        table["own"] /= table["value"]
+        table["value"] = np.log(table["value"])
+    own = float(np.sqrt(np.mean(table["own"] ** 2)))
+    repeated = tuple(one for by in REPEATS if (one := _repeated(table, by, reasons)) is not None)
+    effects, fitted = _effects(table, reasons)
+    needed: tuple[tuple[float, int], ...] = ()
+    if fitted is not None and logarithmic:
+        legs = float(table.groupby("person").size().mean())
+        spread = math.sqrt(fitted.sd[0] ** 2 + (fitted.sd[1] ** 2 + fitted.sd[2] ** 2 + own**2) / legs)
+        needed = tuple((size, _people_needed(math.log1p(size) / spread)) for size in DIFFERENCES)
+    return Analysed(name, unit, logarithmic, len(table), people, repeated, effects, fitted, own, needed)
+
+
+def _values(members: Sequence[Member], rows: Sequence[Row], name: str) -> tuple[pd.DataFrame, str]:
+    import pandas as pd
+
+    known = {one.name: one for one in members}
+    entries, unit = [], ""
+    for row, found in measured(rows, cohort_model(rows)):
+        one, member = found.measures.get(name), known[row.member]
+        if one is None:
+            continue
+        unit = one.unit
+        given = {key: member.given.get(key) for key in (*FACTORS, *COVARIATES)}
+        entries.append({"value": one.value, "own": one.sd or 0.0, "person": member.person, **given})
+    return pd.DataFrame(entries, columns=["value", "own", "person", *FACTORS, *COVARIATES]), unit
+
+
+def _repeated(table: pd.DataFrame, by: str, reasons: dict[str, None]) -> Repeated | None:
+    """Agreement between the levels of a column, of all legs that were tested at each."""
+    levels = sorted(table[by].dropna().unique(), key=str)
+    if len(levels) < 2:
+        reasons[f"No agreement between {by}s: the table has {'no' if not levels else 'one'} {by}."] = None
+        return None
+    targets = list(REPEATS[by])
+    wide = table.fillna(dict.fromkeys(targets, "")).pivot_table("value", targets, by, aggfunc="mean")
+    whole = wide[levels].dropna()
+    people = whole.index.get_level_values("person").nunique()
+    if people < _LEAST_TARGETS:
+        there = f"{people} people were tested at each, and {_LEAST_TARGETS} are needed"
+        reasons[f"No agreement between {by}s: {there}."] = None
+        return None
+    pairs = []
+    for one, other in combinations(levels, 2):
+        both = wide[[one, other]].dropna()
+        difference = (both[other] - both[one]).to_numpy()
+        count = both.index.get_level_values("person").nunique()
+        pairs.append(Pair((str(one), str(other)), limits(difference, count), both.mean(axis=1).to_numpy(), difference))
+    own = float(np.sqrt(np.mean(table.loc[table[by].notna(), "own"] ** 2)))
+    return Repeated(by, agreement(whole.to_numpy(), people), tuple(pairs), own)
+
+
+def _effects(table: pd.DataFrame, reasons: dict[str, None]) -> tuple[tuple[Effect, ...], Fitted | None]:
+    """Differences by a mixed model that knows each member's own error."""
+    used = []
+    for name in (*FACTORS, *COVARIATES):
+        there = table[name].notna()
+        if table[name][there].nunique() < 2:
+            if name == "group":
+                reasons["No differences between groups: the table has no two groups."] = None
+            continue
+        if 1 - there.mean() > _MOST_MISSING:
+            lacking = int((~there).sum())
+            reasons[f"{name} is not in the mixed model: {lacking} of {len(table)} members have none."] = None
+            continue
+        used.append(name)
+    kept = table.dropna(subset=used)
+    columns: list[tuple[str, bool, FloatArray]] = []
+    for name in used:
+        if name in COVARIATES:
+            numbers = kept[name].to_numpy(dtype=np.float64)
+            columns.append((f"{name}, by one more", False, numbers - numbers.mean()))
+            continue
+        first, *others = dict.fromkeys(kept[name])
+        columns += [
+            (f"{name} {level} against {first}", name == "group", (kept[name] == level).to_numpy(dtype=np.float64))
+            for level in others
+        ]
+    design: list[FloatArray] = [np.ones(len(kept))]
+    shown: list[tuple[str, bool]] = []
+    for text, of_group, column in columns:
+        if np.linalg.matrix_rank(np.column_stack([*design, column])) == len(design):
+            reasons[f"{text} is not in the mixed model: what stands before it says the same."] = None
+            continue
+        design.append(column)
+        shown.append((text, of_group))
+    _, person = np.unique(kept["person"], return_inverse=True)
+    _, leg = np.unique(kept["person"].astype(str) + "\0" + kept["side"].fillna("").astype(str), return_inverse=True)
+    people = int(person.max(initial=-1)) + 1
+    if people < len(design) + _LEAST_PEOPLE:
+        need = len(design) + _LEAST_PEOPLE
+        reasons[f"No mixed model: {people} people are too few for {len(design)} effects ({need} are needed)."] = None
+        return (), None
+    model = MixedModel(kept["value"].to_numpy(), np.column_stack(design), kept["own"].to_numpy(), person, leg)
+    fitted = model.fit()
+    effects = (Effect(text, *fitted.effect(k + 1), of_group) for k, (text, of_group) in enumerate(shown))
+    return tuple(effects), fitted
+
+
+def _people_needed(effect_size: float) -> int:
+    from statsmodels.stats.power import TTestIndPower
+
+    found = TTestIndPower().solve_power(effect_size=effect_size, power=POWER, alpha=LEVEL)
+    return max(math.ceil(float(found)), 2)

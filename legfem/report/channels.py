@@ -1,0 +1,118 @@
+"""What was recorded beside the force, beside the fit: figure, panels of the page, and what each channel says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from legfem.data.channels import CHANNELS
+from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.fit import ChannelFit, Fit
+from legfem.inverse.laws import LawName
+from legfem.report.page import Curves, Line
+from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
+
+SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"
+
+
+def beside_force(fit: Fit[Any]) -> list[tuple[int, int]]:
+    """Return the numbers of test and channel of all that was recorded beside the force."""
+    return [(number, k) for number, one in enumerate(fit.tests) for k in range(1, len(one.channels))]
+
+
+def channel_name(one: ChannelFit) -> str:
+    """Return a channel's name in words."""
+    return one.channel.name.replace("_", " ")
+
+
+def channel_curves(fits: Sequence[Fit[Any]], number: int, k: int) -> Curves:
+    """Return the panels of one channel of a test: readings, the laws' predictions, and their differences."""
+    test = fits[0].tests[number]
+    first = test.channels[k]
+    order = np.argsort(first.channel.station, kind="stable")
+    read, unit = first.channel.values[order], first.channel.unit
+    lines = [Line("recorded", read, None, DATA_COLOUR, points=True)]
+    for fit in fits:
+        predicted = fit.tests[number].channels[k].predicted[order]
+        lines.append(
+            Line(f"model, {LAW_NAMES[fit.law]}", predicted, predicted - read, LAW_COLOURS[fit.law], points=True)
+        )
+    words = CHANNELS[first.channel.name].words
+    where = f"{test.name}. " if len(fits[0].tests) > 1 else ""
+    return Curves(
+        f"channel{number}-{k}",
+        f"{where}The {words}, over the cylinder's displacement after first contact; beneath, the model less the "
+        "recording. The band has the instrument's errors, which readings share in part, and those of the outlines.",
+        first.channel.station[order],
+        "displacement (mm)",
+        f"{channel_name(first)} ({unit})",
+        f"model − recorded ({unit})",
+        lines,
+        2 * first.channel.sd[order],
+        "± 2 standard errors of a reading",
+    )
+
+
+def channel_lines(fit: Fit[Any]) -> list[str]:
+    """Return a sentence a channel of a law's fit: how far off it is, and its share in what is determined."""
+    several = len(fit.tests) > 1
+    found = []
+    for number, k in beside_force(fit):
+        test, one = fit.tests[number], fit.tests[number].channels[k]
+        where = f"{test.name}, " if several else ""
+        error = float(np.sqrt(np.mean(one.channel.sd**2)))
+        count = len(one.channel)
+        found.append(
+            f"{where}{channel_name(one)}, {LAW_NAMES[fit.law]} law: {count} reading{'s' * (count > 1)}, rms "
+            f"{one.rms:.2g} {one.channel.unit} where each is known to {error:.2g} {one.channel.unit}."
+        )
+    shares = _shares(fit.estimates)
+    return [*found, *([f"What determines each parameter, {LAW_NAMES[fit.law]} law: {shares}."] if shares else [])]
+
+
+def _shares(parameters: Mapping[str, Estimate]) -> str:
+    told = []
+    for name, found in parameters.items():
+        parts = sorted(found.information_shares.items(), key=lambda one: -one[1])
+        said = ", ".join(f"{channel.replace('_', ' ')} {100 * share:.0f} %" for channel, share in parts)
+        if said:
+            told.append(f"{symbol_of(name)} by {said}")
+    return "; ".join(told)
+
+
+@styled
+def channels_figure(fits: Sequence[Fit[Any]]) -> Figure:
+    """Draw every channel beside the force over displacement, and the laws' differences from it beneath."""
+    first = fits[0]
+    places = beside_force(first)
+    figure = new_figure(4.6 * len(places) + 0.6, 6.0)
+    title(figure, "Recorded beside the force", first.subject.title, first.subject.origin)
+    grid = figure.subplots(2, len(places), sharex="col", squeeze=False, height_ratios=(2.2, 1))
+    for column, (number, k) in enumerate(places):
+        above, below = grid[:, column]
+        test = first.tests[number]
+        one = test.channels[k]
+        at, read, error, unit = one.channel.station, one.channel.values, one.channel.sd, one.channel.unit
+        order = np.argsort(at, kind="stable")
+        above.errorbar(at, read, 2 * error, fmt="o", color=DATA_COLOUR, markersize=3, elinewidth=0.5, label="recorded")
+        below.fill_between(at[order], -2 * error[order], 2 * error[order], color=FAINT, alpha=0.35, linewidth=0)
+        below.axhline(0.0, color=DATA_COLOUR, linewidth=0.6)
+        for fit in fits:
+            _draw(above, below, fit.tests[number].channels[k], fit.law, order)
+        above.legend(loc="best")
+        where = f"{test.name}, " if len(first.tests) > 1 else ""
+        panel(above, chr(ord("A") + column), f"{where}{channel_name(one)}")
+        above.set_ylabel(f"{channel_name(one)} ({unit})")
+        below.set_ylabel(f"simulated − measured ({unit})")
+        below.set_xlabel("displacement after first contact (mm)")
+    return figure
+
+
+def _draw(above: Any, below: Any, one: ChannelFit, law: LawName, order: Any) -> None:
+    colour, at = LAW_COLOURS[law], one.channel.station[order]
+    above.plot(at, one.predicted[order], color=colour, linewidth=1.8, label=f"model, {LAW_NAMES[law]}")
+    below.plot(at, one.residual[order], ".", color=colour, markersize=5)

@@ -1,0 +1,162 @@
+"""Statistics of a cohort as a chapter of its page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+import legfem.report.page as web
+from legfem.cohort.agreement import ICC_FORM
+from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
+from legfem.report.words import short_probability
+
+TITLE = "Statistics"
+_MOST_POINTS = 400
+"""Of a plot."""
+
+
+def chapter(found: Statistics) -> web.Chapter:
+    """Return what the cohort's table permits, parameter by parameter, and what it doesn't."""
+    blocks: list[web.Block] = []
+    some = found.parameters
+    if some and any(one.logarithmic for one in some):
+        texts = ", ".join(one.name for one in some if one.logarithmic)
+        blocks.append(web.Prose(f"Statistics of {texts} are of the logarithm: differences are relative (%)."))
+    if repeated := [(one, each) for one in some for each in one.repeated]:
+        blocks.append(_agreement(repeated))
+        blocks.append(_limits(repeated))
+        blocks += [plot for one, each in repeated[:2] for plot in _plots(one, each)]
+    if any(one.effects for one in some):
+        blocks.append(_effects(some))
+    if any(one.fitted for one in some):
+        blocks.append(_variances(some))
+    if any(one.needed for one in some):
+        blocks.append(_needed(some))
+    if found.not_done:
+        blocks += [web.Prose("Not done:"), web.Bullets(found.not_done)]
+    return web.Chapter(TITLE, blocks or [web.Prose("There is nothing to compare.")])
+
+
+def _difference(one: Analysed, value: float) -> str:
+    return f"{100 * math.expm1(value):+.1f} %" if one.logarithmic else f"{value:+.3g} {one.unit}"
+
+
+def _spread(one: Analysed, value: float) -> str:
+    return f"{100 * math.expm1(value):.1f} %" if one.logarithmic else f"{value:.3g} {one.unit}"
+
+
+def _between(one: Analysed, ends: tuple[float, float]) -> str:
+    return f"{_difference(one, ends[0])} to {_difference(one, ends[1])}"
+
+
+def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
+    rows = [
+        [
+            f"{one.name}, {each.by}s",
+            str(each.agreement.targets),
+            str(each.agreement.levels),
+            f"{each.agreement.icc:.2f} ({each.agreement.icc95[0]:.2f} to {each.agreement.icc95[1]:.2f})",
+            _spread(one, each.agreement.sem),
+            _spread(one, each.own),
+            _spread(one, each.agreement.detectable),
+        ]
+        for one, each in repeated
+    ]
+    header = ["what", "legs", "tests each", "ICC (95 %)", "SEM", "of which own errors", "minimal detectable change"]
+    caption = (
+        f"Agreement of repeated tests: {ICC_FORM}; standard error of measurement (SEM); minimal detectable change "
+        "(95 %) between two tests. Intervals count people: legs of one aren't independent."
+    )
+    return web.WebTable(caption, header, rows)
+
+
+def _limits(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
+    rows = [
+        [
+            f"{one.name}, {each.by} {pair.levels[1]} less {pair.levels[0]}",
+            str(len(pair.difference)),
+            f"{_difference(one, pair.limits.bias)} ({_between(one, pair.limits.bias95)})",
+            f"{_difference(one, pair.limits.low)} ({_between(one, pair.limits.low95)})",
+            f"{_difference(one, pair.limits.high)} ({_between(one, pair.limits.high95)})",
+        ]
+        for one, each in repeated
+        for pair in each.pairs
+    ]
+    header = ["what", "legs", "bias (95 %)", "lower limit (95 %)", "upper limit (95 %)"]
+    return web.WebTable("Bland and Altman's limits of agreement, between which 95 % of differences lie", header, rows)
+
+
+def _plots(one: Analysed, each: Repeated) -> list[web.Curves]:
+    return [_plot(one, each.by, pair) for pair in each.pairs[:1] if len(pair.mean) <= _MOST_POINTS]
+
+
+def _plot(one: Analysed, by: str, pair: Pair) -> web.Curves:
+    order = np.argsort(pair.mean)
+    x = np.exp(pair.mean[order]) if one.logarithmic else pair.mean[order]
+    y = 100 * np.expm1(pair.difference[order]) if one.logarithmic else pair.difference[order]
+
+    def level(value: float) -> np.ndarray:
+        return np.full(len(x), 100 * math.expm1(value) if one.logarithmic else value)
+
+    lines = [
+        web.Line("difference", y, None, points=True),
+        web.Line("bias", level(pair.limits.bias), None, colour="#0072B2"),
+        web.Line("lower limit", level(pair.limits.low), None, colour="#D55E00", dash="dashed"),
+        web.Line("upper limit", level(pair.limits.high), None, colour="#D55E00", dash="dashed"),
+    ]
+    unit = "%" if one.logarithmic else one.unit
+    caption = f"{one.name}: difference of {by} {pair.levels[1]} from {by} {pair.levels[0]} over their mean, leg by leg."
+    name = f"agreement-{one.name}-{by}"
+    return web.Curves(name, caption, x, f"mean ({one.unit})", f"difference ({unit})", "", lines)
+
+
+def _effects(some: Sequence[Analysed]) -> web.WebTable:
+    rows = [
+        [
+            f"{one.name}: {effect.name}",
+            _difference(one, effect.value),
+            _between(one, (effect.low, effect.high)),
+            short_probability(effect.p_value),
+            short_probability(effect.adjusted) if effect.of_group else "–",
+        ]
+        for one in some
+        for effect in one.effects
+    ]
+    header = ["what", "difference", "95 % interval", "p", "p, Holm"]
+    caption = (
+        "Differences by a linear mixed model (restricted maximum likelihood; random person and leg; each member's own "
+        "error is known and weighs it), t tests with as many degrees of freedom as people beyond the effects; Holm's "
+        "correction over all groups and parameters"
+    )
+    return web.WebTable(caption, header, rows)
+
+
+def _variances(some: Sequence[Analysed]) -> web.WebTable:
+    rows = []
+    for one in some:
+        if one.fitted is None:
+            continue
+        cells = [
+            f"{_spread(one, sd)} ({_spread(one, low)} to {_spread(one, high)})" if sd > 0 else "none found"
+            for sd, (low, high) in zip(one.fitted.sd, one.fitted.sd95, strict=True)
+        ]
+        rows.append([one.name, f"{one.count} of {one.people}", *cells, _spread(one, one.own)])
+    header = ["what", "members of people", "people", "legs of a person", "tests of a leg", "own error"]
+    caption = (
+        "Standard deviations (95 %) by source, beyond the effects above; the last is the root mean square of each "
+        "member's own error"
+    )
+    return web.WebTable(caption, header, rows)
+
+
+def _needed(some: Sequence[Analysed]) -> web.WebTable:
+    sizes = next(one.needed for one in some if one.needed)
+    header = ["to find a difference of", *(f"{100 * size:.0f} %" for size, _ in sizes)]
+    rows = [[one.name, *(f"{count}" for _, count in one.needed)] for one in some if one.needed]
+    caption = (
+        f"People in each of two groups that a next study needs (power {100 * POWER:.0f} %, level {100 * LEVEL:.0f} %, "
+        "two-sided t test of people's means), with these spreads and as many tests a person"
+    )
+    return web.WebTable(caption, header, rows)

@@ -1,0 +1,1 @@
+"""Both layers' stiffness from force and ultrasound, of legs that another code pressed."""

@@ -1,0 +1,199 @@
+"""A leg of two layers pressed by another code, as a lab with a load cell and ultrasound records it, and identified.
+
+Errors are wider than stated or of other shapes: readings of the thickness err as Laplace's distribution has it, the
+boundary's bias, the speed of sound and the clocks' lag are uniform, and what is slow is flicker noise.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from legfem.api import identify
+from legfem.common.errors import UnsolvedError
+from legfem.common.progress import Progress
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.data.channels import CHANNELS, RecordedChannel
+from legfem.data.recording import Recording
+from legfem.geometry.indenter import Indenter
+from legfem.geometry.typical_calf import Calf, calf_section
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store, finish
+from legfem.legs.subject import Subject, TissueParameters
+from studies.lab.recording import INSTRUMENT, Course, LabErrors, flicker, record
+from studies.other_code.plane_leg import OtherCase, OtherCode
+from studies.other_code.pressing import OtherCurve
+
+DEPTH_MM, LEAST_MM, RATE_MM_PER_S = 12.0, 8.0, 0.5
+TRIALS, FRAMES_HZ = 3, 5.0
+USUAL_KPA = {"deep": 1.0, "superficial": 2.0}
+"""What a lab assumes, and about which truths are drawn."""
+FACTOR = 3.0
+"""Truths lie within this of what is usual, either way."""
+LAB = LabErrors(gain_sd=0.01, air=4.0)
+READING_MM, BIAS_MM, GAIN, SLOW_MM, LAG_S = 0.3, 0.5, 0.03, 0.1, 0.2
+"""Of thicknesses: standard deviation of a reading, greatest bias, gain and lag either way, and slow error's sd."""
+THICKNESSES = ("fat_thickness", "muscle_thickness")
+LAYERS = ("deep.C10", "superficial.C10")
+MODULES = ("legfem.legs.identification", "studies.channels.layers")
+
+
+@dataclass(frozen=True)
+class Layers:
+    """What is planted; stiffness in kPa, sizes in mm."""
+
+    number: int
+    seed: int
+    deep: float
+    superficial: float
+    girth: float
+    fat: float
+
+    def true(self, name: str) -> float:
+        """Return a layer's C10 by its full name."""
+        return float(getattr(self, name.partition(".")[0]))
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Both layers' C10 (kPa) as they were found from some channels."""
+
+    values: tuple[float, ...]
+    intervals: tuple[tuple[float, float], ...]
+    shares: tuple[float, ...]
+    """Of the thicknesses in what determines each."""
+    p_value: float
+
+
+@dataclass(frozen=True)
+class LayersOutcome:
+    """One leg, by force alone and with the thicknesses."""
+
+    truth: Layers
+    depth: float
+    alone: Identified
+    together: Identified
+    seconds: float
+
+
+def drawn(number: int, seed: int) -> list[Layers]:
+    """Return what is planted in as many legs."""
+    found = []
+    for k in range(number):
+        generator = np.random.default_rng([seed, k])
+        deep, fat = (usual * FACTOR ** generator.uniform(-1, 1) for usual in USUAL_KPA.values())
+        found.append(Layers(k, seed, deep, fat, generator.uniform(320, 400), generator.uniform(5, 10)))
+    return found
+
+
+def leg_of(truth: Layers, fat_kpa: float) -> Subject:
+    """Return the leg with a stiffness of its fat, pressed from behind towards the tibia."""
+    section = calf_section(Calf(truth.girth, truth.fat, 0.6))
+    return Subject(
+        id=f"layers-{truth.number}",
+        title="A calf of two layers, simulated",
+        origin="simulated",
+        section=section,
+        indenter=Indenter(15.0, 50.0, section.tibia.mean(axis=0), 90.0),
+        tissues=MappingProxyType(
+            {
+                "deep": TissueParameters("neo-hookean", None, None, 28.0, None),
+                "superficial": TissueParameters("neo-hookean", kpa_to_mpa(fat_kpa), None, 22.5, None),
+                "fascia": TissueParameters("neo-hookean", kpa_to_mpa(100.0), None, 22.5, None),
+            }
+        ),
+        instrument=INSTRUMENT,
+        recordings=(),
+        directory=Path(),
+        plane_strain=True,
+        plane_strain_stated=True,
+    )
+
+
+def recorded(truth: Layers, curve: OtherCurve) -> Subject:
+    """Return the leg as the lab gives it, its fat assumed as usual, with trials and what ultrasound saw in them."""
+    motion = np.arange(0.0, curve.displacement[-1] / RATE_MM_PER_S + 1e-9, 0.1)
+    depth = RATE_MM_PER_S * motion
+    course = Course(motion, depth, np.interp(depth, curve.displacement, curve.force))
+    stream = [truth.seed, truth.number, 1]
+    trials = record([course] * TRIALS, LAB, np.random.default_rng(stream))
+    # What `record` draws first: travel in air, which ultrasound's clock begins with too.
+    late = np.random.default_rng(stream).uniform(0.0, 1.0, TRIALS) * LAB.air / RATE_MM_PER_S
+    generator = np.random.default_rng([truth.seed, truth.number, 2])
+    errors = {name: generator.uniform(-1, 1, 2) * (BIAS_MM, GAIN) for name in THICKNESSES}
+    lag = float(generator.uniform(-LAG_S, LAG_S))
+    seen = [
+        replace(trial, channels=_frames(curve, trial, float(wait), errors, lag, generator))
+        for trial, wait in zip(trials, late, strict=True)
+    ]
+    return replace(leg_of(truth, USUAL_KPA["superficial"]), recordings=tuple(seen))
+
+
+def _frames(
+    curve: OtherCurve,
+    trial: Recording,
+    late: float,
+    errors: Mapping[str, FloatArray],
+    lag: float,
+    generator: np.random.Generator,
+) -> tuple[RecordedChannel, ...]:
+    clock = np.arange(late, trial.time[-1], 1 / FRAMES_HZ)
+    depth = np.clip(RATE_MM_PER_S * (clock - lag - late), 0.0, curve.displacement[-1])
+    found = []
+    for name, (bias, gain) in errors.items():
+        true = np.interp(depth, curve.displacement, curve.channels[name])
+        noise = generator.laplace(0.0, READING_MM / np.sqrt(2), len(clock))
+        read = (1 + gain) * true + bias + SLOW_MM * flicker(len(clock), generator) + noise
+        found.append(RecordedChannel(name, clock, read, CHANNELS[name].usual))
+    return tuple(found)
+
+
+def outcome_of(context: None, truth: Layers) -> LayersOutcome:
+    """Return what is found of one leg.
+
+    Raises
+    ------
+    UnsolvedError
+        If the other code can't press it far enough.
+    """
+    begun = time.process_time()
+    curve = OtherCode(leg_of(truth, truth.superficial), OtherCase(truth.deep)).solve(DEPTH_MM)
+    if curve.displacement[-1] < LEAST_MM:
+        raise UnsolvedError(f"layers-{truth.number}: felupe stops at {curve.displacement[-1]:g} mm")
+    subject = recorded(truth, curve)
+    force = replace(subject, recordings=tuple(replace(one, channels=()) for one in subject.recordings))
+    depth = float(curve.displacement[-1])
+    alone, together = _identified(force), _identified(subject)
+    return LayersOutcome(truth, depth, alone, together, time.process_time() - begun)
+
+
+def _identified(subject: Subject) -> Identified:
+    found = identify(subject, law="neo-hookean", identify=LAYERS, correction="none", weighting="covariance")
+    fit = found["neo-hookean"]
+    every = [fit.estimates[name] for name in LAYERS]
+    return Identified(
+        tuple(mpa_to_kpa(one.value) for one in every),
+        tuple((mpa_to_kpa(one.ci95[0]), mpa_to_kpa(one.ci95[1])) for one in every),
+        tuple(sum(one.information_shares.get(name, 0.0) for name in THICKNESSES) for one in every),
+        fit.goodness.p_value,
+    )
+
+
+def each(tasks: Sequence[Layers], out: Path, jobs: int, progress: Progress) -> list[LayersOutcome]:
+    """Return the legs' outcomes; those that are kept aren't made again."""
+    store = Store(out / "kept", LayersOutcome, "channels", MODULES)
+    with Workers(outcome_of, None, jobs) as workers:
+        return finish(workers, tasks, store, progress, "legs of two layers", _line)
+
+
+def _line(truth: Layers, found: LayersOutcome) -> str:
+    off = ", ".join(
+        f"{name} {100 * (value / truth.true(name) - 1):+.1f} %"
+        for name, value in zip(LAYERS, found.together.values, strict=True)
+    )
+    return f"leg {truth.number}: {off} ({found.seconds:.0f} s)"

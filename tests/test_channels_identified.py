@@ -1,0 +1,218 @@
+"""Layers' stiffness from force and channels beside it, on a leg in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making_identification import DEPTH, AnalyticLeg, identify, pressed_leg
+
+from legfem.common.errors import InputError
+from legfem.data.channels import CHANNELS, ChannelAccuracy, RecordedChannel
+from legfem.geometry.section import layer_thicknesses
+from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.comparison import total_of
+from legfem.inverse.outcome import Outcome
+from legfem.inverse.settings import IdentificationSettings
+from legfem.legs.problem import measured_curve
+from legfem.legs.site_channels import site_channels
+from legfem.legs.site_test import SiteTest
+from legfem.legs.subject import LegAccuracy, Subject
+
+BOTH = ("deep.C10", "superficial.C10")
+TRUTH = {"deep.C10": 1.4e-3, "superficial.C10": 2.6e-3}
+EXACT = ChannelAccuracy(reading=0.1, bias=0.3, gain=0.01, slow=0.05, lag=0.1)
+
+
+@dataclass
+class LayeredLeg(AnalyticLeg):
+    """The analytic leg, whose fat takes the share of the way that its softness in series has; 6 mm at rest."""
+
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
+        outcome = super().solve(values, sensitivities)
+        every = {**self.nominal, **values}
+        deep, fat = every["deep.C10"], every["superficial.C10"]
+        d = outcome.curve.displacement
+        ratio = deep / (3 * fat)
+        share, by_ratio = ratio / (1 + ratio), 1 / (1 + ratio) ** 2
+        lost = 0.3 * d * (1 + 0.01 * d)
+        by = {"deep.C10": ratio / deep, "superficial.C10": -ratio / fat}
+        slopes = {name: -lost * by_ratio * by.get(name, 0.0) for name in sensitivities}
+        side = 0.1 * np.sin(d / 6) * (1e3 * deep - 1)
+        by_side = {name: 100 * np.sin(d / 6) * (name == "deep.C10") for name in sensitivities}
+        curve = replace(
+            outcome.curve,
+            channels={"fat_thickness": 6.0 - lost * share, "lateral_force": side},
+            channel_sensitivities={"fat_thickness": slopes, "lateral_force": by_side},
+        )
+        return replace(outcome, curves=(curve,))
+
+
+def recorded(
+    folder: Path,
+    seed: int = 0,
+    names: Sequence[str] = ("fat_thickness",),
+    accuracy: ChannelAccuracy = EXACT,
+    every: float = 1.0,
+) -> Subject:
+    """The leg's recordings by `TRUTH`, its channels read with an error of every kind that they are said to have."""
+    rng = np.random.default_rng(seed)
+    subject = pressed_leg(folder, 1.4, 0.0, seed=seed, fat=2.6, trials=2)
+    curve = LayeredLeg().solve(TRUTH, ()).curve
+    bias, gain, lag = (rng.standard_normal() * sd for sd in (accuracy.bias, accuracy.gain, accuracy.lag))
+    trials = []
+    for trial in subject.recordings:
+        time = np.arange(0.0, DEPTH / 0.4, every)
+        drift = accuracy.slow * np.sin(2 * np.pi * (time / 50 + rng.uniform())) * np.sqrt(2)
+        channels = []
+        for name in names:
+            read = curve.channel(name, 0.4 * np.maximum(time - lag, 0.0))
+            read = (1 + gain) * read + bias + drift + accuracy.reading * rng.standard_normal(len(time))
+            channels.append(RecordedChannel(name, time, read, accuracy))
+        trials.append(replace(trial, channels=tuple(channels)))
+    return replace(subject, recordings=tuple(trials), accuracy=LegAccuracy(contour_sd=0.0))
+
+
+def fitted(subject: Subject, names: Sequence[str] = BOTH, **more):
+    leg = LayeredLeg()
+    parameters = [parameter_of(name, leg.nominal) for name in names]
+    (fit,) = identify(subject, model=leg, laws=("neo-hookean",), parameters=parameters, **more)
+    return fit
+
+
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory):
+    return recorded(tmp_path_factory.mktemp("leg"))
+
+
+@pytest.fixture(scope="module")
+def fit(subject):
+    return fitted(subject)
+
+
+def test_both_layers_are_found(fit):
+    for name, truth in TRUTH.items():
+        low, high = fit.estimates[name].ci95
+        assert low < truth < high
+        assert fit.estimates[name].value == pytest.approx(truth, rel=0.1)
+    assert fit.weighting == "covariance"
+    assert fit.goodness.fits
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path):
+    """Of 30 recordings with errors of every kind, 95 % intervals hold both layers in 26 at least: chance 0.99 of it."""
+    held = {name: 0 for name in BOTH}
+    for seed in range(30):
+        found = fitted(recorded(tmp_path / "leg", seed))
+        for name, truth in TRUTH.items():
+            low, high = found.estimates[name].ci95
+            held[name] += low < truth < high
+    print(held)
+    assert min(held.values()) >= 26
+
+
+def test_thickness_says_most_about_the_fat(fit, subject):
+    alone = fitted(replace(subject, recordings=tuple(replace(one, channels=()) for one in subject.recordings)))
+    fat, before = (one.estimates["superficial.C10"] for one in (fit, alone))
+    assert fat.standard_error < 0.8 * before.standard_error
+    assert before.information_shares == {} and "channels" not in before.error_shares
+    assert set(fat.information_shares) == {"force", "fat_thickness"}
+    assert sum(fat.information_shares.values()) == pytest.approx(1.0)
+    assert fat.information_shares["fat_thickness"] > 0.1
+    assert fat.error_shares["channels"] > 0.1
+
+
+def test_without_channels_nothing_moves(tmp_path):
+    """A leg whose model has channels, and whose recordings have none: to the last bit."""
+    plain = pressed_leg(tmp_path / "leg", 1.4, 0.0, fat=2.6)
+    parameters = [parameter_of(name, LayeredLeg().nominal) for name in BOTH]
+    one, other = (
+        identify(plain, model=leg, laws=("neo-hookean",), parameters=parameters)[0]
+        for leg in (LayeredLeg(), AnalyticLeg())
+    )
+    assert one.weighting == "paper"
+    for name in BOTH:
+        assert one.estimates[name].value == other.estimates[name].value
+        assert one.estimates[name].ci95 == other.estimates[name].ci95
+    assert one.goodness == other.goodness
+
+
+def test_the_plain_sum_can_t_weigh_them(subject):
+    with pytest.raises(InputError, match="millimetres"):
+        fitted(subject, settings=IdentificationSettings(weighting="paper"))
+
+
+@pytest.mark.parametrize("by_instrument", [False, True])
+def test_predictions_have_the_derivatives_of_differences(tmp_path, by_instrument):
+    subject = recorded(tmp_path / "leg", names=("fat_thickness", "lateral_force"))
+    curve = measured_curve(subject)
+    test = SiteTest(
+        subject, curve, beyond=1.0 * by_instrument, by_instrument=by_instrument, beside=site_channels(subject, curve)
+    )
+    leg = LayeredLeg(depth=DEPTH + 1)
+    instrument = np.array([1.1, 0.05, -0.4])
+    exact = test.predict(leg.solve(TRUTH, BOTH).curve, TRUTH, instrument)
+    assert len(exact.values) == len(test.data.values) == len(test.if_deeper)
+    assert len(exact.model_values) == test.model_size == len(test.linear_scale)
+    np.testing.assert_allclose(test.read(exact.model_values, instrument), exact.values, rtol=1e-12, atol=1e-12)
+    for name in BOTH:
+        step = 1e-5 * TRUTH[name]
+        ahead, behind = (
+            test.predict(leg.solve(at, ()).curve, at, instrument).values
+            for at in ({**TRUTH, name: TRUTH[name] + by} for by in (step, -step))
+        )
+        difference = (ahead - behind) / (2 * step)
+        np.testing.assert_allclose(exact.sensitivities[name], difference, atol=1e-4 * np.abs(difference).max())
+    if by_instrument:
+        for k, name in enumerate(("instrument.gain", "instrument.zero", "instrument.contact_offset")):
+            step = 1e-5 * np.eye(3)[k]
+            ahead, behind = (test.read(exact.model_values, instrument + by) for by in (step, -step))
+            difference = (ahead - behind) / 2e-5
+            np.testing.assert_allclose(exact.sensitivities[name], difference, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["reading", "bias", "gain", "slow", "lag"])
+def test_every_error_is_as_large_as_it_is_said_to_be(tmp_path, kind):
+    """The spread of readings that err in one way alone, beside the covariance for that error."""
+    size = {"reading": 0.2, "bias": 0.3, "gain": 0.03, "slow": 0.2, "lag": 0.4}[kind]
+    accuracy = replace(ChannelAccuracy(reading=1e-6), **{kind: size})
+    every = []
+    for seed in range(40):
+        subject = recorded(tmp_path / "leg", seed, accuracy=accuracy, every=2.0)
+        curve = measured_curve(replace(subject, recordings=subject.recordings[:1]))
+        curve = replace(curve, noise=replace(curve.noise, shift_sd=0.0, common_shift_sd=0.0))
+        one = replace(subject, recordings=subject.recordings[:1])
+        (channel,) = site_channels(one, curve)
+        at = np.argsort(channel.depth)
+        every.append((channel.values[at][2:23], np.sqrt(np.diag(channel.instrument))[at][2:23]))
+    values, stated = (np.array(part) for part in zip(*every, strict=True))
+    spread = np.sqrt(np.mean(np.std(values, axis=0, ddof=1) ** 2))
+    assert spread == pytest.approx(np.sqrt(np.mean(stated**2)), rel=0.25)
+
+
+def test_outlines_make_a_thickness_err(subject):
+    curve = measured_curve(subject)
+    (sure,), (unsure,) = (
+        site_channels(replace(subject, accuracy=LegAccuracy(contour_sd=sd)), curve) for sd in (0.0, 0.5)
+    )
+    own = layer_thicknesses(subject.section, subject.indenter.aim, subject.indenter.direction)["fat_thickness"]
+    assert not sure.outlines.any()
+    at_rest = np.argmin(unsure.depth)
+    assert np.sqrt(unsure.outlines[at_rest, at_rest]) == pytest.approx(np.sqrt(2) * 0.5 * 6.0 / own, rel=0.1)
+    np.testing.assert_array_equal(sure.instrument, unsure.instrument)
+
+
+def test_errors_by_source_add_up(subject):
+    curve = measured_curve(subject)
+    test = SiteTest(subject, curve, beside=site_channels(subject, curve))
+    errors = test.own_errors
+    assert set(errors) == {"recordings", "model", "channels"}
+    np.linalg.cholesky(total_of(errors))
+    forces = test.data.spans[0]
+    assert not errors["channels"][forces].any()
+    np.testing.assert_array_equal(errors["recordings"][forces, forces], curve.covariance)
+    assert test.data.channels[1].unit == CHANNELS["fat_thickness"].unit

@@ -1,0 +1,135 @@
+"""What could hide: profiles of strengths, beside closed forms, and what a report makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from making_diagnosed import diagnosed
+from making_diagnosis import INSTRUMENT, TRUTH, ClosedForm, force_at, noisy, observations, problem_of, ramps, two_rates
+
+from legfem.common.progress import Silent
+from legfem.inverse.discrepancy import possible_discrepancies
+from legfem.inverse.evidence import Evidence
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.hidden import profile_of
+from legfem.inverse.laplace import laplace_posterior
+from legfem.inverse.linearised import fit
+from legfem.inverse.mechanism import MeasuredStrength, Occurrence
+from legfem.inverse.verdict import TRUSTED, shift_of
+from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.occurrence import OCCURRENCES
+from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_sentences import hidden_sentence
+
+DRIFT = "force-drift.rate"
+
+
+@dataclass(frozen=True, eq=False)
+class Hiding(ClosedForm):
+    """Responses to a lump that are those to a stiffer muscle everywhere, so that C10 takes its place."""
+
+    def relative_change(self, mechanism, values, at, observed):
+        if mechanism.name != "uneven-muscle":
+            return super().relative_change(mechanism, values, at, observed)
+        c10, c20 = at
+        more = 1 + 0.3 * np.log(values["factor"])
+        d = np.maximum(observed.displacement, 1e-6)
+        return force_at(more * c10, more * c20, d) / force_at(c10, c20, d) - 1.0
+
+
+def lump(factor, possible=OCCURRENCES):
+    """Return the diagnosis of a leg with a lump that a refit hides, C10 1.0 and C20 0.6 kPa about it."""
+    observed, predictor = observations(ramps())
+    predictor = replace(predictor, responses=Hiding())
+    mechanism = mechanism_named("uneven-muscle")
+    values = {"C10": 1.0, "C20": 0.6, "uneven-muscle.factor": factor}
+    observed = noisy(observed, predictor(values, [mechanism]), 1)
+    asked = ("uneven-muscle", "force-drift", "support-compliance", "superficial-stiffness")
+    able, _ = shown_mechanisms(observed, None)
+    library = Hiding(missing={m.name: "not asked" for m in able if m.name not in asked})
+    return diagnose_body(observed, INSTRUMENT, "reduced-polynomial", library, None, Silent(), possible=possible)
+
+
+def drifting(measured=()):
+    """Return the explanation of recordings by a drift, and the base model's fit."""
+    problem, _ = problem_of(ramps(), seed=3)
+    problem = replace(problem, measured=measured)
+    base = fit(problem, (), TRUTH)
+    mine = fit(problem, [mechanism_named("force-drift")], {**base.values, DRIFT: 0.002})
+    evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
+    posterior = laplace_posterior(problem, evidence, mine, [0.0] + [-np.inf] * (len(evidence._factors) - 1))
+    return Explanation(problem, mine, posterior, 0.0, False, False), base
+
+
+def normal_equations(one):
+    """Return the middle and sd of a drift (N/s) without a prior of its own, all else at its best."""
+    fitted = one.fit
+    k = fitted.free.index(DRIFT)
+    own = np.eye(len(fitted.free))
+    own[k, k] = 0.0
+    information = fitted.jacobian.T @ fitted.jacobian + own
+    gradient = fitted.jacobian.T @ fitted.whitened - own @ fitted.prior_z
+    at = fitted.prior_z + np.linalg.solve(information, gradient)
+    prior = fitted.parameters[k].prior
+    return prior.value_at(at[k]), prior.sd * np.sqrt(np.linalg.inv(information)[k, k])
+
+
+def test_limits_are_those_of_the_normal_equations_where_the_problem_is_linear():
+    one, base = drifting()
+    limit = profile_of(one, base).limit(base)
+    middle, sd = normal_equations(one)
+    assert not limit.open
+    assert limit.low == pytest.approx(middle - 1.96 * sd, abs=0.03 * sd)
+    assert limit.high == pytest.approx(middle + 1.96 * sd, abs=0.03 * sd)
+
+
+def test_a_reading_of_the_strength_counts_in_its_limits():
+    alone, base = drifting()
+    middle, sd = normal_equations(alone)
+    mechanism = mechanism_named("force-drift")
+    scale = mechanism.parameters[0].prior.sd
+    one, _ = drifting((MeasuredStrength(mechanism, middle / scale, sd / scale),))
+    limit = profile_of(one, base).limit(base)
+    # Twice as much is known, of the same middle.
+    assert limit.high - limit.low == pytest.approx(2 * 1.96 * sd / np.sqrt(2.0), rel=0.03)
+
+
+def test_what_is_impossible_is_no_limit_and_an_end_that_is_reached_is_open():
+    one, base = drifting()
+    middle, sd = normal_equations(one)
+    limit = profile_of(one, base, Occurrence(middle - 0.5 * sd, middle + 5 * sd)).limit(base)
+    assert limit.open_low and not limit.open_high
+    assert limit.low == pytest.approx(middle - 0.5 * sd, abs=1e-6)
+
+
+def test_a_lump_that_a_refit_hides_leaves_its_limit_open_and_the_answer_is_not_yes():
+    found = lump(10.0)
+    assert found.verdict == "consistent"
+    limit = next(one for one in found.limits if one.name == "uneven-muscle")
+    assert limit.open_low and limit.open_high and limit.high == pytest.approx(10.0)
+    # The base model takes the lump for a muscle that is stiffer by 0.3 ln 10.
+    assert found.base.value("C10") == pytest.approx(1 + 0.3 * np.log(10.0), rel=0.03)
+    assert limit.stiffness["C10"][0] == pytest.approx(1.0, rel=0.03)
+    assert found.limits[0] is limit and shift_of(limit, found.weighted_base.fit) > TRUSTED
+    answer = headline(found, ())
+    assert answer.heading.startswith("The model fits, and C10 may be off by ")
+    assert "Write down a range" in answer.sentence
+    said = hidden_sentence(found, limit)
+    assert said in dict(answer.answers)["Problems found"]
+    assert "would not have been seen; C10 would then be" in said
+
+
+def test_the_interval_holds_what_a_lump_hides_for_great_strengths_are_common():
+    usual, found = lump(4.0, possible={}), lump(4.0)
+    assert found.base.value("C10") > 1.3
+    assert found.intervals["C10"][0] < 1.0 < usual.intervals["C10"][0]
+
+
+def test_a_null_of_several_phases_is_trusted_and_nothing_that_matters_is_open():
+    found = diagnosed({}, recordings=two_rates())
+    assert found.verdict == "consistent" and found.may_be_off < TRUSTED
+    assert headline(found, ()).heading == "Yes."
+    assert not found.hidden

@@ -1,0 +1,72 @@
+"""A leg without outlines: a typical calf of the measured girth and fat thickness."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from legfem.common.errors import InputError
+from legfem.geometry.section import first_crossing, girth
+from legfem.geometry.typical_calf import Calf, calf_section
+from legfem.inverse.settings import SearchRequest
+from legfem.legs.loading import load_subject
+from legfem.legs.problem import leg_problem
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.site_test import TYPICAL_SHAPE
+from legfem.legs.subject import TYPICAL_FORCE_SD, SitedLeg
+
+
+def described(folder: Path, section: str, indenter: str = "") -> Path:
+    """A bundled subject's recordings beside a section of sizes alone."""
+    own = SUBJECTS.find("3")
+    folder.mkdir()
+    (folder / "recordings").symlink_to(own / "recordings")
+    lines = (own / "subject.toml").read_text("utf-8").splitlines()
+    kept = [line for line in lines if not line.startswith(("aim_mm", "direction_deg", "contours", "fascia_thickness"))]
+    text = "\n".join(kept)
+    text = text.replace("[section]", f"[section]\nfascia_thickness_mm = 0.6\n{section}")
+    text = text.replace("[indenter]", f"[indenter]\n{indenter}")
+    (folder / "subject.toml").write_text(text, "utf-8")
+    return folder
+
+
+@pytest.mark.parametrize(("around", "fat"), [(320.0, 4.0), (365.0, 9.0), (420.0, 22.0)])
+def test_a_calf_has_the_girth_and_the_fat_that_were_measured(tmp_path: Path, around: float, fat: float):
+    subject = load_subject(described(tmp_path / "leg", f"girth_mm = {around}\nfat_mm = {fat}"), need_recordings=False)
+    section, line = subject.section, (subject.indenter.aim, subject.indenter.direction)
+    skin, fascia = (first_crossing(section.polygon(name).exterior, *line) for name in ("skin", "fascia"))
+    assert girth(section) == pytest.approx(around, rel=1e-3)
+    assert fascia - skin == pytest.approx(fat, rel=0.02)
+    assert subject.typical_shape
+
+
+def test_the_interval_carries_the_error_of_the_shape(tmp_path: Path):
+    subject = load_subject(described(tmp_path / "leg", "girth_mm = 365\nfat_mm = 8"))
+    (test,) = leg_problem(SitedLeg("leg", "leg", (subject,), subject.directory), ["neo-hookean"], SearchRequest()).tests
+    force = test.data.values
+    shared = test.shared_errors({"deep.C10": 0.003}, force)
+    assert shared[TYPICAL_SHAPE].effect == pytest.approx(TYPICAL_FORCE_SD * force)
+
+
+@pytest.mark.parametrize(
+    ("section", "indenter", "field", "words"),
+    [
+        ("girth_mm = 365", "", "fat_mm", "both girth_mm and fat_mm"),
+        ("fat_mm = 8", "", "scan", "girth_mm with fat_mm"),
+        ('contours = "contours.csv"\ngirth_mm = 365\nfat_mm = 8', "", "scan", "2 sources"),
+        ("girth_mm = 36.5\nfat_mm = 8", "", "girth_mm", "200"),
+        ("girth_mm = 365\nfat_mm = 8", "aim_mm = [0.0, 0.0]", "indenter.aim_mm", "from behind"),
+        ("girth_mm = 240\nfat_mm = 38", "", "section.fat_mm", "make no calf"),
+    ],
+)
+def test_sizes_that_make_no_leg_are_refused_in_one_line(tmp_path: Path, section: str, indenter: str, field, words):
+    with pytest.raises(InputError) as told:
+        load_subject(described(tmp_path / "leg", section, indenter))
+    assert field in told.value.field
+    assert words in str(told.value)
+
+
+def test_fat_behind_is_given_not_its_mean():
+    assert Calf.with_fat_behind(365.0, 8.0, 0.6).fat_mm < 8.0
+    assert girth(calf_section(Calf.with_fat_behind(365.0, 8.0, 0.6))) == pytest.approx(365.0, rel=1e-3)
