@@ -33,7 +33,7 @@ CASES = {
     "consistent": ({}, 0.0, ASKED),
     "named": ({"fascia-stiffness.factor": 4.0}, 0.0, ASKED),
     "ambiguous": ({"fascia-stiffness.factor": 4.0}, 0.0, TWINS),
-    "unexplained": ({}, 0.6, ASKED),
+    "unexplained": ({}, 2.0, ASKED),
 }
 
 

@@ -218,10 +218,16 @@ class LinearisedProblem:
     """By the names of the errors' known effects."""
     possible: Mapping[str, Occurrence] = field(default_factory=dict)
     """Which strengths mechanisms may have, by their names; within their bounds without it."""
+    aside: NDArray[np.bool_] | None = None
+    """(N,): readings that are set aside, whose errors have no bounds; none without it."""
 
     def without(self, left_out: NDArray[np.bool_]) -> LinearisedProblem:
         """Return the problem with observations left out."""
         return replace(self, kept=~left_out)
+
+    def setting_aside(self, readings: NDArray[np.bool_]) -> LinearisedProblem:
+        """Return the problem with readings (N,) set aside: their errors are a thousand times as large."""
+        return replace(self, errors=_without_bounds(self.errors, readings), aside=readings)
 
     def corrected(self, offset: FloatArray) -> LinearisedProblem:
         """Return the problem with the predictor shifted to a full solution."""
@@ -387,13 +393,18 @@ def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> Linearis
     errors = problem.errors
     sizes = np.empty(len(errors.trial_sd))
     for span in problem.predictor.observed.data.spans:
-        sizes[span] = max(float(np.sqrt(np.mean(misfit[span] ** 2))), float(np.median(errors.trial_sd[span])))
-    return problem.with_errors(
-        replace(
-            errors,
-            dense=np.diag(sizes**2),
-            known=0.0 * errors.known,
-            gains=0.0 * errors.gains,
-            zeros=0.0 * errors.zeros,
-        )
+        counted = misfit[span] if problem.aside is None else misfit[span][~problem.aside[span]]
+        sizes[span] = max(float(np.sqrt(np.mean(counted**2))), float(np.median(errors.trial_sd[span])))
+    equal = replace(
+        errors, dense=np.diag(sizes**2), known=0.0 * errors.known, gains=0.0 * errors.gains, zeros=0.0 * errors.zeros
     )
+    return problem.with_errors(equal if problem.aside is None else _without_bounds(equal, problem.aside))
+
+
+_UNBOUNDED = 1e6
+"""Of a variance."""
+
+
+def _without_bounds(errors: ErrorModel, readings: NDArray[np.bool_]) -> ErrorModel:
+    more = np.where(readings, _UNBOUNDED * np.diag(errors.covariance), 0.0)
+    return replace(errors, dense=errors.dense + np.diag(more))

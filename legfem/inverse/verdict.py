@@ -31,8 +31,10 @@ from legfem.inverse.linearised import (
 )
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
+from legfem.inverse.misfit import Misfit, misfit_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name
+from legfem.inverse.setting_aside import SetAside, touched_part
 from legfem.inverse.trial_noise import estimate_noise
 
 
@@ -52,6 +54,8 @@ def shift_of(limit: Limit, base: LinearisedFit) -> float:
 
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
+SMALL = 0.01
+"""Of the largest force: a root mean square misfit that is less may be good enough."""
 TRUSTED = 0.15
 """Of C10: where all that may hide moves it by less, with 95 %, a model that fits is trusted."""
 ADEQUATE = 0.5
@@ -90,6 +94,10 @@ class Diagnosis:
     emulator_error: float
     """Greatest difference of the base model's emulated and full forces, over the largest force; NaN
     without a full solution."""
+    misfit: Misfit
+    """Of the base model, by its size."""
+    aside: SetAside | None = None
+    """A part of a trial that something unknown touched: all else is said of the rest."""
 
     @property
     def base(self) -> Explanation:
@@ -124,11 +132,27 @@ class Diagnosis:
 
         Of unexplained recordings all that was searched: what they give may be off by any amount.
         """
-        if self.verdict == "unexplained":
+        if self.withheld:
             fitted = self.base.fit
             return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
+        return self._averaged
+
+    @cached_property
+    def _averaged(self) -> dict[str, tuple[float, float]]:
         found = {name: averaged_interval(self.explained, name) for name in ("C10", "C20")}
         return {name: ends for name, ends in found.items() if ends is not None}
+
+    @cached_property
+    def withheld(self) -> bool:
+        """Whether no stiffness is given: nothing explains the misfit, and it isn't small.
+
+        A misfit is small that is less than `SMALL` of the largest force and moves C10 by less than its interval.
+        """
+        if self.verdict != "unexplained" or self.misfit.size >= SMALL or "C10" not in self._averaged:
+            return self.verdict == "unexplained"
+        value = self.base.value("C10")
+        low, high = self._averaged["C10"]
+        return not (low < value < high and self.misfit.moves < min(value - low, high - value) / value)
 
     @cached_property
     def may_be_off(self) -> float:
@@ -204,6 +228,17 @@ def diagnose(
     progress.stage(f"weighing {len(mechanisms)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
     explained = explain(problem, base, mechanisms, confirm, ordinary.values)
+    aside = _to_set_aside(problem, explained)
+    if aside is not None:
+        progress.stage(f"without {aside.described}")
+        rest = problem.setting_aside(aside.readings)
+        plain = ordinary_fit(rest, [base.values])
+        alone = fit(rest, (), plain.values)
+        again = explain(rest, alone, mechanisms, confirm, plain.values)
+        if _leaves_something(again):
+            aside = None
+        else:
+            problem, ordinary, base, explained = rest, plain, alone, again
     progress.stage("what could hide")
     limits = limits_of(explained)
     progress.stage("where the base model is wrong")
@@ -228,7 +263,23 @@ def diagnose(
         predictor.ends is not None,
         (solved.solutions if solved is not None else 0) - made,
         error,
+        misfit_of(problem, ordinary),
+        aside,
     )
+
+
+def _leaves_something(explained: Explained) -> bool:
+    """Return whether the recordings ask for something unknown, by itself or beside what is named first."""
+    verdict, models = _verdict(explained)
+    return verdict == "unexplained" or (bool(models) and models[0].in_part)
+
+
+def _to_set_aside(problem: LinearisedProblem, explained: Explained) -> SetAside | None:
+    """Return a part of a trial that may be what asks for something unknown; a whole trial where nothing is named."""
+    if not _leaves_something(explained):
+        return None
+    found = touched_part(problem.predictor.observed, problem.errors)
+    return None if found is None or (found.whole and _verdict(explained)[1]) else found
 
 
 def slowest_of(observed: Observations) -> float:

@@ -151,6 +151,13 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 }
                 for limit in found.limits
             ],
+            "set_aside": None
+            if found.aside is None
+            else {
+                "trial": found.aside.trial,
+                "phases": list(found.aside.phases),
+                "greatest_departure_N": found.aside.size_N,
+            },
             "untested": found.untested,
             "remarks": list(found.observed.remarks),
             "next_experiment": next_experiments(found),

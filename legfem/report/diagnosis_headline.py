@@ -14,7 +14,14 @@ from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import determined, places_of
-from legfem.report.diagnosis_sentences import hidden_sentence, next_experiments, percent, statements
+from legfem.report.diagnosis_sentences import (
+    aside_sentence,
+    hidden_sentence,
+    misfit_sentence,
+    next_experiments,
+    percent,
+    statements,
+)
 from legfem.report.estimates import high_or_low
 from legfem.report.words import number
 
@@ -52,20 +59,22 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
 
 def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
     """Return how the verdict looks, and the answer to the page's title."""
-    if found.verdict == "unexplained":
+    if found.withheld:
         return "wrong", "No."
+    if found.verdict == "unexplained":
+        return "caution", f"Good enough: the model misses by {found.misfit.size:.1%} of the largest force."
     if _wide(found):
         fits = "The model fits" if found.verdict == "consistent" else "The corrected model fits"
         return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
     if found.verdict == "consistent":
-        return "sound", "Yes."
+        return ("sound", "Yes.") if found.aside is None else ("caution", f"Yes, without {found.aside.described}.")
     if found.verdict == "named" or _alike(found):
         return "caution", "Yes, but use the corrected one."
     return "open", "Only as a range."
 
 
 def _write_down(found: Diagnosis) -> str:
-    if found.verdict == "unexplained":
+    if found.withheld:
         return "Write down no number."
     if "C10" not in found.base.fit.free:
         return "C10 was given, not found."
@@ -82,9 +91,17 @@ def _write_down(found: Diagnosis) -> str:
 
 
 def _wrong(found: Diagnosis) -> str:
+    aside = "" if found.aside is None else f"{aside_sentence(found.aside)} "
+    return aside + _wrong_of_the_rest(found)
+
+
+def _wrong_of_the_rest(found: Diagnosis) -> str:
     if found.verdict == "consistent":
         hides = f" But: {hidden_sentence(found, found.hidden[0])}" if found.hidden and _wide(found) else ""
-        return f"None.{hides} What this test cannot show is listed further down."
+        none = "None." if found.aside is None else "No other problem."
+        return f"{none}{hides} What this test cannot show is listed further down."
+    if found.verdict == "unexplained" and not found.withheld:
+        return f"{misfit_sentence(found)}{_place(found)}"
     if found.verdict == "unexplained":
         return (
             "The computer model of the leg does not reproduce the recording, and no cause that "
@@ -135,11 +152,13 @@ _NINETEEN_OF_20 = (
 
 
 def _stiffness(found: Diagnosis) -> str:
-    if found.verdict == "unexplained":
+    if found.withheld:
         return f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount."
     if "C10" not in found.base.fit.free:
         return "C10 was given, not found."
     before = _value(found, found.base)
+    if found.verdict == "unexplained":
+        return f"{_C10}, is {before} kPa; the misfit moves it by {found.misfit.moves:.1%} at most."
     if found.verdict == "consistent" and _wide(found):
         return f"{_C10}, is {before} kPa if nothing hides; what may hide can move it by {percent(found.may_be_off)}."
     if found.verdict == "consistent":
@@ -165,7 +184,7 @@ _C10 = "C10, the stiffness of the tissue"
 
 def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
     """Return how the number to write down compares with others', where there is one."""
-    if found.verdict == "unexplained" or "C10" not in found.base.fit.free:
+    if found.withheld or "C10" not in found.base.fit.free:
         return []
     if found.verdict == "ambiguous" and not _alike(found):
         return high_or_low(tissue, *(float(end) for end in _within(found)))
@@ -196,7 +215,7 @@ def _ends(found: Diagnosis) -> tuple[float, float]:
 
 def _wide(found: Diagnosis) -> bool:
     """Return whether C10 is known as a range alone: what is hidden may move it."""
-    if found.verdict == "unexplained" or (found.verdict == "ambiguous" and not _alike(found)):
+    if found.withheld or (found.verdict == "ambiguous" and not _alike(found)):
         return False
     return found.may_be_off > TRUSTED
 
@@ -218,6 +237,8 @@ def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
         return "Use the corrected number." if found.verdict == "named" else "Use the range."
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
     asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
+    if found.verdict == "unexplained" and not found.withheld:
+        return f"Use the number above. To find out what the model misses, ask the lab to {lines[0]}."
     if found.verdict == "unexplained":
         return (
             f"Use no number of this test. First ask the lab to check the data for a mistake. Then ask it to {lines[0]}."

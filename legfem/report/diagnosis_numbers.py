@@ -36,7 +36,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     recordings = f"{trials} recording{'s' * (trials > 1)}"
     data: Provenance = subject.origin
     rows = []
-    wrong = _WRONG if found.verdict == "unexplained" else ""
+    wrong = _WRONG if found.withheld else ""
     for name in found.base.fit.stiffness:
         shown = [(found.base, BASE_NAME)]
         shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in shown_models(found)]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import Limit
 from legfem.inverse.mechanism import null_of
+from legfem.inverse.setting_aside import SetAside
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.mechanisms import Mechanism
 from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
@@ -27,6 +28,8 @@ def verdict_sentence(found: Diagnosis) -> str:
             "what was pressed; nothing asks for more physics "
             f"(probability {percent(found.explained.adequacy)} that none shows). {air(found)}"
         ).strip()
+    if found.verdict == "unexplained" and not found.withheld:
+        return misfit_sentence(found)
     if found.verdict == "unexplained":
         return (
             f"{_contradiction(found)} None of the mechanisms known to legfem, alone or in pairs, "
@@ -130,6 +133,24 @@ def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
     if recorded and isinstance(mechanism, TissueRelaxation):
         return _HOLDS_RECORDED
     return mechanism.next_experiment
+
+
+def misfit_sentence(found: Diagnosis) -> str:
+    """Return how far a model misses whose misfit is small, and what that does to C10."""
+    return (
+        f"The model misses the recordings by more than noise, but by {found.misfit.size:.1%} of the largest force "
+        f"only (root mean square); without any one phase or third of the depth C10 moves by {found.misfit.moves:.1%} "
+        "at most, which is less than its interval: that is good enough for C10."
+    )
+
+
+def aside_sentence(aside: SetAside) -> str:
+    """Return what was set aside, and why."""
+    return (
+        f"Something unknown touched a part of the recordings, which was set aside: {aside.described}. It departs "
+        f"from the other trials by up to {abs(aside.size_N):.2g} N, more than gain, zero, first contact and noise "
+        "explain. Everything here is of the rest."
+    )
 
 
 def hidden_sentence(found: Diagnosis, limit: Limit) -> str:

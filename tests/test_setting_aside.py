@@ -1,0 +1,96 @@
+"""A part of a trial that something unknown touched is set aside, and a misfit that is small is graded by its size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_diagnosed import diagnosed_of
+from making_diagnosis import noisy, observations, two_rates
+
+from legfem.inverse.misfit import Misfit, misfit_of
+from legfem.inverse.setting_aside import touched_part
+from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_sentences import verdict_sentence
+
+BASE = {"C10": 1.0, "C20": 0.6}
+ASKED = ("preconditioning", "force-drift", "muscle-contraction", "superficial-stiffness")
+
+
+def recorded(stiffer=0.0, after=20.0, trial=1, seed=1, bump=0.0):
+    """Return three slow trials with holds; in one a muscle tenses for good, so many seconds into the hold."""
+    observed, predictor = observations([one for one in two_rates() if "rate0.4" in one.trial])
+    force = predictor(BASE, [])
+    begun = observed.time[observed.phase == "hold"].min() + after
+    tense = (observed.trial == trial) / (1 + np.exp(-np.clip(observed.time - begun, -50, 50)))
+    force = force * (1 + stiffer * tense)
+    force = force + bump * np.sin(observed.displacement / 1.5) * (observed.displacement > 3.0)
+    return noisy(observed, force, seed)
+
+
+@pytest.mark.parametrize(("trial", "after"), [(1, 20.0), (0, 5.0), (2, 40.0)])
+def test_a_muscle_that_tenses_in_one_hold_is_set_aside_and_the_rest_gives_c10(trial, after):
+    observed = recorded(0.15, after, trial)
+    found = diagnosed_of(observed, ASKED)
+    assert found.aside is not None
+    assert found.aside.trial == observed.trials[trial] and found.aside.phases == ("hold", "unloading")
+    low, high = found.intervals["C10"]
+    assert low < BASE["C10"] < high
+    assert found.best.value("C10") == pytest.approx(BASE["C10"], rel=0.05)
+    answer = headline(found, ())
+    assert found.aside.described in answer.heading
+    assert found.aside.described in dict(answer.answers)["Problems found"]
+
+
+def test_the_rest_has_an_interval_of_its_own_which_is_wider():
+    whole = diagnosed_of(recorded(), ASKED)
+    rest = diagnosed_of(recorded(0.15), ASKED)
+    assert whole.aside is None
+    ratio = np.diff(rest.intervals["C10"])[0] / np.diff(whole.intervals["C10"])[0]
+    assert 1.0 < ratio < 2.0
+
+
+def test_trials_that_differ_by_their_gain_and_noise_alone_are_not_set_aside():
+    for seed in (1, 2, 3):
+        observed = recorded(seed=seed)
+        gains = 1 + 0.03 * np.random.default_rng(seed).normal(size=3)
+        errors = diagnosed_of(observed, ASKED[:1]).errors
+        assert touched_part(observed.with_force(observed.force * gains[observed.trial]), errors) is None
+
+
+def test_of_two_trials_none_is_set_aside_for_nobody_knows_which():
+    observed, predictor = observations([one for one in two_rates(2) if "rate0.4" in one.trial])
+    force = predictor(BASE, [])
+    later = (observed.trial == 1) & (observed.phase != "loading")
+    observed = noisy(observed, force * (1 + 0.2 * later), 1)
+    found = diagnosed_of(observed, ASKED[:1])
+    assert touched_part(observed, found.errors) is None
+
+
+def test_a_misfit_below_a_hundredth_of_the_force_that_hardly_moves_c10_is_good_enough():
+    found = diagnosed_of(recorded(bump=0.2), ASKED)
+    assert found.verdict == "unexplained" and found.misfit.size < 0.01
+    assert not found.withheld
+    answer = headline(found, ())
+    assert answer.heading.startswith("Good enough: the model misses by 0.")
+    assert answer.sentence.startswith("Write down")
+    assert "good enough" in verdict_sentence(found)
+    low, high = found.intervals["C10"]
+    assert low < BASE["C10"] < high
+
+
+def test_a_misfit_that_is_large_or_moves_c10_beyond_its_interval_is_not():
+    found = diagnosed_of(recorded(bump=0.2), ASKED)
+    large = replace(found, misfit=Misfit(0.02, found.misfit.moves))
+    moving = replace(found, misfit=Misfit(found.misfit.size, 0.9))
+    for one in (large, moving):
+        assert one.withheld
+        assert headline(one, ()).heading == "No."
+
+
+def test_a_misfits_size_is_that_of_what_is_left_over_the_largest_force():
+    found = diagnosed_of(recorded(bump=0.2), ASKED)
+    left = found.ordinary_base.fit.residual
+    expected = np.sqrt(np.mean(left**2)) / found.observed.force.max()
+    assert misfit_of(found.explained.base.problem, found.ordinary_base.fit).size == pytest.approx(expected)
