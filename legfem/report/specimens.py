@@ -216,7 +216,9 @@ def _headline(best: SpecimenFit) -> web.Headline:
         if found.parameter.role == "identified"
     )
     unsure = estimates.unknown_among(best.estimates)
-    tone: web.Tone = "wrong" if not _fits(best) else "caution" if unsure or best.details.left_out else "sound"
+    thickness = best.details.thickness
+    doubtful = unsure or best.details.left_out or thickness
+    tone: web.Tone = "wrong" if not _fits(best) else "caution" if doubtful else "sound"
     fitted = sum(one.fitted for one in best.tests)
     describes = "describes" if _fits(best) else "does not describe"
     return web.Headline(
@@ -226,7 +228,9 @@ def _headline(best: SpecimenFit) -> web.Headline:
         [
             (
                 "Problems found",
-                "None that these recordings can show."
+                thickness.text
+                if thickness
+                else "None that these recordings can show."
                 if _fits(best)
                 else f"The recordings show an effect that the law leaves out "
                 f"({fit_probability(best.goodness.p_value)}).",

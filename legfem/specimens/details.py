@@ -15,6 +15,7 @@ from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.kind import ShownAxes
 from legfem.specimens.misfit import Misfit
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
+from legfem.specimens.size_dependence import SizeDependence
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,8 @@ class SpecimenDetails:
     misfit: Misfit
     ratio_undetermined: str
     """Why the fibres' ratio can't be determined, as a sentence, where it was looked for in vain."""
+    thickness: SizeDependence | None = None
+    """How specimens' stiffness goes with their thickness, where it does."""
     alternatives: tuple[Weighed, ...] = ()
     """Of what isn't known of the test, the most probable first; the fit is that of the first."""
 

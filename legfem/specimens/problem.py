@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -49,8 +50,9 @@ from legfem.specimens.misfit import Misfit, misfit_of
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
+from legfem.specimens.size_dependence import SizeDependence, size_dependence
 from legfem.specimens.size_errors import size_covariance
-from legfem.specimens.sizes import OF_LAYER, Sizes, kind_in, lengths_of
+from legfem.specimens.sizes import OF_LAYER, Sizes, bare, kind_in, lengths_of
 from legfem.specimens.tissues import REFERENCE_MPA
 
 
@@ -166,10 +168,24 @@ class SpecimenProblem:
                 spread,
                 missed,
                 why,
+                self._goes_with_thickness(comparison, force, stiffness),
             ),
             doubts=self._doubts(),
         )
         return replace(result, warnings=self._warnings(result, found, (why, *notes)))
+
+    def _goes_with_thickness(
+        self, comparison: SpecimenComparison, force: FloatArray, stiffness: dict[str, float]
+    ) -> SizeDependence | None:
+        """How the specimens' stiffness goes with their thickness; by what each asks for where all count as alike."""
+        recordings, own = comparison.recordings, defaultdict[str, list[float]](list)
+        for one, scale in zip(recordings, comparison.scales(force), strict=True):
+            own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
+        sizes = {one.specimen: kind_in(one.sizes).extent(bare(one.sizes)) for one in recordings}
+        extent = {name: size for name, size in sizes.items() if size is not None}
+        if len(extent) < len(own):
+            return None
+        return size_dependence({name: float(np.mean(scales)) for name, scales in own.items()}, extent)
 
     def _missed(self, found: Found[SpecimenComparison], covariance: FloatArray) -> Misfit:
         """What the law misses, beyond errors of a covariance."""
@@ -242,8 +258,9 @@ class SpecimenProblem:
         self, result: Fit[SpecimenDetails], found: Found[SpecimenComparison], notes: Sequence[str]
     ) -> tuple[str, ...]:
         """One sentence each, the gravest first."""
-        log = result.log
-        texts = [*doubt_lines(result.doubts), *of_search(log), *of_compromise(log.compromise), *at_limits(result)]
+        log, thickness = result.log, result.details.thickness
+        texts = [*doubt_lines(result.doubts), *((thickness.text,) if thickness else ())]
+        texts += [*of_search(log), *of_compromise(log.compromise), *at_limits(result)]
         if not result.goodness.fits:
             texts.append(
                 "The law does not describe these recordings within their errors. The intervals carry what an error of "
