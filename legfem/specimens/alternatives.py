@@ -1,8 +1,9 @@
 """What isn't known of a test, such as whether its ends stick: all are fitted, and weighed by the recordings.
 
 All are as probable beforehand. Intervals are those of the mixture, each alternative counting by its evidence beside a
-smooth error of unknown form (`legfem.specimens.misfit`), alike in all recordings: a law that bends a curve as ends do
-leaves them open.
+smooth error of unknown form (`legfem.specimens.misfit`), alike in all recordings, and summed over the laws that are
+fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence counts the
+less by Birge's ratio squared: a form that is wrong tells little of another.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import softmax
+from scipy.special import logsumexp, softmax
 from scipy.stats import norm
 
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
@@ -27,28 +28,36 @@ _NO_LESS = 0.01
 """Probability below which an alternative isn't worth a word."""
 
 
-def weighed(fits: Mapping[str, _Fit], words: Mapping[str, str], to_know: str) -> _Fit:
+def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:
+    """Return how probable alternatives are, by the fits of some laws to each."""
+    every = [fit for fits in each.values() for fit in fits]
+    # Contacts differ between alternatives, and so the number of readings by some; one law is no better beside another.
+    readings = min(fit.details.misfit.readings for fit in every)
+    least = max(min(fit.details.misfit.rms for fit in every), 1e-6)
+    dispersion = max(1.0, min(fit.goodness.chi_square / max(fit.goodness.degrees_of_freedom, 1) for fit in every))
+    evidence = [
+        logsumexp([readings * fit.details.misfit.log_evidence(least) for fit in fits]) / dispersion
+        for fits in each.values()
+    ]
+    return dict(zip(each, map(float, softmax(evidence)), strict=True))
+
+
+def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mapping[str, str], to_know: str) -> _Fit:
     """Return the fit of the most probable alternative, its intervals over all.
 
     Parameters
     ----------
     fits
         By alternative, of one law.
+    chances
+        Probabilities of the alternatives.
     words
         What each is.
     to_know
         How it could be known, as a sentence without its end.
     """
-    # Contacts differ between alternatives, and so the number of readings by some.
-    readings = min(sum(len(test.force.predicted) for test in fit.tests if test.fitted) for fit in fits.values())
-    # One law is no better beside another alternative.
-    least = max(min(fit.details.misfit.rms for fit in fits.values()), 1e-6)
-    chances = softmax([readings * fit.details.misfit.log_evidence(least) for fit in fits.values()])
     every = sorted(
-        (
-            Weighed(name, words[name], float(chance), fit.estimates)
-            for (name, fit), chance in zip(fits.items(), chances, strict=True)
-        ),
+        (Weighed(name, words[name], chances[name], fit.estimates) for name, fit in fits.items()),
         key=lambda one: -one.probability,
     )
     best = fits[every[0].name]

@@ -38,7 +38,7 @@ from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
-from legfem.specimens.alternatives import weighed
+from legfem.specimens.alternatives import probabilities, weighed
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.contacts import SETTLED
 from legfem.specimens.details import SpecimenDetails
@@ -319,7 +319,11 @@ def fit_specimens(
         return _fitted_laws(folder, laws, asked, away, request)
     kind = kind_in(folder.recordings[0].sizes)
     each = {one: _fitted_laws(folder.under(one), laws, asked, away, request) for one in folder.alternatives}
-    return [weighed({one: fits[k] for one, fits in each.items()}, kind.weighed, kind.to_know) for k in range(len(laws))]
+    chances = probabilities(each)
+    return [
+        weighed({one: fits[k] for one, fits in each.items()}, chances, kind.weighed, kind.to_know)
+        for k in range(len(laws))
+    ]
 
 
 def _fitted_laws(
