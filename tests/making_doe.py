@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ class SpringLeg:
     def fingerprint(self) -> Mapping[str, Any]:
         return {"leg": "spring"}
 
-    def simulate(self, request: Request, on_step: Callable[[float], None] | None = None) -> Record:
+    def simulate(self, request: Request) -> Record:
         if self.calls is not None:
             done = len(list(self.calls.iterdir()))
             if done >= self.killed_after:
@@ -54,8 +54,6 @@ class SpringLeg:
             "fascia.C10": d**2 * p["deep.C20"] * p["fascia.thickness"],
         }
         force = sum(p[name] * per[name] for name in ("deep.C10", "superficial.C10", "deep.C20"))
-        if on_step is not None:
-            on_step(depth)
         exact = {name: per[name] for name in request.sensitivities}
         return Record(d, force, depth == request.depth, reason, sensitivities=exact)
 

@@ -8,7 +8,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from queue import SimpleQueue
 from types import FrameType, TracebackType
@@ -16,7 +16,7 @@ from types import FrameType, TracebackType
 from mpi4py import MPI
 
 from legfem.common.command_line import ignore_broken_pipes
-from legfem.jobs.ranks import over_ranks
+from legfem.jobs.ranks import over_ranks, shared, with_context
 
 
 @contextmanager
@@ -114,15 +114,17 @@ class Workers[Context, Task, Outcome]:
     def places(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Outcome]]:
         """Yield tasks' places in the list with their outcomes as they become known."""
         if self.comm.size > 1:
-            yield from over_ranks(self.comm, self.work, self.context, tasks)
+            with over_ranks(self.comm, self.context) as executor:
+                yield from self._working_along(executor, self.comm.size - 1, tasks)
         elif not self.fresh and (self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None))):
             for place, task in enumerate(tasks):
                 yield place, self._done_here(task)
         elif self.along:
-            yield from self._working_along(tasks)
+            self._executor = self._executor or self._started()
+            yield from self._working_along(self._executor, self.jobs - 1, tasks)
         else:
             self._executor = self._executor or self._started()
-            futures = {self._executor.submit(_work, self.work, t): k for k, t in enumerate(tasks)}
+            futures = {self._executor.submit(with_context, self.work, t): k for k, t in enumerate(tasks)}
             for future in as_completed(futures):
                 yield futures[future], future.result()
 
@@ -135,22 +137,21 @@ class Workers[Context, Task, Outcome]:
             return
         self._executor = self._executor or self._started()
         for _ in range(min(most, self.jobs - self.along)):
-            self._executor.submit(_work, _made_ready, ready)
+            self._executor.submit(with_context, _made_ready, ready)
 
     def _done_here(self, task: Task) -> Outcome:
         with interruptible():
             return self.work(self.context, task)
 
-    def _working_along(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Outcome]]:
+    def _working_along(self, executor: Executor, others: int, tasks: Sequence[Task]) -> Iterator[tuple[int, Outcome]]:
         """Yield as `places` does; whoever is free takes the next task."""
-        executor = self._executor = self._executor or self._started()
         waiting = deque(enumerate(tasks))
         done: SimpleQueue[tuple[int, Future[Outcome]]] = SimpleQueue()
 
         def hand_on() -> None:
             if (one := _first_of(waiting)) is not None:
                 place, task = one
-                future = executor.submit(_work, self.work, task)
+                future = executor.submit(with_context, self.work, task)
                 future.add_done_callback(lambda made: taken(place, made))
 
         def taken(place: int, future: Future[Outcome]) -> None:
@@ -158,7 +159,7 @@ class Workers[Context, Task, Outcome]:
             if not (future.cancelled() or future.exception()):
                 hand_on()
 
-        for _ in range(self.jobs - 1):
+        for _ in range(others):
             hand_on()
         for _ in tasks:
             mine = _first_of(waiting) if done.empty() else None
@@ -205,15 +206,11 @@ def _end(executor: ProcessPoolExecutor, at_once: bool) -> None:
     executor.shutdown(wait=True, cancel_futures=True)
 
 
-# One context a worker process, made when the process starts.
-_contexts: list[object] = []
-
-
 def _start(context: object) -> None:
     # Ctrl-C reaches the whole process group; the parent ends the workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _contexts[:] = [context]
+    shared[:] = [context]
 
 
 def _end_with_parent() -> None:
@@ -231,7 +228,3 @@ def _first_of[Item](waiting: deque[Item]) -> Item | None:
     with suppress(IndexError):
         return waiting.popleft()
     return None
-
-
-def _work[Task, Outcome](work: Callable[..., Outcome], task: Task) -> Outcome:
-    return work(_contexts[0], task)

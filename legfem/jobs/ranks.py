@@ -1,6 +1,6 @@
-"""Tasks over the ranks of an MPI job: the first one hands out and collects, and works too.
+"""The ranks of an MPI job: the first one leads and works too, the others serve it.
 
-Either every rank does tasks of its own (`over_ranks`), or all do one task together (`Together`).
+Either every rank does tasks of its own (`over_ranks`, by mpi4py.futures), or all do one task together (`Together`).
 """
 
 from __future__ import annotations
@@ -9,53 +9,33 @@ import pickle
 import sys
 import traceback
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
-from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from mpi4py import MPI
+from mpi4py.futures import MPICommExecutor
 
 from legfem.common.errors import InputError
 
-_RESULT = 7
-
-_collect: ContextVar[Callable[[], None]] = ContextVar("collect", default=lambda: None)
-
-
-def take_in() -> None:
-    """Take in what other ranks have done meanwhile; a long task calls it now and then.
-
-    Does nothing but in a task that is spread over ranks, on the first.
-    """
-    _collect.get()()
+shared: list[object] = []
+"""The context of the tasks that this process or rank is given, made once."""
 
 
-def over_ranks(
-    comm: MPI.Intracomm, work: Callable[..., Any], context: Any, tasks: Sequence[Any]
-) -> Iterator[tuple[int, Any]]:
-    """Yield places in the list with outcomes; every rank does each ``size``-th task."""
-    comm.bcast(_Apart(work, pickle.dumps(context), list(tasks)))
-    arrived: list[tuple[int, Any]] = []
+def with_context[Task, Outcome](work: Callable[..., Outcome], task: Task) -> Outcome:
+    """Do a task with the context that this process or rank has."""
+    return work(shared[0], task)
 
-    def collect() -> None:
-        while comm.iprobe(tag=_RESULT):
-            arrived.append(comm.recv(tag=_RESULT))
 
-    remaining = len(tasks)
-    for place in range(0, len(tasks), comm.size):
-        before = _collect.set(collect)
-        try:
-            arrived.append((place, work(context, tasks[place])))
-        finally:
-            _collect.reset(before)
-        collect()
-        remaining -= len(arrived)
-        yield from arrived
-        arrived.clear()
-    for _ in range(remaining):
-        yield comm.recv(tag=_RESULT)
+@contextmanager
+def over_ranks(comm: MPI.Intracomm, context: object) -> Iterator[Executor]:
+    """Yield an executor of all ranks but the first, which is to work along; they have a context for `with_context`."""
+    comm.bcast(_Apart(pickle.dumps(context)))
+    first: Any = MPICommExecutor(comm, root=0)
+    with first as executor:
+        yield executor
 
 
 class Together[Context, Task, Outcome]:
@@ -136,11 +116,9 @@ def _end_all(comm: MPI.Intracomm, error: BaseException) -> NoReturn:
 
 @dataclass(frozen=True)
 class _Apart:
-    """Tasks of which every rank does some; the context is pickled."""
+    """A context, pickled, with which an executor's tasks are done."""
 
-    work: Callable[..., Any]
     context: bytes
-    tasks: list[Any]
 
 
 @dataclass(frozen=True)
@@ -155,7 +133,7 @@ class _Joint:
 
 def _serve(comm: MPI.Intracomm) -> None:
     """Do tasks until the first rank has no more."""
-    last, context = b"", None
+    last = b""
     named: dict[str, Any] = {}
     while (given := comm.bcast(None)) is not None:
         if isinstance(given, _Joint):
@@ -166,6 +144,6 @@ def _serve(comm: MPI.Intracomm) -> None:
                 given.work(named[given.name], given.task)
             continue
         if given.context != last:  # else what tasks made of the context, their meshes, stays
-            last, context = given.context, pickle.loads(given.context)
-        for place in range(comm.rank, len(given.tasks), comm.size):
-            comm.send((place, given.work(context, given.tasks[place])), dest=0, tag=_RESULT)
+            last, shared[:] = given.context, [pickle.loads(given.context)]
+        with MPICommExecutor(comm, root=0):
+            pass

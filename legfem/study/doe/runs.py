@@ -13,7 +13,6 @@ import pandas as pd
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.jobs.pool import Workers
-from legfem.jobs.ranks import take_in
 from legfem.jobs.store import Store, finish
 from legfem.solve.path import ForceCurve
 from legfem.study.doe.design import Definition
@@ -107,8 +106,8 @@ class Workshop:
 
 
 def simulate(simulator: Simulator, request: Request) -> Record:
-    """Simulate; meanwhile the first of several ranks takes in what the others have done."""
-    return simulator.simulate(request, lambda _: take_in())
+    """Simulate."""
+    return simulator.simulate(request)
 
 
 def progress_line(request: Request, record: Record) -> str:

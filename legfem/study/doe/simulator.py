@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -87,8 +87,8 @@ def failed(reason: str) -> Record:
 class Simulator(Protocol):
     """What runs simulations; it must be picklable."""
 
-    def simulate(self, request: Request, on_step: Callable[[float], None] | None = None) -> Record:
-        """Simulate; ``on_step`` is called now and then."""
+    def simulate(self, request: Request) -> Record:
+        """Simulate."""
         ...
 
     def fingerprint(self) -> Mapping[str, Any]:
@@ -121,14 +121,14 @@ class PlaneStrainSimulator:
             "code": code_fingerprint("legfem.study.doe.simulator"),
         }
 
-    def simulate(self, request: Request, on_step: Callable[[float], None] | None = None) -> Record:
+    def simulate(self, request: Request) -> Record:
         """Simulate; what can't be meshed or solved is a record too."""
         values = dict(request.values)
         thickness = values.pop("fascia.thickness", self.section.fascia_thickness)
         diameter = values.pop("indenter.diameter", 2 * self.indenter.radius)
         try:
             test = self._test(thickness, diameter, request.fidelity)
-            solved = test.solve(values, request.depth, request.sensitivities, on_step=on_step)
+            solved = test.solve(values, request.depth, request.sensitivities)
         except Exception as error:  # whatever it is, the other simulations go on
             if os.environ.get("LEGFEM_DEBUG"):
                 raise
