@@ -159,6 +159,8 @@ def _name(model: Explanation) -> str:
 
 def _where(found: Diagnosis) -> list[web.Block]:
     if not found.located.any():
+        if any(window.channel != "force" for window in found.assessment.windows):
+            return [web.Prose("No interval of the force stands out, but channels beside the force do.")]
         return [
             web.Prose(
                 "No interval stands out from the noise."
@@ -218,7 +220,7 @@ def _hidden(found: Diagnosis) -> list[web.Block]:
         return [web.Prose(f"{how} None of them can move C10 by more than {limit} without being seen."), table]
     return [
         web.Prose(f"{how} These could move C10 by more than {limit} without being seen, the greatest first:"),
-        web.Bullets([hidden_sentence(found, one) for one in found.hidden]),
+        web.Bullets([hidden_sentence(found, *one) for one in found.hidden]),
         table,
     ]
 

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.inverse.linearised import LinearisedFit
+from legfem.inverse.explanation import Explanation
 from legfem.inverse.verdict import Diagnosis
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
-from legfem.report.page import Curves, Line
-from legfem.report.style import DATA_COLOUR
+from legfem.report.page import Curves, Dash, Line
 
 _LEAST = 1.0
 """A misfit is stated where it is more than this share of a reading's error."""
@@ -27,9 +27,9 @@ class ChannelMisfit:
     unit: str
     readings: int
     rms_before: float
-    """Of the base model's residual."""
+    """Left by the base model, with what isn't known of the leg and of the instruments as fitted."""
     rms_after: float | None
-    """Of that of the first model that is shown beside it."""
+    """Left likewise by the first model that is shown beside it."""
     error: float
     """Standard deviation of one reading within its trial, in the mean."""
 
@@ -42,22 +42,26 @@ def channel_misfits(found: Diagnosis) -> list[ChannelMisfit]:
             channel.name,
             channel.unit,
             len(channel),
-            _rms(found.base.fit, span),
-            _rms(models[0].model.fit, span) if models else None,
+            _rms(found.weighted_base, span),
+            _rms(models[0].model, span) if models else None,
             float(np.sqrt(np.mean(found.errors.trial_sd[span] ** 2))),
         )
         for channel, span in zip(found.observed.data.channels, found.observed.data.spans, strict=True)
     ]
 
 
-def _rms(fitted: LinearisedFit, span: slice) -> float:
-    return float(np.sqrt(np.mean(fitted.residual[span] ** 2)))
+def left_of(model: Explanation) -> FloatArray:
+    """Return what a model leaves of the readings (N,): with outlines, boundaries, gains and the like as fitted."""
+    return np.asarray(model.fit.residual - model.problem.errors.known @ model.posterior.effects)
+
+
+def _rms(model: Explanation, span: slice) -> float:
+    return float(np.sqrt(np.mean(left_of(model)[span] ** 2)))
 
 
 def channel_sentences(found: Diagnosis) -> Iterator[str]:
     """Yield where a channel departs from the base model, beyond what isn't known of the leg and the instruments."""
-    base = found.weighted_base
-    left = base.fit.residual - found.errors.known @ base.posterior.effects
+    left = left_of(found.weighted_base)
     words = {one.name: one.kind for one in found.observed.channels}
     for window in found.assessment.windows:
         if window.channel not in words:
@@ -70,8 +74,9 @@ def channel_sentences(found: Diagnosis) -> Iterator[str]:
         at = f"at {low:.0f} mm" if high - low < 1.0 else f"from {low:.0f} to {high:.0f} mm"
         phase = "" if window.phase == "loading" else f" in {window.phase}"
         yield (
-            f"The {kind.words} is {abs(size):.2g} {kind.unit} {'more' if size > 0 else 'less'} than the model's "
-            f"{at}{phase} (p = {window.p_value:.2g} over all intervals)."
+            f"The {kind.words.partition(',')[0]} is {abs(size):.2g} {kind.unit} "
+            f"{'more' if size > 0 else 'less'} than the model's {at}{phase} "
+            f"(p = {window.p_value:.2g} over all intervals)."
         )
 
 
@@ -106,34 +111,34 @@ def channel_chapter(found: Diagnosis) -> list[web.Chapter]:
 
 
 def channel_curves(found: Diagnosis, protocol: int) -> list[Curves]:
-    """Return every channel of a protocol's trials over displacement, in the order of time."""
+    """Return every channel of a protocol's trials over displacement, in the order of time, as the trials' mean."""
     observed, models = found.observed, shown_models(found)[:1]
     drawn = []
     for one, span in zip(observed.channels, observed.data.spans[1:], strict=True):
         mine = np.flatnonzero(observed.protocol[one.nearest] == protocol)
         if not len(mine):
             continue
-        x = (one.weights @ observed.displacement)[mine]
-        order = np.lexsort((x, observed.segment[one.nearest[mine]]))
-        at, x = span.start + mine[order], x[order]
+        at = span.start + _by_trial(mine, observed.trial[one.nearest[mine]])
+        x = (one.weights @ observed.displacement)[at - span.start].mean(axis=0)
         lines = [
-            Line("recorded", one.values[mine[order]], None, DATA_COLOUR, points=True),
-            _line(BASE_NAME, found.base.fit, at, BASE_COLOUR),
-            *(_line(shown.name, shown.model.fit, at, REPAIRED_COLOUR) for shown in models),
+            Line("recorded" if len(at) == 1 else "recorded, mean", observed.values[at].mean(axis=0), None, points=True),
+            _line(BASE_NAME, found.weighted_base, at, BASE_COLOUR),
+            *(_line(shown.name, shown.model, at, REPAIRED_COLOUR) for shown in models),
         ]
-        windows = [w for w in found.assessment.windows if w.channel == one.name and set(w.stations) & set(at.tolist())]
+        here = set(at.ravel().tolist())
+        windows = [w for w in found.assessment.windows if w.channel == one.name and set(w.stations) & here]
         name, unit = one.name.replace("_", " "), one.kind.unit
         drawn.append(
             Curves(
                 f"channel{protocol}-{one.name}",
-                f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}: recorded in all trials, and of "
-                "the models; beneath, model less recorded.",
+                f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}: recorded, and of the models, "
+                "with what isn't known of the leg and of the instruments as fitted; beneath, model less recorded.",
                 x,
                 "displacement (mm)",
                 f"{name} ({unit})",
                 f"model − recorded ({unit})",
                 lines,
-                2 * found.errors.trial_sd[at],
+                2 * np.sqrt(np.mean(found.errors.trial_sd[at] ** 2, axis=0)),
                 "± 2 sd of a reading",
                 [w.displacement for w in windows],
                 "where the base model is wrong" if windows else "",
@@ -142,5 +147,14 @@ def channel_curves(found: Diagnosis, protocol: int) -> list[Curves]:
     return drawn
 
 
-def _line(name: str, fitted: LinearisedFit, at: FloatArray, colour: str) -> Line:
-    return Line(name, fitted.prediction[at], -fitted.residual[at], colour, "dashed" if name == BASE_NAME else "solid")
+def _line(name: str, model: Explanation, at: NDArray[np.int_], colour: str) -> Line:
+    left = left_of(model)
+    met = model.fit.prediction + model.fit.residual - left
+    dash: Dash = "dashed" if name == BASE_NAME else "solid"
+    return Line(name, met[at].mean(axis=0), -left[at].mean(axis=0), colour, dash)
+
+
+def _by_trial(readings: NDArray[np.int_], trial: NDArray[np.int_]) -> NDArray[np.int_]:
+    """Return readings in rows, one a trial; in one row where trials have different numbers of them."""
+    rows = [readings[trial == k] for k in np.unique(trial)]
+    return np.array(rows) if len({len(row) for row in rows}) == 1 else np.concatenate(rows)[None]

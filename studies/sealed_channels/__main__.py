@@ -2,125 +2,28 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from legfem.common.command_line import study_context
-from legfem.common.progress import Progress, Silent, progress_on
-from legfem.data import Recording, segment_all
-from legfem.inverse.library import Library as LegLibrary
+from legfem.common.progress import progress_on
+from legfem.data import segment_all
 from legfem.inverse.observations import observe
-from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import read_correction
-from legfem.legs.correction_of_leg import REFERENCE, choose_correction
-from legfem.legs.diagnosis import Diagnoser, accuracy_of, diagnose_body, ruled_out_of, with_correction
-from legfem.legs.mechanisms import mechanisms
-from legfem.legs.subject import Subject
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.variants import library_folder
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app, write_results
-from studies.concealed.cases import SealedCase, sealed_leg
+from studies.concealed.cases import sealed_leg
 from studies.lab.outcomes import Rate
 from studies.lab.recording import INSTRUMENT
-from studies.sealed_channels.cases import SUBSETS, channel_cases, made, truths_of
-
-
-@dataclass(frozen=True)
-class Said:
-    """What one diagnosis said of a case."""
-
-    case: int
-    kind: str
-    subset: str
-    truth: list[str]
-    verdict: str
-    first: list[str]
-    """Mechanisms of the first explanation."""
-    listed: list[list[str]]
-    probability: float
-    """Of the first statement."""
-    c10: tuple[float, float]
-    """Interval, kPa."""
-    true_c10: float
-    seconds: float
-
-    @property
-    def right(self) -> bool:
-        """Whether the first thing said is the truth: nothing, the effects, or something unknown."""
-        if self.kind == "none":
-            return self.verdict == "consistent"
-        if not self.truth:
-            return self.verdict == "unexplained"
-        return self.verdict in ("named", "ambiguous") and set(self.first) == set(self.truth)
-
-    @property
-    def in_list(self) -> bool:
-        """Whether the truth is among what is listed."""
-        return self.right or any(set(names) == set(self.truth) for names in self.listed)
-
-    @property
-    def holds(self) -> bool:
-        """Whether C10's interval holds the truth."""
-        return self.c10[0] <= self.true_c10 <= self.c10[1]
-
-    @property
-    def half_width(self) -> float:
-        """Of C10's interval, over the truth."""
-        return 0.5 * (self.c10[1] - self.c10[0]) / self.true_c10
-
-
-def say(found: Diagnosis, case: SealedCase, subset: str, seconds: float) -> Said:
-    """Return what a diagnosis says, beside the truth."""
-    first = found.explained.statements()[0]
-    names = [list(model.names) for model in found.models]
-    low, high = found.intervals["C10"]
-    return Said(
-        case.number,
-        case.kind,
-        subset,
-        list(truths_of(case)),
-        found.verdict,
-        names[0] if names else [],
-        names,
-        first.probability,
-        (low, high),
-        case.true_c10_kpa,
-        seconds,
-    )
-
-
-@dataclass(eq=False)
-class Lab:
-    """Diagnoses cases of one leg, by a library of its responses."""
-
-    diagnoser: Diagnoser
-    stated: Subject
-    library: LegLibrary
-
-    def diagnose(self, recordings: Sequence[Recording], names: Sequence[str], progress: Progress) -> Diagnosis:
-        """Diagnose recordings with some of their channels, by the library alone."""
-        kept = [replace(r, channels=tuple(c for c in r.channels if c.name in names)) for r in recordings]
-        observed, library = observe(segment_all(kept, INSTRUMENT, False)), self.library
-        ends = choose_correction("auto", self.stated)
-        return diagnose_body(
-            observed.with_channels(library.beside.names),
-            INSTRUMENT,
-            self.stated.tissues["deep"].law,
-            library,
-            None,
-            progress,
-            accuracy_of(self.stated),
-            ends,
-            0,
-            ruled_out_of(self.stated, ends),
-            with_correction(mechanisms(), self.diagnoser.correction),
-        )
+from studies.sealed_channels.cases import SUBSETS, channel_cases, made
+from studies.sealed_channels.diagnosing import Lab, Said, Task, diagnosed
 
 
 def table(said: Sequence[Said]) -> str:
@@ -189,26 +92,30 @@ def sealed_channels(
         with Workers(made, (seed, kept, correction), processes) as workers:
             made_cases = channel_cases(cases, seed, leg)
             progress.stage("simulating sealed cases", len(made_cases))
-            recorded = {case.number: (case, recordings) for case, recordings in workers.run(made_cases)}
+            recorded = {}
+            for case, recordings in workers.run(made_cases):
+                recorded[case.number] = case, recordings
+                progress.advance(case.name + ("" if recordings is not None else ": LEFT OUT, a solution stopped"))
         # Loadings alone: one library serves all cases, whatever their depths.
         first = next(recordings for _, (_, recordings) in sorted(recorded.items()) if recordings is not None)
         observed = observe(segment_all(first, INSTRUMENT, False))
-        lab = Lab(diagnoser, stated, diagnoser.library(stated, observed, progress)[0])
-        store = Store(folder / "said", Said, (leg, seed), ("legfem.legs.diagnosis", "studies.sealed_channels.cases"))
-        said: list[Said] = []
-        for _, (case, recordings) in sorted(recorded.items()):
-            if recordings is None:
-                progress.advance(f"{case.name}: LEFT OUT, a solution stopped")
-                continue
-            for subset, names in SUBSETS.items():
-                asked = {"case": case.number, "subset": subset}
-                if (one := store.get(asked)) is None:
-                    begun = time.process_time()
-                    found = lab.diagnose(recordings, names, Silent())
-                    one = say(found, case, subset, time.process_time() - begun)
-                    store.put(asked, one)
+        lab = Lab(correction, leg, seed, diagnoser.library(stated, observed, progress)[0])
+        modules = ("legfem.legs.diagnosis", "studies.sealed_channels.cases")
+        store = Store(folder / "said", Said, (leg, seed), modules)
+        tasks = [
+            Task(case, subset, recordings)
+            for _, (case, recordings) in sorted(recorded.items())
+            if recordings is not None
+            for subset in SUBSETS
+        ]
+        said = [one for task in tasks if (one := store.get(task.asked)) is not None]
+        waiting = [task for task in tasks if store.get(task.asked) is None]
+        progress.stage("diagnosing", len(waiting))
+        with Workers(diagnosed, lab, processes) as workers:
+            for task, one in workers.run(waiting):
+                store.put(task.asked, one)
                 said.append(one)
-                typer.echo(f"{case.name} {subset}: {_cell(one)} ({one.seconds:.0f} s)", err=True)
+                progress.advance(f"{task.case.name} {task.subset}: {_cell(one)} ({one.seconds:.0f} s)")
         document: Mapping[str, Any] = {"cases": [one.__dict__ for one in said]}
         write_results(folder, document, table(said))
 
