@@ -198,3 +198,29 @@ def test_a_preview_shows_channels(tmp_path):
     seen = preview_of(folder, tmp_path)
     assert not seen.trouble
     assert "fat thickness" in seen.recordings[0].text
+
+
+def test_sites_have_files_of_their_own(tmp_path):
+    """The name of the site is part of the file's."""
+    sites = "".join(f'\n[[site]]\nname = "{name}"\n' for name in ("back", "low"))
+    stated = AIMED + '[channels.fat_thickness]\nfile = "{site}-{trial}.csv"\n' + sites
+    directory = write_subject(tmp_path / "leg", stated)
+    (trial,) = (directory / "recordings").glob("*.csv")
+    for number, name in enumerate(("back", "low")):
+        (directory / "recordings" / name).mkdir()
+        (directory / "recordings" / name / "trial1.csv").write_text(trial.read_text())
+        rows = "\n".join(f"{t},{v + number}" for t, v in zip(FRAMES, fat(depth_of_frames()), strict=True))
+        (directory / f"{name}-trial1.csv").write_text(f"time_s,fat_thickness_mm\n{rows}\n")
+    first, second = (load_subject(directory, site=name).recordings[0].channels[0] for name in ("back", "low"))
+    np.testing.assert_allclose(second.values - first.values, 1.0)
+
+
+def test_what_the_tutorial_shows_is_read(tmp_path):
+    page = (Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "own-leg.md").read_text()
+    (block,) = (one for one in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[channels.fat_thickness]" in one)
+    directory = subject(tmp_path / "leg", {"lateral_force_N": 0.01 * depth_of_frames()}, f"{AIMED}\n{block}")
+    rows = "\n".join(f"{t},{v}" for t, v in zip(FRAMES, fat(depth_of_frames()), strict=True))
+    (directory / "us-trial1.csv").write_text(f"time_s,fat_thickness_mm\n{rows}\n")
+    lateral, fat_read = load_subject(directory).recordings[0].channels
+    assert (lateral.name, fat_read.name) == ("lateral_force", "fat_thickness")
+    assert (fat_read.accuracy.gain, lateral.accuracy.reading) == (0.02, 0.02)

@@ -19,8 +19,8 @@ from legfem.data.formats.sheet import Column, Quantity, measures, unit_named
 from legfem.data.reader import channel_of
 from legfem.data.recording import Recording, backwards, not_increasing
 
-TRIAL = "{trial}"
-"""In the name of a file: the name of the trial that it belongs to."""
+TRIAL, SITE = "{trial}", "{site}"
+"""In the name of a file: the name of the trial that it belongs to, and of the leg's site."""
 
 
 class RecordedChannelEntry(FileTable):
@@ -87,7 +87,9 @@ LONGEST_LAG_S = 1.0
 """Of a channel's clock, from which on it is refused, s."""
 
 
-def with_channels(toml: Path, given: FileTable, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+def with_channels(
+    toml: Path, given: FileTable, recordings: Sequence[Recording], site: str = ""
+) -> tuple[Recording, ...]:
     """Return recordings with the channels that a subject's file names, and the accuracy that it states.
 
     Raises
@@ -118,6 +120,7 @@ def with_channels(toml: Path, given: FileTable, recordings: Sequence[Recording])
                 f"'{entry.file}' is one file for {len(recordings)} trials",
                 f"give one a trial, and write {TRIAL} for the trial's name, as in us-{TRIAL}.csv",
             )
+        entry = entry.model_copy(update={"file": entry.file.replace(SITE, site)})
         recordings = [_with_file(toml.parent, entry, kind, accuracy, one) for one in recordings]
     return tuple(recordings)
 

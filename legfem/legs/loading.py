@@ -96,7 +96,7 @@ def load_subject(
     channels = given.recordings.channels()
     folder = directory / entry.recordings
     recordings = _recordings(folder, channels) if need_recordings else ()
-    recordings = with_channels(toml, given.channels, recordings)
+    recordings = with_channels(toml, given.channels, recordings, entry.site)
     moduli = tuple(map(ShearModulus.of, given.elastography))
     deep = given.tissues.deep
     subject = Subject(

@@ -220,7 +220,7 @@ def _hidden(found: Diagnosis) -> list[web.Block]:
         return [web.Prose(f"{how} None of them can move C10 by more than {limit} without being seen."), table]
     return [
         web.Prose(f"{how} These could move C10 by more than {limit} without being seen, the greatest first:"),
-        web.Bullets([hidden_sentence(found, one) for one in found.hidden]),
+        web.Bullets([hidden_sentence(found, *one) for one in found.hidden]),
         table,
     ]
 

@@ -17,6 +17,7 @@ from legfem.legs.experiments import tissues_of
 from legfem.legs.forward import values_of
 from legfem.legs.notices import curve_of
 from legfem.mechanics.materials import Hyperelastic
+from legfem.report.channels import channel_name
 from legfem.report.estimates import estimated, held_text, how_found, wave_rows, words_of
 from legfem.report.page import Block, Known, Prose, Provenance, WebTable
 from legfem.report.style import LAW_NAMES
@@ -111,6 +112,17 @@ def _site_rows(fit: LegFit, number: int) -> list[Known]:
             data,
             curve.noise.source,
             remark=f"correlated over {curve.noise.correlation_length:.2g} mm",
+        ),
+        *(
+            Known(
+                f"{at}{channel_name(beside)}, first and deepest reading",
+                f"{shown[np.argmin(beside.channel.station)]:.3g} and "
+                f"{shown[np.argmax(beside.channel.station)]:.3g} {beside.channel.unit}",
+                data,
+                f"{len(beside.channel)} readings",
+            )
+            for beside in one.channels[1:]
+            for shown in (beside.channel.values,)
         ),
         Known(f"{at}greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data, trials),
         Known(f"{at}girth of the section", f"{girth(subject.section):.0f} mm", data, "contours of the skin"),

@@ -12,7 +12,7 @@ import typer
 from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table
 from legfem.common.progress import progress_on
-from studies.channels.layers import LAYERS, Identified, LayersOutcome, drawn, each
+from studies.channels.layers import LAYERS, Body, Identified, LayersOutcome, drawn, each
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app, write_results
 from studies.lab.outcomes import Rate
 
@@ -36,7 +36,7 @@ def page(found: Sequence[LayersOutcome]) -> str:
         for k, name in enumerate(LAYERS):
             rows.append([words, _WORDS[name], *_row(found, [getattr(one, of) for one in found], k)])
     legs = [_leg(one) for one in found]
-    header = ("leg", "muscle (kPa)", "found", "95 %", "fat (kPa)", "found", "95 %", "depth (mm)", "fit's probability")
+    header = ("body", "muscle (kPa)", "found", "95 %", "fat (kPa)", "found", "95 %", "depth (mm)", "fit's probability")
     return "\n".join([markdown_table(_HEADER, rows), markdown_table(header, legs)])
 
 
@@ -69,17 +69,21 @@ app = new_app()
 
 @app.command()
 def channels(
-    n: Annotated[int, typer.Option("--n", min=1, help="Legs.")] = 30, seed: Seed = 1, out: Out = None, jobs: Jobs = None
+    body: Annotated[Body, typer.Option(help="What is pressed.")] = "limb",
+    n: Annotated[int, typer.Option("--n", min=1, help="Bodies.")] = 30,
+    seed: Seed = 1,
+    out: Out = None,
+    jobs: Jobs = None,
 ) -> None:
-    """Identify both layers of legs that another code pressed, from force alone and with ultrasound.
+    """Identify both layers of bodies that another code pressed, from force alone and with ultrasound.
 
-    Every leg is kept as it is done: the same command goes on where it was stopped.
+    Every body is kept as it is done: the same command goes on where it was stopped.
 
     Example: python -m studies.channels --n 30
     """
-    with study_context("channels", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
-        found = each(drawn(n, seed), folder, processes, progress)
-        write_results(folder, {"seed": seed, "legs": [asdict(one) for one in found]}, page(found))
+    with study_context(f"channels-{body}", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
+        found = each(drawn(n, seed, body), folder, processes, progress)
+        write_results(folder, {"seed": seed, "body": body, "cases": [asdict(one) for one in found]}, page(found))
 
 
 if __name__ == "__main__":

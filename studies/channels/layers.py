@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data.channels import CHANNELS, RecordedChannel
 from legfem.data.recording import Recording
 from legfem.geometry.indenter import Indenter
+from legfem.geometry.section import LegSection
 from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
@@ -29,12 +31,19 @@ from studies.lab.recording import INSTRUMENT, Course, LabErrors, flicker, record
 from studies.other_code.plane_leg import OtherCase, OtherCode
 from studies.other_code.pressing import OtherCurve
 
-DEPTH_MM, LEAST_MM, RATE_MM_PER_S = 12.0, 8.0, 0.5
+type Body = Literal["limb", "calf"]
+DEPTH_MM, LEAST_MM, RATE_MM_PER_S = 12.0, 5.0, 0.5
 TRIALS, FRAMES_HZ = 3, 5.0
 USUAL_KPA = {"deep": 1.0, "superficial": 2.0}
 """What a lab assumes, and about which truths are drawn."""
 FACTOR = 3.0
 """Truths lie within this of what is usual, either way."""
+_SIZES_MM: Mapping[Body, Sequence[tuple[float, float]]] = {
+    "calf": ((320.0, 400.0), (5.0, 10.0), (0.0, 0.0)),
+    "limb": ((285.0, 345.0), (10.0, 16.0), (14.0, 22.0)),
+}
+"""Girth, fat and muscle are drawn between these."""
+_FASCIA_MM, _BONE_MM = 0.6, 11.0
 LAB = LabErrors(gain_sd=0.01, air=4.0)
 READING_MM, BIAS_MM, GAIN, SLOW_MM, LAG_S = 0.3, 0.5, 0.03, 0.1, 0.2
 """Of thicknesses: standard deviation of a reading, greatest bias, gain and lag either way, and slow error's sd."""
@@ -45,14 +54,29 @@ MODULES = ("legfem.legs.identification", "studies.channels.layers")
 
 @dataclass(frozen=True)
 class Layers:
-    """What is planted; stiffness in kPa, sizes in mm."""
+    """What is planted; stiffness in kPa, sizes in mm.
 
+    Parameters
+    ----------
+    body
+        ``calf``, pressed from behind, where the tibia lies 60 to 80 mm ahead; or ``limb``: two round layers about a
+        bone, as in an upper arm.
+    number, seed
+        Of the draw.
+    deep, superficial
+        C10.
+    girth, fat, muscle
+        Of the body; muscle between fascia and bone, of a limb alone.
+    """
+
+    body: Body
     number: int
     seed: int
     deep: float
     superficial: float
     girth: float
     fat: float
+    muscle: float
 
     def true(self, name: str) -> float:
         """Return a layer's C10 by its full name."""
@@ -81,22 +105,37 @@ class LayersOutcome:
     seconds: float
 
 
-def drawn(number: int, seed: int) -> list[Layers]:
-    """Return what is planted in as many legs."""
+def drawn(number: int, seed: int, body: Body) -> list[Layers]:
+    """Return what is planted in as many bodies."""
     found = []
     for k in range(number):
         generator = np.random.default_rng([seed, k])
         deep, fat = (usual * FACTOR ** generator.uniform(-1, 1) for usual in USUAL_KPA.values())
-        found.append(Layers(k, seed, deep, fat, generator.uniform(320, 400), generator.uniform(5, 10)))
+        sizes = (generator.uniform(*ends) for ends in _SIZES_MM[body])
+        found.append(Layers(body, k, seed, deep, fat, *sizes))
     return found
 
 
+def section_of(truth: Layers) -> LegSection:
+    """Return the contours of a body."""
+    if truth.body == "calf":
+        return calf_section(Calf(truth.girth, truth.fat, _FASCIA_MM))
+    angle = 2 * np.pi * np.arange(240) / 240
+    unit = np.column_stack([np.cos(angle), np.sin(angle)])
+    radius = truth.girth / (2 * np.pi)
+    bone = np.array([0.0, truth.fat + _FASCIA_MM + truth.muscle + _BONE_MM - radius])
+    # A section has two bones: the second lies beyond the first.
+    beyond = bone + np.array([0.0, _BONE_MM + 8.0])
+    skin, fascia = radius * unit, (radius - truth.fat) * unit
+    return LegSection(skin, fascia, bone + _BONE_MM * unit, beyond + 4.0 * unit, _FASCIA_MM)
+
+
 def leg_of(truth: Layers, fat_kpa: float) -> Subject:
-    """Return the leg with a stiffness of its fat, pressed from behind towards the tibia."""
-    section = calf_section(Calf(truth.girth, truth.fat, 0.6))
+    """Return the body with a stiffness of its fat, pressed from behind towards the bone."""
+    section = section_of(truth)
     return Subject(
-        id=f"layers-{truth.number}",
-        title="A calf of two layers, simulated",
+        id=f"{truth.body}-{truth.number}",
+        title=f"A {truth.body} of two layers, simulated",
         origin="simulated",
         section=section,
         indenter=Indenter(15.0, 50.0, section.tibia.mean(axis=0), 90.0),
@@ -164,7 +203,7 @@ def outcome_of(context: None, truth: Layers) -> LayersOutcome:
     begun = time.process_time()
     curve = OtherCode(leg_of(truth, truth.superficial), OtherCase(truth.deep)).solve(DEPTH_MM)
     if curve.displacement[-1] < LEAST_MM:
-        raise UnsolvedError(f"layers-{truth.number}: felupe stops at {curve.displacement[-1]:g} mm")
+        raise UnsolvedError(f"{truth.body} {truth.number}: felupe stops at {curve.displacement[-1]:g} mm")
     subject = recorded(truth, curve)
     force = replace(subject, recordings=tuple(replace(one, channels=()) for one in subject.recordings))
     depth = float(curve.displacement[-1])
@@ -188,7 +227,7 @@ def each(tasks: Sequence[Layers], out: Path, jobs: int, progress: Progress) -> l
     """Return the legs' outcomes; those that are kept aren't made again."""
     store = Store(out / "kept", LayersOutcome, "channels", MODULES)
     with Workers(outcome_of, None, jobs) as workers:
-        return finish(workers, tasks, store, progress, "legs of two layers", _line)
+        return finish(workers, tasks, store, progress, "bodies of two layers", _line)
 
 
 def _line(truth: Layers, found: LayersOutcome) -> str:
@@ -196,4 +235,4 @@ def _line(truth: Layers, found: LayersOutcome) -> str:
         f"{name} {100 * (value / truth.true(name) - 1):+.1f} %"
         for name, value in zip(LAYERS, found.together.values, strict=True)
     )
-    return f"leg {truth.number}: {off} ({found.seconds:.0f} s)"
+    return f"{truth.body} {truth.number}: {off} ({found.seconds:.0f} s)"
