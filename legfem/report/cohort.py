@@ -93,6 +93,8 @@ def _origin(origins: Counter[str]) -> str:
 
 
 def _data(origins: Counter[str]) -> str:
+    if not origins:
+        return "no data that could be used"
     if len(origins) < 2:
         return ORIGINS[_origin(origins)]
     return "data of several kinds: " + ", ".join(f"{count} {name}" for name, count in origins.items())
