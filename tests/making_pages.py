@@ -64,6 +64,7 @@ from legfem.report.web.look import Looked, look_web_page
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
+from legfem.specimens.misfit import Misfit
 from legfem.specimens.recorded import LeftOut
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
@@ -82,6 +83,7 @@ from studies.legs.shapes import round_leg
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
 DEPTH = 4.0
+NO_MISFIT = Misfit(1e-3, np.zeros((3, 9)), 1, np.zeros((1, 1)))
 
 
 def subject_in(folder: Path):
@@ -215,7 +217,7 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
             settings={},
             warnings=("a warning",),
             versions={"legfem": "1"},
-            details=SpecimenDetails(given, (LeftOut("torn", "it <never> touched"),), 0.02, {}, 0.0, ""),
+            details=SpecimenDetails(given, (LeftOut("torn", "it <never> touched"),), 0.02, {}, 0.0, NO_MISFIT, ""),
         )
     ]
 

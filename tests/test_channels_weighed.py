@@ -340,3 +340,24 @@ def test_the_section_is_marked_where_channels_depart() -> None:
         away = skin.distance(shapely.Point(seen_at("lateral_force", subject)))
         assert away > 24.9
     assert not misfit_in_section(diagnosed_of(replace(both, channels=()), ("force-drift",), library=Seen()), subject)
+
+
+def test_repeats_that_differ_by_more_than_stated_widen_their_channels_errors() -> None:
+    """Thrice the stated errors are found from three trials; as stated they stay, and so do other channels'."""
+    blank = seen(ramps())
+    readings = Predictor(blank, Seen(), "reduced-polynomial")(BASE)
+    stated = error_model(blank.with_values(readings), NOISE, readings)
+    generator = np.random.default_rng(5)
+    drawn = [stated.draw(1, generator)[0] for _ in range(20)]
+    _, fat, lateral = blank.data.spans
+    factors: dict[float, list[float]] = {1.0: [], 3.0: []}
+    for times, found in factors.items():
+        for one in drawn:
+            values = readings + one
+            # Errors that all trials share are in no difference between them.
+            values[fat] = readings[fat] + times * (one - stated.known @ np.linalg.lstsq(stated.known, one)[0])[fat]
+            errors = error_model(blank.with_values(values), NOISE, readings)
+            found.append(float(errors.trial_sd[fat].mean() / stated.trial_sd[fat].mean()))
+            np.testing.assert_array_less(errors.trial_sd[lateral], 1.8 * stated.trial_sd[lateral])
+    assert np.mean(factors[1.0]) < 1.15
+    assert np.mean(factors[3.0]) == pytest.approx(3.0, rel=0.15)

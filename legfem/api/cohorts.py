@@ -7,7 +7,7 @@ import logging
 import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -60,6 +60,8 @@ class Cohort(Result):
 
     def document(self) -> dict[str, Any]:
         """Return what ``cohort.json`` holds."""
+        from legfem.cohort.statistics import statistics, statistics_document
+        from legfem.cohort.suspicions import missing, suspicions
         from legfem.common.documents import json_types
         from legfem.common.versions import versions_of
 
@@ -72,6 +74,9 @@ class Cohort(Result):
             "options": json_types(dict(self.options.given)),
             "rows": json_types(frame.astype(object).where(frame.notna(), None).to_dict("records")),
             "units": units_frame(frame, self.rows).to_dict("records"),
+            "statistics": statistics_document(statistics(self.members.every, self.rows)),
+            "suspicions": json_types([asdict(one) for one in suspicions(self.members.every, self.rows)]),
+            "missing": missing(self.members.every, self.rows),
             "notes": list(self.members.notes),
             "versions": versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
         }

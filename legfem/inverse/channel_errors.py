@@ -11,6 +11,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from legfem.common.units import FloatArray
+from legfem.data.noise import contrasts_of
 from legfem.inverse.channel_readings import ChannelReadings
 from legfem.inverse.trial_noise import Observed
 
@@ -38,9 +39,29 @@ def channel_covariance(one: ChannelReadings, observed: Observed, predicted: Floa
     same = np.equal.outer(trial, trial)
     slow = one.accuracy.slow**2 * np.exp(-np.abs(np.subtract.outer(time, time)) / slowest)
     lag = one.accuracy.lag * _slope(displacement, predicted) * (one.weights @ observed.speed)
+    own = np.diag(one.white_variance) + same * (slow + np.outer(lag, lag))
     apart = np.subtract.outer(displacement, displacement) / MODEL_LENGTH_MM
     model = (MODEL_SHARE * float(np.ptp(predicted))) ** 2 * np.exp(-0.5 * apart**2)
-    return np.asarray(np.diag(one.white_variance) + same * (slow + np.outer(lag, lag)) + model)
+    return np.asarray(_excess_of_repeats(one, observed, own) * own + model)
+
+
+def _excess_of_repeats(one: ChannelReadings, observed: Observed, own: FloatArray) -> float:
+    """Return the factor on a channel's variance by which repeats differ by more than stated; one where they don't.
+
+    Of contrasts between trials of a programme, which don't hold the true course: their squares over the stated
+    variance, in the mean.
+    """
+    trial = observed.trial[one.nearest]
+    squares, count = 0.0, 0
+    for members in observed.repeated:
+        rows = [np.flatnonzero(trial == k) for k in members]
+        if len(rows) < 2 or not len(rows[0]) or len({len(row) for row in rows}) > 1:
+            continue
+        contrasts = contrasts_of(one.values[np.array(rows)])
+        each = own[np.ix_(rows[0], rows[0])]
+        squares += float(np.sum(contrasts * np.linalg.solve(each, contrasts)))
+        count += contrasts.size
+    return max(1.0, squares / count) if count else 1.0
 
 
 def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray) -> dict[str, FloatArray]:

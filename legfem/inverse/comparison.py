@@ -27,10 +27,12 @@ from legfem.solve.path import ForceCurve
 
 Weighting = Literal["paper", "covariance"]
 """What is minimised: the plain sum of squares (Eq. 12 of the paper), or the sum weighted by the errors."""
-ErrorSource = Literal["recordings", "differences", "model", "ends", "fibres", "shape", "channels", "priors"]
-"""Readings of the force; a factor by which recordings or specimens differ; the model's numerical error; the correction
-for the cylinder's ends; muscle fibres' part in it; a typical shape in place of measured outlines; instruments of what
-else was recorded; what was known beforehand."""
+ErrorSource = Literal[
+    "recordings", "differences", "model", "misfit", "sizes", "ends", "fibres", "shape", "channels", "priors"
+]
+"""Readings of the force; a factor by which recordings or specimens differ; the model's numerical error; what the law
+misses; sizes of specimens; the correction for the cylinder's ends; muscle fibres' part in it; a typical shape in place
+of measured outlines; instruments of what else was recorded; what was known beforehand."""
 Covariances = Mapping[ErrorSource, FloatArray]
 """Covariances of the readings (n, n), in their units squared, by source; they add up."""
 

@@ -99,6 +99,8 @@ _TOLD = {
 _RULED_BY: Mapping[ErrorSource, str] = {
     "differences": "that recordings differ by a factor",
     "model": "the model's own",
+    "misfit": "what the law misses",
+    "sizes": "that of the specimen's sizes",
     "ends": "that of the correction for the cylinder's ends",
     "shape": "that of a typical shape in place of measured outlines",
     "fibres": "that of the muscle fibres' ratio and effect",

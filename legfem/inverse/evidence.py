@@ -116,12 +116,19 @@ class Evidence:
         )
         log_sizes = [log_size for _, _, log_size in self._sizes]
         for number, factor in enumerate(self._factors):
+            prior = factor.discrepancy.log_prior if log_unknown is None else log_unknown[number]
+            if prior == -np.inf:
+                # Its weights are nought, whatever it says: most of the unknown errors beside a small effect.
+                logs += [-np.inf] * len(self._sizes)
+                means += [np.zeros(p)] * len(self._sizes)
+                effects += [np.zeros(k)] * len(self._sizes)
+                spreads += [np.zeros((p, p))] * len(self._sizes)
+                continue
             mine = np.column_stack([centred, about.jacobian])
             white = solve_triangular(factor.lower, mine, lower=True)
             columns = np.hstack([white[:, 1:], factor.columns])
             gram, along = columns.T @ columns, columns.T @ white[:, 0]
             square = float(white[:, 0] @ white[:, 0])
-            prior = factor.discrepancy.log_prior if log_unknown is None else log_unknown[number]
             # All sizes of gains and zeros at once: (sizes, m) and (sizes, m, m).
             inner = np.eye(scales.shape[1]) + scales[:, :, None] * gram * scales[:, None, :]
             lower = np.linalg.cholesky(inner)

@@ -14,7 +14,7 @@ degrees as the effect has parameters: without it they are nowhere (R. B. Davies,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,11 +29,11 @@ from legfem.inverse.parameter import Prior
 
 _FAR = 25.0
 """Rise from which a side isn't followed further."""
-_SHARES = (0.1, 0.25, 0.45, 0.7, 1.0)
+_SHARES = (0.12, 0.35, 0.65, 1.0)
 """Of the way from the null to an end."""
 _REFINED = 2
 """Steps that are set where an end of the limits seems to lie."""
-_SHAPES = 5
+_SHAPES = 3
 """Values of a mechanism's other parameters that a side begins from, beside the fit's own."""
 _FEW = 6
 
@@ -48,6 +48,18 @@ class HiddenStep:
 
     cost: float
     """-2 ln of the likelihood, but for a constant: what a fit minimises without the strength's own prior."""
+
+
+@dataclass(frozen=True)
+class HiddenEnd:
+    """To one side of a mechanism's null what moves C10 furthest and isn't contradicted."""
+
+    values: Mapping[str, float]
+    """Of the mechanism, by their short names."""
+    open: bool
+    """Whether the recordings don't close that side."""
+    c10: float
+    """kPa: C10 then; NaN where it isn't fitted."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +79,8 @@ class Limit:
     """N: greatest change of the force by the strongest of them, the stiffness as it is then."""
     stiffness: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """kPa: between which C10 and C20 then are."""
-    strongest: Mapping[str, float] = field(default_factory=dict)
-    """Values of the mechanism at which C10 is furthest from the base model's, by their short names, ..."""
-    c10: float = float("nan")
-    """... and C10 there, kPa."""
+    ends: tuple[HiddenEnd, ...] = ()
+    """Of the sides of the null that it has."""
 
     @property
     def open(self) -> bool:
@@ -153,9 +163,6 @@ class Profile:
             within = [float(np.interp(at, z, course)) for at in (low, high)]
             within += [step.fit.values[name] for step in inside]
             stiffness[name] = min(within), max(within)
-        furthest = inside[0]
-        if "C10" in base.free:
-            furthest = max(inside, key=lambda step: abs(np.log(step.fit.values["C10"] / base.values["C10"])))
         stronger = max((inside[0], inside[-1]), key=lambda step: abs(step.z))
         predict, values = self.problem.predictor, stronger.fit.values
         change = predict(values, [mechanism]) - predict({**values, full: null}, [mechanism])
@@ -170,9 +177,22 @@ class Profile:
             open_high,
             float(np.abs(change).max()),
             stiffness,
-            {p.name: furthest.fit.values[f"{mechanism.name}.{p.name}"] for p in mechanism.parameters},
-            furthest.fit.values.get("C10", float("nan")),
+            tuple(self._ends(inside, base, {-1: open_low, 1: open_high})),
         )
+
+    def _ends(
+        self, inside: Sequence[HiddenStep], base: LinearisedFit, opened: Mapping[int, bool]
+    ) -> Iterator[HiddenEnd]:
+        mechanism = self.mechanism
+        for side, is_open in opened.items():
+            beyond = [step for step in inside if side * step.z > 0.0]
+            if not beyond:
+                continue
+            furthest = max(beyond, key=lambda step: abs(step.z))
+            if "C10" in base.free:
+                furthest = max(beyond, key=lambda step: abs(np.log(step.fit.values["C10"] / base.values["C10"])))
+            values = {p.name: furthest.fit.values[f"{mechanism.name}.{p.name}"] for p in mechanism.parameters}
+            yield HiddenEnd(values, is_open, furthest.fit.values["C10"] if "C10" in base.free else float("nan"))
 
 
 def profile_of(one: Explanation, base: LinearisedFit, possible: Occurrence | None = None) -> Profile:

@@ -18,7 +18,7 @@ from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.explain import base_about_solution, explain, refitted_about_solutions
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
-from legfem.inverse.hidden import Limit, profile_of
+from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.linearised import (
     LinearisedFit,
@@ -84,7 +84,7 @@ class Diagnosis:
     untested: Mapping[str, str]
     """Mechanisms that the recordings can't show, and why."""
     limits: tuple[Limit, ...]
-    """How strong each mechanism may be unseen, those first that may move C10 most."""
+    """How strong each mechanism may be unseen, those first that may move C10 most; where the model fits."""
     located: NDArray[np.bool_]
     """(n,): forces at which the base model is wrong by more than a trial's noise."""
     with_ends: bool
@@ -162,10 +162,12 @@ class Diagnosis:
         return max(abs(end / self.best.value("C10") - 1.0) for end in self.intervals["C10"])
 
     @property
-    def hidden(self) -> tuple[Limit, ...]:
+    def hidden(self) -> tuple[tuple[Limit, HiddenEnd], ...]:
         """Effects that may be there unseen and would move C10 by more than `TRUSTED`, the greatest first."""
-        base = self.weighted_base.fit
-        return tuple(limit for limit in self.limits if shift_of(limit, base) > TRUSTED)
+        c10 = self.weighted_base.fit.values["C10"]
+        each = [(abs(end.c10 / c10 - 1.0), limit, end) for limit in self.limits for end in limit.ends]
+        far = sorted((one for one in each if one[0] > TRUSTED), key=lambda one: -one[0])
+        return tuple((limit, end) for _, limit, end in far)
 
 
 class FullSolutions(Responses, Protocol):
@@ -239,8 +241,10 @@ def diagnose(
             aside = None
         else:
             problem, ordinary, base, explained = rest, plain, alone, again
-    progress.stage("what could hide")
-    limits = limits_of(explained)
+    limits: tuple[Limit, ...] = ()
+    if _verdict(explained)[0] == "consistent":
+        progress.stage("what could hide")
+        limits = limits_of(explained)
     progress.stage("where the base model is wrong")
     assessment = score_tests(problem, base, mechanisms, seed)
     verdict, models = _verdict(explained)

@@ -37,5 +37,6 @@ OCCURRENCES: Mapping[str, Occurrence] = {
     "contact-slip": Occurrence(0.0, 1.0, 0.0, "between a skin that sticks and one without friction"),
     "support-compliance": Occurrence(0.0, 1.0, 0.0),
     "leg-movement": Occurrence(-4.0, 4.0, 0.0),
+    "muscle-contraction": Occurrence(0.0, 1.0, 0.0),
     "preconditioning": Occurrence(-0.3, 0.6, 0.0),
 }

@@ -146,8 +146,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "open": [limit.open_low, limit.open_high],
                     "greatest_change_of_force_N": limit.effect,
                     "stiffness_kPa": {name: list(ends) for name, ends in limit.stiffness.items()},
-                    "at": dict(limit.strongest),
-                    "C10_there_kPa": limit.c10,
+                    "unseen": [{"at": dict(end.values), "open": end.open, "C10_kPa": end.c10} for end in limit.ends],
                 }
                 for limit in found.limits
             ],

@@ -20,6 +20,7 @@ from legfem.report.diagnosis_sentences import (
     misfit_sentence,
     next_experiments,
     percent,
+    share,
     statements,
 )
 from legfem.report.estimates import high_or_low
@@ -62,7 +63,7 @@ def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
     if found.withheld:
         return "wrong", "No."
     if found.verdict == "unexplained":
-        return "caution", f"Good enough: the model misses by {found.misfit.size:.1%} of the largest force."
+        return "caution", f"Good enough: the model misses by {share(found.misfit.size)} of the largest force."
     if _wide(found):
         fits = "The model fits" if found.verdict == "consistent" else "The corrected model fits"
         return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
@@ -97,9 +98,9 @@ def _wrong(found: Diagnosis) -> str:
 
 def _wrong_of_the_rest(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        hides = f" But: {hidden_sentence(found, found.hidden[0])}" if found.hidden and _wide(found) else ""
+        hides = _hides(found) if _wide(found) else ""
         none = "None." if found.aside is None else "No other problem."
-        return f"{none}{hides} What this test cannot show is listed further down."
+        return f"{none}{' But: ' if hides else ''}{hides} What this test cannot show is listed further down."
     if found.verdict == "unexplained" and not found.withheld:
         return f"{misfit_sentence(found)}{_place(found)}"
     if found.verdict == "unexplained":
@@ -117,6 +118,14 @@ def _wrong_of_the_rest(found: Diagnosis) -> str:
     if more == 1:
         others = f"; or, less likely, {statements(found.models[-1])}"
     return f"The computer model left out one of these: {'; '.join(causes)}{others}."
+
+
+def _hides(found: Diagnosis) -> str:
+    """Return what the effect that widens C10's range most would do unseen; of others where that isn't far."""
+    widest = widened_by(found.explained, "C10")
+    names = () if widest is None else widest.names
+    first = [one for one in found.hidden if one[0].name in names] or found.hidden
+    return " ".join(hidden_sentence(found, *one) for one in first[:_MOST_CAUSES])
 
 
 def _place(found: Diagnosis) -> str:
@@ -158,7 +167,7 @@ def _stiffness(found: Diagnosis) -> str:
         return "C10 was given, not found."
     before = _value(found, found.base)
     if found.verdict == "unexplained":
-        return f"{_C10}, is {before} kPa; the misfit moves it by {found.misfit.moves:.1%} at most."
+        return f"{_C10}, is {before} kPa; the misfit moves it by {share(found.misfit.moves)} at most."
     if found.verdict == "consistent" and _wide(found):
         return f"{_C10}, is {before} kPa if nothing hides; what may hide can move it by {percent(found.may_be_off)}."
     if found.verdict == "consistent":

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.hidden import Limit
-from legfem.inverse.mechanism import null_of
+from legfem.inverse.hidden import HiddenEnd, Limit
 from legfem.inverse.setting_aside import SetAside
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.mechanisms import Mechanism
@@ -138,10 +137,15 @@ def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
 def misfit_sentence(found: Diagnosis) -> str:
     """Return how far a model misses whose misfit is small, and what that does to C10."""
     return (
-        f"The model misses the recordings by more than noise, but by {found.misfit.size:.1%} of the largest force "
-        f"only (root mean square); without any one phase or third of the depth C10 moves by {found.misfit.moves:.1%} "
-        "at most, which is less than its interval: that is good enough for C10."
+        f"The model misses the recordings by more than noise, but by {share(found.misfit.size)} of the largest force "
+        f"only (root mean square); without any one phase or third of the depth C10 moves by "
+        f"{share(found.misfit.moves)} at most, which is less than its interval: that is good enough for C10."
     )
+
+
+def share(value: float) -> str:
+    """Return a share in per cent with one decimal."""
+    return f"{100 * value:.1f} %"
 
 
 def aside_sentence(aside: SetAside) -> str:
@@ -153,17 +157,16 @@ def aside_sentence(aside: SetAside) -> str:
     )
 
 
-def hidden_sentence(found: Diagnosis, limit: Limit) -> str:
+def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:
     """Return what would not have been seen, and what C10 would then be."""
     mechanism = next(e.fit.mechanisms[0] for e in found.explained.every if e.names == (limit.name,))
     first = mechanism.parameters[0]
-    value = limit.strongest[first.name]
+    value = end.values[first.name]
     size = f"{value:.2g}" + ("" if first.unit == "-" else f" {first.unit}")
     plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
     what = (mechanism.would_be or plain).format(size)
-    at_end = limit.open_high if value > null_of(first) else limit.open_low
-    seen = "would not have been seen" + ("" if at_end else ", but a stronger effect would")
-    return f"{what[:1].upper()}{what[1:]} {seen}; C10 would then be {_digits(limit.c10)} kPa."
+    seen = "would not have been seen" + ("" if end.open else ", but a stronger effect would")
+    return f"{what[:1].upper()}{what[1:]} {seen}; C10 would then be {_digits(end.c10)} kPa."
 
 
 def next_experiments(found: Diagnosis) -> list[str]:

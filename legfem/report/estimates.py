@@ -190,6 +190,8 @@ class Remedies:
             "differences": "the recordings differ from one another by a factor, so test more specimens",
             "model": "most of the uncertainty comes from the model itself, and further recordings will not reduce it; "
             "state what you already know (--prior)",
+            "misfit": "the law misses the recordings, so try another one (--law), or use less of their depth",
+            "sizes": "the specimen's sizes are not known better, so measure them, and state their errors ([accuracy])",
             "ends": self.ends,
             "fibres": "most of the uncertainty comes from the muscle's fibres; measure them with shear "
             "waves along and across the leg ([[elastography]]), or use --model 3d",

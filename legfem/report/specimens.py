@@ -209,12 +209,16 @@ def _fits(result: SpecimenFit) -> bool:
 def _headline(best: SpecimenFit) -> web.Headline:
     law = LAW_NAMES[best.law]
     values = "; ".join(
-        f"{_words(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
+        f"{_words(name)}: no value, since the search stopped at its {found.at_bound} bound"
+        if found.at_bound and found.parameter.scale == "log"
+        else f"{_words(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
         for name, found in best.estimates.items()
         if found.parameter.role == "identified"
     )
     unsure = estimates.unknown_among(best.estimates)
-    tone: web.Tone = "wrong" if not _fits(best) else "caution" if unsure or best.details.left_out else "sound"
+    thickness = best.details.thickness
+    doubtful = unsure or best.details.left_out or thickness
+    tone: web.Tone = "wrong" if not _fits(best) else "caution" if doubtful else "sound"
     fitted = sum(one.fitted for one in best.tests)
     describes = "describes" if _fits(best) else "does not describe"
     return web.Headline(
@@ -224,7 +228,9 @@ def _headline(best: SpecimenFit) -> web.Headline:
         [
             (
                 "Problems found",
-                "None that these recordings can show."
+                thickness.text
+                if thickness
+                else "None that these recordings can show."
                 if _fits(best)
                 else f"The recordings show an effect that the law leaves out "
                 f"({fit_probability(best.goodness.p_value)}).",
@@ -266,7 +272,10 @@ def _words(name: str) -> str:
     return words.replace(RATIO, "fibre ratio")
 
 
-_REMEDIES = estimates.Remedies("strain it further, add rates or holds")
+_REMEDIES = estimates.Remedies(
+    "strain it further, add rates or holds",
+    "how the test was done is not stated, so find out whether the ends stick, and state it ([plates] ends)",
+)
 
 
 def _next(best: SpecimenFit) -> list[str]:
@@ -317,7 +326,14 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
         )
     )
     rows += [
-        web.Known("sizes", sizes_text(sizes), "assumed", "specimen.toml")
+        web.Known(f"{one.words}, {LAW_NAMES[r.law]} law", f"{100 * one.probability:.0f} %", "estimated", "their curves")
+        for r in results
+        for one in r.details.alternatives
+    ]
+    rows += [
+        web.Known(
+            "sizes", sizes_text(sizes), "assumed", "specimen.toml; the intervals include their errors ([accuracy])"
+        )
         for sizes in dict.fromkeys(one.sizes for one in first.details.folder.recordings)
     ]
     return rows

@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit, r_squared
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.kind import ShownAxes
+from legfem.specimens.misfit import Misfit
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
+from legfem.specimens.size_dependence import SizeDependence
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +31,24 @@ class SpecimenDetails:
     """Stiffness of every fitted specimen over the typical one that the estimates are of; empty where all are alike."""
     stiffness_spread: float
     """Standard deviation of its logarithm, among specimens of a kind."""
+    misfit: Misfit
     ratio_undetermined: str
     """Why the fibres' ratio can't be determined, as a sentence, where it was looked for in vain."""
+    thickness: SizeDependence | None = None
+    """How specimens' stiffness goes with their thickness, where it does."""
+    alternatives: tuple[Weighed, ...] = ()
+    """Of what isn't known of the test, the most probable first; the fit is that of the first."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """One of the alternatives of a test, as the recordings weigh it."""
+
+    name: str
+    words: str
+    probability: float
+    estimates: Mapping[str, Estimate]
+    """Its own."""
 
 
 def recording_of(one: TestFit) -> SpecimenRecording:

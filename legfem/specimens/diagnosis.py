@@ -169,6 +169,11 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
             "The recordings are tables of stretch and stress: forces and displacements are those of a body of the "
             "stated size, or of a cube of 10 mm, and nothing is known of time."
         )
+    if folder.alternatives:
+        first = folder.alternatives[0]
+        remarks.append(
+            f"What isn't stated of the test is taken to be {first}; slip at the faces is among what is weighed."
+        )
     if len(folder.tissues) > 1:
         remarks.append(
             f"C10 is that of the layer {tissue_asked_for(folder).name}, whose stiffness "

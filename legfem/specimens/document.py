@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from legfem.inverse.catalogue import key_of
 from legfem.inverse.fit import Fit
 from legfem.specimens.details import SampleFit, SpecimenDetails, recording_of
 
@@ -19,6 +20,18 @@ class SpecimenDocument:
             "gain_sd_between_recordings": details.gain_sd,
             "stiffness_over_typical": dict(details.stiffness),
             "stiffness_log_sd": details.stiffness_spread,
+            "misfit_rms_over_peak": details.misfit.rms,
+            "alternatives": [
+                {
+                    "name": one.name,
+                    "probability": one.probability,
+                    "parameters": {
+                        key_of(name): {"value": shown.value, "unit": shown.unit, "ci95": list(shown.ci95)}
+                        for name, shown in ((name, found.shown) for name, found in one.estimates.items())
+                    },
+                }
+                for one in details.alternatives
+            ],
         }
 
     def of_test(self, fit: Fit[SpecimenDetails], number: int) -> dict[str, Any]:

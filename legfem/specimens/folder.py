@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from legfem.common.doubts import Doubt
@@ -25,8 +25,8 @@ from legfem.specimens.plausibility import (
     doubts_about_stiffness,
 )
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
-from legfem.specimens.schema import BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
-from legfem.specimens.sizes import Sizes, bare, kind_in, sizes_of
+from legfem.specimens.schema import SIZES, BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
+from legfem.specimens.sizes import Sizes, bare, kind_in, sizes_of, under
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
 
 FILE = "specimen.toml"
@@ -59,6 +59,17 @@ class SpecimenFolder:
     """What can be, but is unlikely."""
     confirmed: tuple[str, ...] = ()
     """Fields whose unusual values are right."""
+    alternatives: tuple[str, ...] = ()
+    """What isn't known of the test, such as whether its ends stick; recordings have the first."""
+    size_sd: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviations of the specimens' sizes by key of ``specimen.toml``, mm or mm²."""
+    sizes_sd: float = 0.0
+    """The same of other sizes, relative."""
+
+    def under(self, alternative: str) -> SpecimenFolder:
+        """Return the folder with one of its alternatives taken to be so."""
+        recordings = tuple(replace(one, sizes=under(one.sizes, alternative)) for one in self.recordings)
+        return replace(self, recordings=recordings, alternatives=())
 
     @property
     def equally_stiff(self) -> bool:
@@ -154,7 +165,17 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         tissues_of(given),
         tuple(doubt for doubt in dict.fromkeys(doubts) if doubt.field not in given.confirmed),
         tuple(given.confirmed),
+        kind.alternatives(given.test),
+        {key: sd for key in SIZES if (sd := getattr(given.accuracy, key)) is not None},
+        _sizes_sd(given),
     )
+
+
+def _sizes_sd(given: SpecimenFile) -> float:
+    stated = given.accuracy.sizes_percent
+    if given.recordings.table is not None:
+        return 0.0  # a table's stress is of any size
+    return (1.0 if given.origin == "measured" else 0.1) / 100 if stated is None else stated / 100
 
 
 def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:

@@ -28,7 +28,7 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
     Its recordings may be tables of stretch and stress, which are of a cube of 10 mm unless its sizes are stated.
     """
 
-    own: ClassVar = ("length_mm", "area_mm2")
+    own: ClassVar = {"length_mm": "length", "area_mm2": "area"}
     followed: ClassVar = "an area_mm2 of half the true value makes it twice as large"
     cube: ClassVar = {"length_mm": 10.0, "area_mm2": 100.0}
     directions: ClassVar[tuple[Direction, ...]] = ()

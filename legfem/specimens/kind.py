@@ -129,8 +129,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     """How stiffness follows the size that is most easily wrong, as a clause."""
     note: ClassVar[str] = ""
     """What displacement and force stand for, where that isn't plain, as sentences."""
-    own: ClassVar[tuple[str, ...]]
-    """Keys of its table that specimens of one folder may have of their own."""
+    own: ClassVar[Mapping[str, str]]
+    """Sizes of the body by the keys of its table that specimens of one folder may have of their own."""
     ranges: ClassVar[Mapping[str, PhysicalRange]] = {}
     """Of the keys that it alone has."""
     layered: ClassVar[bool] = False
@@ -147,6 +147,11 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     no_slip: ClassVar[str] = "the faces are said to be free of friction"
     """Why nothing can slip that doesn't slip as stated."""
 
+    weighed: ClassVar[Mapping[str, str]] = {}
+    """What may be unknown of it, with each in words: all are fitted, and weighed by the recordings."""
+    to_know: ClassVar[str] = ""
+    """How that could be known, as a sentence without its end."""
+
     @abstractmethod
     def body_of(self, given: Entry) -> Body:
         """Return the sizes that a table states.
@@ -160,6 +165,14 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     @abstractmethod
     def model(self, body: Body, law: Law, depth: float) -> SpecimenTest:
         """Return the test, its mesh and steps fit for a depth (mm)."""
+
+    def alternatives(self, given: Entry) -> tuple[str, ...]:
+        """Return which of `weighed` a table leaves open; none where it says."""
+        return ()
+
+    def under(self, body: Body, alternative: str) -> Body:
+        """Return the body with one of them."""
+        return body
 
     def slipping(self, body: Body) -> Body:
         """Return the body with faces that don't hold what they touch."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -32,10 +34,11 @@ from legfem.inverse.fit import (
 from legfem.inverse.instrument import READINGS
 from legfem.inverse.intervals import quantile
 from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
-from legfem.inverse.notices import LAW_MISSES, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
+from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
+from legfem.specimens.alternatives import probabilities, weighed
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.contacts import SETTLED
 from legfem.specimens.details import SpecimenDetails
@@ -43,9 +46,13 @@ from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import ParameterRequest, identified_law
+from legfem.specimens.misfit import Misfit, misfit_of
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
+from legfem.specimens.size_dependence import SizeDependence, size_dependence
+from legfem.specimens.size_errors import size_covariance
+from legfem.specimens.sizes import OF_LAYER, Sizes, bare, kind_in, lengths_of
 from legfem.specimens.tissues import REFERENCE_MPA
 
 
@@ -117,11 +124,23 @@ class SpecimenProblem:
         apart = 0 if comparison.own is None else comparison.own.degrees
         spread = float(np.sqrt(np.sum(np.log(list(stiffness.values())) ** 2) / apart)) if apart else 0.0
         covariance = total_of(comparison.covariances_at(force))
+        covariances = dict(comparison.covariances_at(force, spread))
+        if comparison.own is None:
+            errors = {sizes: self._size_errors(sizes) for sizes in self.forward.tests}
+            covariances["sizes"] = size_covariance(
+                comparison, self.forward, model_values(best.values), readings, force, errors
+            )
+        missed = self._missed(found, covariance)
+        covariances["misfit"] = missed.covariance
         goodness = goodness_of(found, covariance, comparison.expected_force, lost=apart)
         fitted = comparison.recordings
         estimates, correlations = optimum_of(
-            found, comparison.covariances_at(force, spread), quantile(apart or len(fitted) - 1), goodness, {}, False
+            found, covariances, quantile(apart or len(fitted) - 1), goodness, {}, False
         )
+        thickness = self._goes_with_thickness(comparison, force, stiffness)
+        if thickness is not None:
+            moved = {name: thickness.over(one) for name, one in estimates.items() if name.endswith("C10")}
+            estimates = MappingProxyType({**estimates, **moved})
         tests = [_test_fit(one, force[span]) for one, span in zip(fitted, comparison.spans, strict=True)]
         predicted, notes = self._predicted(found, stiffness, readings)
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
@@ -146,11 +165,50 @@ class SpecimenProblem:
             settings=search_settings(found.search),
             versions=versions(),
             details=SpecimenDetails(
-                self.folder, self.prepared.left_out, comparison.gain_sd(force), MappingProxyType(stiffness), spread, why
+                self.folder,
+                self.prepared.left_out,
+                comparison.gain_sd(force),
+                MappingProxyType(stiffness),
+                spread,
+                missed,
+                why,
+                thickness,
             ),
             doubts=self._doubts(),
         )
         return replace(result, warnings=self._warnings(result, found, (why, *notes)))
+
+    def _goes_with_thickness(
+        self, comparison: SpecimenComparison, force: FloatArray, stiffness: dict[str, float]
+    ) -> SizeDependence | None:
+        """How the specimens' stiffness goes with their thickness; by what each asks for where all count as alike."""
+        recordings, own = comparison.recordings, defaultdict[str, list[float]](list)
+        for one, scale in zip(recordings, comparison.scales(force), strict=True):
+            own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
+        sizes = {one.specimen: kind_in(one.sizes).extent(bare(one.sizes)) for one in recordings}
+        extent = {name: size for name, size in sizes.items() if size is not None}
+        if len(extent) < len(own):
+            return None
+        return size_dependence({name: float(np.mean(scales)) for name, scales in own.items()}, extent)
+
+    def _missed(self, found: Found[SpecimenComparison], covariance: FloatArray) -> Misfit:
+        """What the law misses, beyond errors of a covariance."""
+        comparison, law, prediction = found.search.misfit, found.search.law, found.linear.prediction
+        pairs = zip(found.best.point, law.parameters, strict=True)
+        scales = [max(abs(value), 1e-3 * one.bounds[1]) for value, one in pairs]
+        jacobian = prediction.jacobian(law.names) * scales
+        return misfit_of(comparison, covariance, comparison.expected_force - prediction.values, jacobian)
+
+    def _size_errors(self, sizes: Sizes) -> dict[str, float]:
+        """Relative errors of the sizes that a test's specimen has, by name."""
+        lengths, folder = lengths_of(sizes), self.folder
+        found = {name: folder.sizes_sd for name in lengths if name.endswith(OF_LAYER)}
+        for key, name in kind_in(sizes).own.items():
+            if name in lengths:
+                # A diameter is as well known as its radius.
+                stated = folder.size_sd.get(key, math.nan) / lengths[name] / (2 if key == "diameter_mm" else 1)
+                found[name] = folder.sizes_sd if math.isnan(stated) else stated
+        return found
 
     @property
     def _seeks_ratio(self) -> bool:
@@ -204,10 +262,14 @@ class SpecimenProblem:
         self, result: Fit[SpecimenDetails], found: Found[SpecimenComparison], notes: Sequence[str]
     ) -> tuple[str, ...]:
         """One sentence each, the gravest first."""
-        log = result.log
-        texts = [*doubt_lines(result.doubts), *of_search(log), *of_compromise(log.compromise), *at_limits(result)]
+        log, thickness = result.log, result.details.thickness
+        texts = [*doubt_lines(result.doubts), *((thickness.text,) if thickness else ())]
+        texts += [*of_search(log), *of_compromise(log.compromise), *at_limits(result)]
         if not result.goodness.fits:
-            texts.append(f"The law does not describe these recordings within their errors. {LAW_MISSES}")
+            texts.append(
+                "The law does not describe these recordings within their errors. The intervals carry what an error of "
+                "its form may do to the numbers, by the size of what is left."
+            )
         in_air = [one.name for one in found.search.misfit.recordings if one.course.in_air]
         if in_air:
             texts.append(
@@ -256,12 +318,31 @@ def fit_specimens(
         free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.relaxes, asked)
         if seeks_ratio(free.names):
             check_strained(folder, [one for one in folder.recordings if one not in held])
-    prepared = prepare(folder, held, request.out, request.jobs, request.progress)
     away = frozenset(one.name for one in held)
+    if not folder.alternatives:
+        return _fitted_laws(folder, laws, asked, away, request)
+    kind = kind_in(folder.recordings[0].sizes)
+    each = {one: _fitted_laws(folder.under(one), laws, asked, away, request) for one in folder.alternatives}
+    chances = probabilities(each)
+    return [
+        weighed({one: fits[k] for one, fits in each.items()}, chances, kind.weighed, kind.to_know)
+        for k in range(len(laws))
+    ]
+
+
+def _fitted_laws(
+    folder: SpecimenFolder,
+    laws: Sequence[LawName],
+    asked: ParameterRequest,
+    away: frozenset[str],
+    request: SearchRequest,
+) -> list[Fit[SpecimenDetails]]:
+    """Fit laws to a folder of which all is known."""
+    held = {one for one in folder.recordings if one.name in away}
+    prepared = prepare(folder, held, request.out, request.jobs, request.progress)
     found: list[Fit[SpecimenDetails]] = []
     for name in laws:
-        problem = _problem(folder, name, prepared, away, asked)
-        found += fit(problem, [name], request)
+        found += fit(_problem(folder, name, prepared, away, asked), [name], request)
     return found
 
 

@@ -34,10 +34,12 @@ class _Named(FileTable):
 
 if TYPE_CHECKING:
     _Sizes = FileTable
+    _SizeErrors = FileTable
     _Tests = _Named
 else:
     # Every kind of test gives its own keys.
     _Sizes = create_model("_Sizes", __base__=FileTable, **{key: (Positive | None, None) for key in SIZES})
+    _SizeErrors = create_model("_SizeErrors", __base__=FileTable, **{key: (NotNegative | None, None) for key in SIZES})
     _tables = {name: (kind.entry | None, None) for name, kind in kinds().items()}
     _Tests = create_model("_Tests", __base__=_Named, **_tables)
 
@@ -52,6 +54,13 @@ class SpecimenEntry(_Sizes):
     """Thicknesses of the layers, in their order."""
     fibres: Direction | None = None
     """Its own direction of the fibres, in place of that of ``[fibres]``."""
+
+
+class SizesAccuracy(_SizeErrors):
+    """``[accuracy]``, optional: standard deviations of the specimens' sizes, each by its key or all alike."""
+
+    sizes_percent: NotNegative | None = None
+    """1 of measured specimens, 0.1 of others without it."""
 
 
 class LayerEntry(FileTable):
@@ -112,6 +121,7 @@ class SpecimenFile(_Tests):
     fibres: FibresEntry | None = None
     specimen: list[SpecimenEntry] = Field(default_factory=list)
     tissue: TissueOptions = TissueOptions()
+    accuracy: SizesAccuracy = SizesAccuracy()
     instrument: InstrumentEntry | None = None
     recordings: SpecimenRecordingsEntry = SpecimenRecordingsEntry()
     confirmed: list[Text] = Field(default_factory=list)

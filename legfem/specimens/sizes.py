@@ -88,7 +88,7 @@ def lengths_of(sizes: Sizes) -> dict[str, float]:
     if isinstance(sizes, LayeredTest):
         whole = lengths_of(sizes.whole)
         del whole["thickness"]
-        return whole | {name + _OF_LAYER: thickness for name, thickness in sizes.layers}
+        return whole | {name + OF_LAYER: thickness for name, thickness in sizes.layers}
     return {name: value for name, value in asdict(sizes).items() if isinstance(value, float)}
 
 
@@ -99,7 +99,7 @@ def resized(sizes: Sizes, name: str, value: float) -> Sizes:
         assert not isinstance(whole, FibrousTest)
         return replace(sizes, whole=whole)
     if isinstance(sizes, LayeredTest):
-        layers = tuple((layer, value if layer + _OF_LAYER == name else thickness) for layer, thickness in sizes.layers)
+        layers = tuple((layer, value if layer + OF_LAYER == name else thickness) for layer, thickness in sizes.layers)
         own: dict[str, Any] = {"thickness": sum(thickness for _, thickness in layers)}
         if layers == sizes.layers:
             own[name] = value
@@ -107,7 +107,7 @@ def resized(sizes: Sizes, name: str, value: float) -> Sizes:
     return replace(sizes, **{name: value})
 
 
-_OF_LAYER = "_thickness"
+OF_LAYER = "_thickness"
 
 
 def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
@@ -161,6 +161,13 @@ def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[
         raise SizeError("layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]", "give one a layer")
     names = [layer.name for layer in given.layers]
     return tuple(zip(reversed(names), reversed(own), strict=True))
+
+
+def under(sizes: Sizes, alternative: str) -> Sizes:
+    """Return a test with one of the alternatives of its kind."""
+    if isinstance(sizes, LayeredTest | FibrousTest):
+        return replace(sizes, whole=under(sizes.whole, alternative))
+    return kind_in(sizes).under(sizes, alternative)
 
 
 def slipping(sizes: Sizes) -> Sizes | None:

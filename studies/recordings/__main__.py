@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -16,13 +15,13 @@ from rich.console import Console
 from rich.table import Table
 
 from legfem.common.command_line import end_without_a_solution, study_context
-from legfem.common.documents import write_atomically, write_document
+from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray
-from legfem.data import Recording, write_recording
 from legfem.jobs.store import Store
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
+from legfem.specimens.laws import laws_named
 from studies.command_line import Jobs, Out, new_app
 from studies.recordings.curves import (
     ENDS,
@@ -34,8 +33,10 @@ from studies.recordings.curves import (
     layer_curves,
     study_kind,
 )
-from studies.recordings.data import MeatTest, Phantom, phantom_kinds, read_meat, read_phantoms
+from studies.recordings.data import MeatTest, phantom_kinds, read_meat, read_phantoms
+from studies.recordings.folders import write_specimen_folders
 from studies.recordings.indentation import HELD_OUT_S, Assumed, Indented, Row, try_indentation
+from studies.recordings.repeats import repeats_table, study_repeats
 
 BEFORE, AFTER, SAME = "#D55E00", "#0072B2", "#E69F00"
 
@@ -302,6 +303,9 @@ def recordings(
     specimen_folders: Annotated[
         Path | None, typer.Option(help="Only write the data as folders for legfem.identify --specimen-dir.")
     ] = None,
+    repeats: Annotated[
+        str, typer.Option(help="Only fit each phantom's test by itself, of unknown ends, with this law.")
+    ] = "",
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:
@@ -311,6 +315,11 @@ def recordings(
     """
     with study_context("recordings", out, jobs) as (folder, processes):
         assumed = Assumed(ball_radius, layer_radius)
+        if repeats:
+            with progress_on() as progress:
+                rows = study_repeats(data, folder / "folders", laws_named(repeats), folder, processes, progress)
+            print("\n".join(repeats_table(rows)))
+            return
         if specimen_folders is not None:
             for made in write_specimen_folders(data, specimen_folders, assumed):
                 print(made)
@@ -321,67 +330,3 @@ def recordings(
 
 if __name__ == "__main__":
     app(prog_name="python -m studies.recordings")
-
-
-_HEAD = """\
-id = {id}
-title = {title}
-origin = "measured"
-
-{test}
-"""
-
-
-_SPECIMEN = """\
-[[specimen]]
-name = {name}
-recordings = {recordings}
-{sizes}
-"""
-
-
-def write_specimen_folders(data: Path, out: Path, assumed: Assumed) -> list[Path]:
-    """Write a folder a material and kind of phantom; return them.
-
-    Indentations stand in a folder a material, phantoms in a folder a kind; see
-    `studies.recordings.data` for what is read.
-    """
-    made = []
-    meat = list(read_meat(data).values())
-    for material in dict.fromkeys(test.material for test in meat):
-        own = [test for test in meat if test.material == material]
-        made.append(_meat_folder(own, out / material, assumed))
-    for kind in phantom_kinds(data):
-        made.append(_phantom_folder(read_phantoms(data, kind), out / kind))
-    return made
-
-
-def _meat_folder(tests: Sequence[MeatTest], out: Path, assumed: Assumed) -> Path:
-    ball = f"[ball]\nball_diameter_mm = {2 * assumed.ball_radius}\ndiameter_mm = {2 * assumed.layer_radius}"
-    blocks = [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=ball)]
-    for test in tests:
-        name = test.name.replace("|", "-").replace("/", "-")
-        file = _written(test.recording, out, name)
-        sizes = f"thickness_mm = {test.thickness}"
-        blocks.append(_SPECIMEN.format(name=json.dumps(name), recordings=json.dumps([file]), sizes=sizes))
-    return _finished(out, blocks)
-
-
-def _phantom_folder(phantoms: Sequence[Phantom], out: Path) -> Path:
-    first = phantoms[0]
-    plates = f'[plates]\ndiameter_mm = {2 * first.radius}\nheight_mm = {first.height}\nends = "bonded"'
-    for phantom in phantoms:
-        _written(phantom.recording, out, phantom.recording.trial)
-    return _finished(out, [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=plates)])
-
-
-def _written(recording: Recording, out: Path, name: str) -> str:
-    file = f"recordings/{name}.csv"
-    (out / "recordings").mkdir(parents=True, exist_ok=True)
-    write_recording(recording, out / file)
-    return file
-
-
-def _finished(out: Path, blocks: Sequence[str]) -> Path:
-    write_atomically(out / "specimen.toml", "\n".join(blocks))
-    return out

@@ -24,4 +24,7 @@ def kinds() -> dict[str, SpecimenKind[Any, Any]]:
 
 def kind_of(body: type) -> SpecimenKind[Any, Any]:
     """Return the kind whose sizes are of a type."""
-    return next(one for one in kinds().values() if one.body is body)
+    every = kinds().values()
+    return next((one for one in every if one.body is body), None) or next(
+        one for one in every if issubclass(body, one.body)
+    )

@@ -32,7 +32,7 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
     followed: ClassVar = (
         "a ball_diameter_mm of half the true value makes it about 1.4 times as large, or twice on a thin layer"
     )
-    own: ClassVar = ("thickness_mm", "diameter_mm")
+    own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
     ranges: ClassVar = {"ball_diameter_mm": length_range("a ball's diameter", 0.5, 80.0)}
     layered: ClassVar = True
 

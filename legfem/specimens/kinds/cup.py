@@ -52,7 +52,7 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
         "The displacement is the height of the dome at its middle, the force is the suction times the area of the "
         "cup's opening; the cup does not move."
     )
-    own: ClassVar = ("thickness_mm", "diameter_mm")
+    own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
     ranges: ClassVar = {
         "opening_mm": length_range("a cup's opening", 1.0, 60.0),
         "rim_mm": length_range("a cup's rim", 0.2, 20.0),

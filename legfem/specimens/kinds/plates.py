@@ -1,13 +1,15 @@
-"""A round specimen, end-on, between two rigid plates."""
+"""A round specimen, end-on, between two rigid plates, whose ends stick, slide, or do nobody knows which."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.axisymmetric import CylinderBetweenPlates, CylinderCompression
-from legfem.specimens.kind import Base, Law, SpecimenKind, needed, settings_to
+from legfem.experiments.halfway import HalfwayTest
+from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, needed, settings_to
 
 
 class PlatesEntry(FileTable):
@@ -15,7 +17,13 @@ class PlatesEntry(FileTable):
 
     diameter_mm: Positive | None = None
     height_mm: Positive | None = None
-    ends: Base = "sliding"
+    ends: Literal["bonded", "sliding", "unknown"] = "unknown"
+    """Whether they stick to the plates; unknown ones are weighed by the recordings."""
+
+
+@dataclass(frozen=True)
+class PartlyHeld(CylinderBetweenPlates):
+    """A cylinder whose ends slide by less than free ones."""
 
 
 class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
@@ -27,16 +35,41 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
     words: ClassVar = "between plates"
     done: ClassVar = "pressed between plates, end-on (round specimens)"
     followed: ClassVar = "a diameter_mm of half the true value makes it at least four times as large"
-    own: ClassVar = ("diameter_mm", "height_mm")
+    own: ClassVar = {"diameter_mm": "radius", "height_mm": "height"}
+    weighed: ClassVar[Mapping[str, str]] = {
+        "bonded": "ends that stick to the plates",
+        "partly held": "ends that slide in part",
+        "sliding": "ends that slide freely",
+    }
+    to_know: ClassVar = (
+        'State ends in [plates]: film the side, which bulges where ends stick; or glue the ends ("bonded"), or oil '
+        'them ("sliding"), and press again'
+    )
 
     def body_of(self, given: PlatesEntry) -> CylinderBetweenPlates:
-        """Return the sizes."""
+        """Return the sizes, with ends that stick where it isn't known."""
         diameter, height = needed(given, "diameter_mm"), needed(given, "height_mm")
-        return CylinderBetweenPlates(diameter / 2, height, given.ends)
+        return CylinderBetweenPlates(diameter / 2, height, "sliding" if given.ends == "sliding" else "bonded")
 
-    def model(self, body: CylinderBetweenPlates, law: Law, depth: float) -> CylinderCompression:
+    def alternatives(self, given: PlatesEntry) -> tuple[str, ...]:
+        """Return what the ends may do."""
+        return tuple(self.weighed) if given.ends == "unknown" else ()
+
+    def under(self, body: CylinderBetweenPlates, alternative: str) -> CylinderBetweenPlates:
+        """Return the cylinder with such ends."""
+        if alternative == "partly held":
+            return PartlyHeld(body.radius, body.height)
+        return replace(body, ends="bonded" if alternative == "bonded" else "sliding")
+
+    def model(self, body: CylinderBetweenPlates, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
-        return CylinderCompression(body, law, settings_to(depth))
+        if not isinstance(body, PartlyHeld):
+            return CylinderCompression(body, law, settings_to(depth))
+        plain = CylinderBetweenPlates(body.radius, body.height, "bonded")
+        bonded, sliding = (
+            CylinderCompression(one, law, settings_to(depth)) for one in (plain, replace(plain, ends="sliding"))
+        )
+        return HalfwayTest(bonded, sliding)
 
     def slipping(self, body: CylinderBetweenPlates) -> CylinderBetweenPlates:
         """Return it with ends that slide."""

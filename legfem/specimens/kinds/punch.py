@@ -32,7 +32,7 @@ class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
     done: ClassVar = "a flat punch pressed them on a rigid base"
     # Boussinesq.
     followed: ClassVar = "a punch_diameter_mm of half the true value makes it at least twice as large"
-    own: ClassVar = ("thickness_mm", "diameter_mm")
+    own: ClassVar = {"thickness_mm": "thickness", "diameter_mm": "layer_radius"}
     ranges: ClassVar = {"punch_diameter_mm": length_range("a punch's diameter", 0.5, 80.0)}
     layered: ClassVar = True
 

@@ -53,7 +53,7 @@ class SimpleShearKind(HomogeneousKind[ShearEntry, ShearedBlock]):
     body: ClassVar = ShearedBlock
     words: ClassVar = "a block in simple shear"
     done: ClassVar = "a block that sticks to two plates, sheared by one of them"
-    own: ClassVar = ("height_mm", "area_mm2")
+    own: ClassVar = {"height_mm": "length", "area_mm2": "area"}
     cube: ClassVar = {"height_mm": 10.0, "area_mm2": 100.0}
     no_slip: ClassVar = "the plates are said to hold the block"
     strain: ClassVar = "amount of shear"

@@ -1,0 +1,94 @@
+"""Specimens of one material whose stiffness goes with their thickness: a finding about the test, not the material.
+
+A constant of a material knows no thickness. Plates that don't touch all over, and a rig that yields, make thin ones
+seem soft; friction that the model lacks makes them seem stiff.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import linregress
+
+from legfem.inverse.estimates import Estimate
+
+_RARE = 0.01
+"""Chance of so strong a dependence among specimens that differ for other reasons."""
+_LEAST = 3
+"""Specimens of which a trend is told from how they differ."""
+_SPREAD = 1.2
+"""Of the sizes, greatest over least, that shows one."""
+
+
+@dataclass(frozen=True)
+class SizeDependence:
+    """How stiffness goes with a size of the specimens along the load."""
+
+    power: float
+    """Of the size that stiffness is in proportion to."""
+    power_sd: float
+    p_value: float
+    smallest: float
+    """mm."""
+    greatest: float
+    """mm."""
+    least: float
+    """Stiffness of the softest of them, over that of a typical specimen, ..."""
+    most: float
+    """... and of the stiffest."""
+
+    def over(self, found: Estimate) -> Estimate:
+        """Return a stiffness' estimate over specimens of all thicknesses: none is the material's."""
+        low, high = found.ci95
+        why = f"specimens need other constants by their thickness; of a typical one, {found.why}"
+        return replace(found, ci95=(self.least * low, self.most * high), identifiability="not identifiable", why=why)
+
+    @property
+    def text(self) -> str:
+        """The finding as sentences."""
+        ratio = (self.greatest / self.smallest) ** self.power
+        more = "stiffer" if ratio > 1 else "softer"
+        causes = (
+            "plates that don't touch all over, or a rig that yields"
+            if ratio > 1
+            else "friction at the faces that the model lacks, or a size that is wrong"
+        )
+        return (
+            f"The constant depends on the thickness: specimens of {self.greatest:.3g} mm are "
+            f"{max(ratio, 1 / ratio):.2f} times {more} than those of {self.smallest:.3g} mm (power {self.power:.2g} ± "
+            f"{self.power_sd:.2g} of the thickness, p = {self.p_value:.2g}). One material has one constant, so that "
+            f"the test differs with thickness: {causes}. Press a rigid block to see what the rig yields, and grease or "
+            "glue the faces."
+        )
+
+
+def size_dependence(stiffness: Mapping[str, float], extent: Mapping[str, float]) -> SizeDependence | None:
+    """Return how specimens' stiffness goes with their size along the load; None where it doesn't.
+
+    Parameters
+    ----------
+    stiffness
+        Of every specimen, relative to any.
+    extent
+        Size along the load (mm), by the same names.
+    """
+    names = [name for name in stiffness if stiffness[name] > 0]
+    sizes = np.array([extent[name] for name in names])
+    if len(names) < _LEAST or sizes.max() < _SPREAD * sizes.min():
+        return None
+    factors = np.array([stiffness[name] for name in names])
+    factors = factors / np.exp(np.mean(np.log(factors)))
+    found = linregress(np.log(sizes), np.log(factors))
+    if not found.pvalue < _RARE:
+        return None
+    return SizeDependence(
+        float(found.slope),
+        float(found.stderr),
+        float(found.pvalue),
+        float(sizes.min()),
+        float(sizes.max()),
+        float(factors.min()),
+        float(factors.max()),
+    )

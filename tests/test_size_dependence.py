@@ -1,0 +1,89 @@
+"""Specimens of one material that need other constants by their thickness: found, said, and never called sound."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import legfem as lf
+from legfem.data import Recording, write_recording
+from legfem.specimens.size_dependence import size_dependence
+
+C10, AREA = 5e-3, 400.0
+HEAD = """\
+id = "bars"
+title = "Pieces of one silicone"
+origin = "measured"
+
+[uniaxial]
+direction = "compression"
+area_mm2 = 400.0
+
+[instrument]
+force_sd_N = 0.01
+displacement_sd_mm = 0.002
+
+[recordings]
+starts_at_contact = true
+"""
+LENGTHS = (2.0, 3.4, 5.0, 8.0, 11.4, 16.0)
+
+
+def bars(folder: Path, compliance: float, seed: int = 0) -> Path:
+    """Write pieces of six lengths, 3 % apart in stiffness, on a rig that yields (mm/N)."""
+    drawn = np.random.default_rng(seed)
+    text = [HEAD]
+    (folder / "recordings").mkdir(parents=True)
+    for k, length in enumerate(LENGTHS):
+        c10 = C10 * np.exp(0.03 * drawn.normal())
+        own = np.linspace(0.0, 0.25, 120)
+        force = 2 * c10 * AREA * ((1 - own) ** -2 - (1 - own))
+        d = length * own + compliance * force
+        at = np.linspace(0.0, d[-1], 150)
+        read = np.interp(at, d, force) + drawn.normal(0.0, 0.01, 150)
+        write_recording(Recording(at / 0.05, at, read, f"r{k}"), folder / "recordings" / f"r{k}.csv")
+        text.append(f'[[specimen]]\nname = "s{k}"\nlength_mm = {length}\nrecordings = ["recordings/r{k}.csv"]\n')
+    (folder / "specimen.toml").write_text("\n".join(text))
+    return folder
+
+
+def test_a_rig_that_yields_is_a_finding_and_not_a_material(tmp_path: Path) -> None:
+    found = lf.identify(lf.load_specimen(bars(tmp_path / "rig", 0.05)), "neo-hookean")
+    thickness = found["neo-hookean"].details.thickness
+    assert thickness is not None and thickness.power > 0
+    estimate = found["neo-hookean"].estimates["deep.C10"]
+    assert estimate.identifiability == "not identifiable"
+    # The thickest hardly moves the rig: the material's constant is at that end.
+    assert estimate.ci95[0] < 0.8 * C10 and estimate.ci95[1] > C10
+    said = " ".join(found.summary().split())
+    print(thickness.text)
+    assert "The constant depends on the thickness" in said and "a rig that yields" in said
+    assert "Problems found: None" not in said
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pieces_that_differ_by_chance_are_no_finding(tmp_path: Path, seed: int) -> None:
+    found = lf.identify(lf.load_specimen(bars(tmp_path / "sound", 0.0, seed)), "neo-hookean")
+    assert found["neo-hookean"].details.thickness is None
+
+
+def test_false_alarms_are_as_rare_as_is_said_and_a_rig_is_found() -> None:
+    drawn = np.random.default_rng(1)
+    extent = {f"s{k}": length for k, length in enumerate(LENGTHS)}
+
+    def seen(power: float) -> float:
+        found = [
+            size_dependence({n: size**power * np.exp(0.1 * drawn.normal()) for n, size in extent.items()}, extent)
+            for _ in range(2000)
+        ]
+        return float(np.mean([one is not None for one in found]))
+
+    assert 0.004 < seen(0.0) < 0.018
+    assert seen(0.5) > 0.9
+
+
+def test_two_specimens_or_one_thickness_show_nothing() -> None:
+    assert size_dependence({"a": 1.0, "b": 3.0}, {"a": 2.0, "b": 10.0}) is None
+    assert size_dependence({"a": 1.0, "b": 2.0, "c": 3.0}, {"a": 5.0, "b": 5.1, "c": 5.2}) is None

@@ -1,0 +1,131 @@
+"""Ends between plates that nobody knows, sizes that are known to some per cent, and laws that miss."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making_specimens import BAR, PLANTED, write_bars
+
+import legfem as lf
+from legfem.data import Recording, write_recording
+from legfem.experiments.axisymmetric import CylinderBetweenPlates, CylinderCompression
+from legfem.experiments.halfway import HalfwayTest
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.parameter import Parameter
+from legfem.mechanics.materials import NeoHookean
+from legfem.specimens.alternatives import alternatives_text
+from legfem.specimens.details import Weighed
+from legfem.specimens.kind import settings_to
+from legfem.specimens.kinds.plates import PartlyHeld, PlatesEntry, PlatesKind
+
+C10 = 4e-3
+PLATES = """\
+id = "disc"
+title = "Made for a test"
+origin = "simulated"
+
+[plates]
+diameter_mm = 24.0
+height_mm = 12.0
+
+[instrument]
+force_sd_N = 0.01
+displacement_sd_mm = 0.005
+
+[recordings]
+starts_at_contact = true
+"""
+
+
+def pressed(folder: Path, ends: str, seed: int = 1) -> Path:
+    """Write a folder whose cylinder was solved on a finer mesh with half the steps, and read with noise."""
+    usual = settings_to(3.6)
+    steps = replace(usual.steps, largest=usual.steps.largest / 2)
+    body = CylinderBetweenPlates(12.0, 6.0 * 2, "bonded" if ends == "bonded" else "sliding")
+    curve = (
+        CylinderCompression(body, NeoHookean(C10, 1 / (1000 * C10)), replace(usual, steps=steps)).solve(depth=3.7).curve
+    )
+    d = np.linspace(0.0, 3.6, 150)
+    noise = np.random.default_rng(seed).normal(0.0, 0.01, 150)
+    (folder / "recordings").mkdir(parents=True)
+    write_recording(Recording(d / 0.1, d, curve(d) + noise, "a"), folder / "recordings" / "a.csv")
+    (folder / "specimen.toml").write_text(PLATES)
+    return folder
+
+
+@pytest.mark.parametrize("ends", ["bonded", pytest.param("sliding", marks=pytest.mark.slow)])
+def test_ends_that_are_unknown_are_weighed_and_the_truth_is_within(tmp_path: Path, ends: str) -> None:
+    found = lf.identify(lf.load_specimen(pressed(tmp_path / "disc", ends)), "neo-hookean")
+    fit = found["neo-hookean"]
+    best, *_ = fit.details.alternatives
+    estimate = fit.estimates["deep.C10"]
+    print({one.name: one.probability for one in fit.details.alternatives}, estimate.value, estimate.ci95)
+    assert best.name == ends and best.probability > 0.5
+    assert sum(one.probability for one in fit.details.alternatives) == pytest.approx(1.0)
+    assert estimate.ci95[0] < C10 < estimate.ci95[1]
+    own = best.estimates["deep.C10"].ci95
+    assert estimate.ci95[0] <= own[0] * 1.001 or estimate.ci95[1] >= own[1] * 0.999
+    assert "State ends in [plates]" in found.summary()
+    assert {one["name"] for one in found.document()["laws"]["neo-hookean"]["alternatives"]} == set(PlatesKind.weighed)
+
+
+def test_stated_ends_aren_t_weighed() -> None:
+    kind = PlatesKind()
+    for ends in ("bonded", "sliding"):
+        given = PlatesEntry(diameter_mm=10.0, height_mm=10.0, ends=ends)
+        assert kind.alternatives(given) == () and kind.body_of(given).ends == ends
+    unknown = PlatesEntry(diameter_mm=10.0, height_mm=10.0)
+    assert kind.alternatives(unknown) == ("bonded", "partly held", "sliding")
+    assert isinstance(kind.under(kind.body_of(unknown), "partly held"), PartlyHeld)
+
+
+def test_partly_held_ends_resist_by_the_mean_of_both() -> None:
+    plain = CylinderBetweenPlates(12.0, 12.0, "bonded")
+    law = NeoHookean(C10, 1 / (1000 * C10))
+    tests = [CylinderCompression(one, law, settings_to(1.2)) for one in (plain, replace(plain, ends="sliding"))]
+    curves = [test.solve(None, 1.2, ["deep.C10"]).curve for test in tests]
+    between = HalfwayTest(*tests).solve(None, 1.2, ["deep.C10"]).curve
+    d = np.array([0.4, 0.8, 1.2])
+    mean = np.mean([curve(d) for curve in curves], axis=0)
+    assert between(d) == pytest.approx(mean, rel=1e-4)
+    # The law is linear in C10 but for its compressibility, which is held.
+    by = np.mean([curve.sensitivity("deep.C10", d) for curve in curves], axis=0)
+    assert between.sensitivity("deep.C10", d) == pytest.approx(by, rel=1e-3)
+
+
+def test_what_is_unknown_is_said_with_its_cost_and_its_remedy() -> None:
+    def weighed(name: str, probability: float, value: float) -> Weighed:
+        parameter = Parameter("deep.C10", "MPa", (1e-4, 1.0), scale="log")
+        known = Estimate(parameter, value, 0.02 * value, (0.96 * value, 1.04 * value), "identifiable", "")
+        return Weighed(name, f"ends of kind {name}", probability, {"deep.C10": known})
+
+    text = alternatives_text([weighed("a", 0.9, 1e-3), weighed("b", 0.1, 1.3e-3)], "Film it")
+    assert "ends of kind a (90 %), ends of kind b (10 %)" in text
+    assert "+30 % with ends of kind b" in text and "± 4.0 %" in text and text.endswith("Film it.")
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "share"), [("area_mm2 = 5.0", 0.05), ("sizes_percent = 0.0\narea_mm2 = 2.0", 0.02)]
+)
+def test_a_size_s_error_is_in_the_interval(tmp_path: Path, accuracy: str, share: float) -> None:
+    toml = BAR.replace("[recordings]", f"[accuracy]\n{accuracy}\n[recordings]")
+    folder = lf.load_specimen(write_bars(tmp_path, PLANTED, toml))
+    estimate = lf.identify(folder, "reduced-polynomial")["reduced-polynomial"].estimates["deep.C10"]
+    own = estimate.standard_error * np.sqrt(estimate.error_shares["sizes"]) / estimate.value
+    # The force is in proportion to the area: C10 errs by as much; the length's usual 0.1 % adds nothing.
+    assert own == pytest.approx(share, rel=0.02)
+
+
+def test_an_interval_carries_what_its_law_misses(tmp_path: Path) -> None:
+    bars = write_bars(tmp_path, PLANTED)
+    found = lf.identify(lf.load_specimen(bars), "both")
+    right, wrong = (found[law].estimates["deep.C10"] for law in ("reduced-polynomial", "neo-hookean"))
+    assert found["neo-hookean"].details.misfit.rms > 5 * found["reduced-polynomial"].details.misfit.rms
+    assert wrong.error_shares["misfit"] > 0.5 > right.error_shares["misfit"]
+    assert right.ci95[0] < PLANTED.C10 < right.ci95[1]
+    # By how much the neo-Hookean value depends on the depth used: at half of it the law hardly stiffens.
+    shallow = 0.5 * (wrong.value + PLANTED.C10)
+    assert wrong.ci95[0] < shallow
