@@ -167,12 +167,13 @@ def test_a_diagnosis_is_a_row_with_its_verdict(study: Path, tmp_path: Path, monk
         return lf.DiagnosedLeg(given, diagnosed({"contact-onset.offset": 0.3}, asked=asked), 0, 1.0)
 
     monkeypatch.setattr("legfem.api.diagnosed.diagnose", diagnose)
-    (row,) = lf.cohort(study, do="diagnose", layout="P1", out=tmp_path).rows
+    shutil.copytree(study / "P1", tmp_path / "study" / "P1")
+    (row,) = lf.cohort(tmp_path / "study", do="diagnose", out=tmp_path / "out").rows
     assert row.done, row.problem
     assert (row.verdict, row.judged.preferred) == ("named", "after repair") and len(row.recordings) == 3
     c10 = row.models["after repair"].measures["c10_deep"]
     assert c10.low < 1.0 < c10.high and c10.sd == pytest.approx((c10.high - c10.low) / 3.92)
-    assert (tmp_path / row.report).is_file()
+    assert (tmp_path / "out" / row.report).is_file()
 
 
 def test_a_leg_in_its_stocking_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
