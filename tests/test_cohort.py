@@ -8,6 +8,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from making import write_subject
+from making_diagnosed import diagnosed
+from making_pages import stocking as dressed_leg
 from making_results import result
 from typer.testing import CliRunner
 
@@ -155,3 +157,33 @@ def test_two_legs_are_identified_and_kept_and_a_broken_one_costs_its_row(study: 
     assert again.states == ("known", "changed", "known") and "as of the 1 done here" in again.summary()
     other = lf.cohort(study, dry_run=True, **asked | {"depth": 6.0})
     assert other.states == ("changed",) * 3
+
+
+def test_a_diagnosis_is_a_row_with_its_verdict(study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The diagnosis itself is one that was made of known numbers."""
+    asked = ("contact-onset", "force-drift")
+
+    def diagnose(given, library, out):
+        return lf.DiagnosedLeg(given, diagnosed({"contact-onset.offset": 0.3}, asked=asked), 0, 1.0)
+
+    monkeypatch.setattr("legfem.api.diagnosed.diagnose", diagnose)
+    (row,) = lf.cohort(study, do="diagnose", layout="P1", out=tmp_path).rows
+    assert row.done, row.problem
+    assert (row.verdict, row.judged.preferred) == ("named", "after repair") and len(row.recordings) == 3
+    c10 = row.models["after repair"].measures["c10_deep"]
+    assert c10.low < 1.0 < c10.high and c10.sd == pytest.approx((c10.high - c10.low) / 3.92)
+    assert (tmp_path / row.report).is_file()
+
+
+def test_a_leg_in_its_stocking_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    leg = tmp_path / "study" / "L1"
+    leg.mkdir(parents=True)
+    (leg / "leg.toml").write_text("")
+    found = lf.LegInStocking(dressed_leg())
+    monkeypatch.setattr("legfem.api.cohort_member.load_leg", lambda folder: found.result.leg)
+    monkeypatch.setattr("legfem.api.leg_in_stocking.stocking", lambda given, out, cells: found)
+    (row,) = lf.cohort(tmp_path / "study", do="stocking", cells=20_000, out=tmp_path / "out").rows
+    assert row.done, row.problem
+    assert row.judged.tone and (tmp_path / "out" / row.report).is_file()
+    identified = {name for name, one in found.document()["stiffness"].items() if one["identified"]}
+    assert set(row.models[""].measures) == identified

@@ -19,7 +19,7 @@ from legfem.api.cohort_member import Options
 from legfem.cohort.drift import largest_step
 from legfem.cohort.rows import Row, Shape
 from legfem.cohort.suspicions import missing, suspicions
-from legfem.report.cohort import cohort_web_page
+from legfem.report.cohort import _kind_of, cohort_web_page
 from legfem.report.render.html import rendered
 from legfem.report.render.markdown import markdown_page
 from legfem.report.render.text import plain_page
@@ -119,6 +119,19 @@ def test_the_document_has_the_statistics_and_what_is_odd():
     c10 = said["statistics"]["parameters"]["c10_deep"]
     assert c10["logarithmic"] and 0 < c10["repeated"]["session"]["icc"] < 1 and set(c10["sd"]) >= {"people"}
     assert said["suspicions"][0]["members"] == [rows[5].name, rows[9].name]
+
+
+def test_warnings_are_of_a_kind_that_leaves_numbers_out_and_names_in():
+    kinds = {
+        "No 3D correction is applied: these recordings": "No 3D correction is applied",
+        "The fascia's Poisson's ratio is -0.14 with its C10 as given: its bulk": (
+            "The fascia's Poisson's ratio is … with its C10 as given"
+        ),
+        "DOUBTFUL INPUT: a/b.toml: section: girth of 200 mm where 250 to 500 is usual (x); check": (
+            "doubtful input: section: girth of … mm where … to … is usual (x)"
+        ),
+    }
+    assert {text: _kind_of(text) for text in kinds} == kinds
 
 
 def test_a_cohort_without_any_result_is_not_called_measured():

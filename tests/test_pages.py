@@ -198,7 +198,7 @@ def test_files_that_are_shown_are_read(page: str, parse: Any, tmp_path: Path) ->
 
 def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None:
     """As parts of the file that is shown whole."""
-    whole, layers, fibres, cup = blocks("docs/tutorials/own-specimen.md", "toml")
+    whole, layers, fibres, cup, tables = blocks("docs/tutorials/own-specimen.md", "toml")
     named, ball = whole[: whole.index("[ball]")], whole[: whole.index("[[specimen]]")]
     path = tmp_path / "shown.toml"
     path.write_text(ball + layers, encoding="utf-8")
@@ -210,6 +210,8 @@ def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None
     path.write_text(named + cup, encoding="utf-8")
     given = parse_specimen_file(path).suction
     assert given is not None and given.opening_mm == 10.0
+    path.write_text(named + tables, encoding="utf-8")
+    assert parse_specimen_file(path).equibiaxial is not None
 
 
 @pytest.mark.slow

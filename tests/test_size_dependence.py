@@ -53,6 +53,10 @@ def test_a_rig_that_yields_is_a_finding_and_not_a_material(tmp_path: Path) -> No
     found = lf.identify(lf.load_specimen(bars(tmp_path / "rig", 0.05)), "neo-hookean")
     thickness = found["neo-hookean"].details.thickness
     assert thickness is not None and thickness.power > 0
+    estimate = found["neo-hookean"].estimates["deep.C10"]
+    assert estimate.identifiability == "not identifiable"
+    # The thickest hardly moves the rig: the material's constant is at that end.
+    assert estimate.ci95[0] < 0.8 * C10 and estimate.ci95[1] > C10
     said = " ".join(found.summary().split())
     print(thickness.text)
     assert "The constant depends on the thickness" in said and "a rig that yields" in said

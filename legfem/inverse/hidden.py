@@ -163,8 +163,9 @@ class Profile:
             within = [float(np.interp(at, z, course)) for at in (low, high)]
             within += [step.fit.values[name] for step in inside]
             stiffness[name] = min(within), max(within)
-        stronger = max((inside[0], inside[-1]), key=lambda step: abs(step.z))
-        predict, values = self.problem.predictor, stronger.fit.values
+        at, stronger = max((low, inside[0]), (high, inside[-1]), key=lambda one: abs(one[0]))
+        predict = self.problem.predictor
+        values = {**stronger.fit.values, full: first.inside(prior.value_at(at))}
         change = predict(values, [mechanism]) - predict({**values, full: null}, [mechanism])
         change = change[predict.observed.data.spans[0]]
         return Limit(

@@ -147,6 +147,8 @@ class Mechanism:
         found = copy(self)
         given = {
             "statement": statement,
+            # Another body's isn't said in a leg's words.
+            "would_be": None if statement is None else "",
             "next_experiment": next_experiment,
             "parameters": parameters,
             "strengths": strengths,

@@ -164,11 +164,13 @@ def outcomes[Task, Outcome](
                     for future in wait(begun, return_when=FIRST_COMPLETED).done:
                         place = begun[future]
                         try:
-                            outcome: Outcome | Died = future.result()
-                        except engine.lost as error:
-                            outcome = Died(f"its workers died one after another ({' '.join(str(error).split())[:200]})")
+                            outcome = future.result()
+                        except engine.lost:
+                            # Also what a dying worker had waiting beside it is lost.
+                            suspects.append(place)
+                        else:
+                            yield place, outcome
                         del begun[future]
-                        yield place, outcome
             except BrokenExecutor:
                 for future, place in begun.items():
                     if future.done() and not future.cancelled() and future.exception() is None:
@@ -176,8 +178,10 @@ def outcomes[Task, Outcome](
                     else:
                         suspects.append(place)
     for place in suspects:
-        with processes(1) as executor:
+        with engine.start() if engine.lost else processes(1) as executor:
             try:
                 yield place, executor.submit(work, tasks[place]).result()
+            except engine.lost as error:
+                yield place, Died(f"its workers died one after another ({' '.join(str(error).split())[:200]})")
             except BrokenExecutor:
                 yield place, Died("its process was ended from outside twice (out of memory?)")

@@ -34,6 +34,8 @@ _JUDGED: Mapping[str, str] = {
     "sound": "believed",
 }
 """By the tone of a member's own page, the gravest first."""
+_DOUBT = "DOUBTFUL INPUT: "
+"""As `legfem.common.doubts.doubt_lines` begins them."""
 _MOST_KINDS = 12
 """Kinds of warnings that have a column of their own."""
 _STATIONS = 25
@@ -124,11 +126,12 @@ def _headline(members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Susp
 
 
 def _kind_of(warning: str) -> str:
-    """A warning without what differs from member to member."""
-    text = re.sub(r"^DOUBTFUL INPUT: [^:]*: ", "doubtful input: ", warning)
-    text = re.split(r"(?<=[^:\d])[.:;] ", text.removeprefix("doubtful input: "), maxsplit=1)[0]
-    short = re.sub(r"[-+]?\d[\d.,]*(e[-+]?\d+)?", "…", text)
-    return ("doubtful input: " if warning.startswith("DOUBTFUL") else "") + short.rstrip(".")
+    """A warning without what differs from member to member: its first clause, without numbers and files."""
+    doubt = warning.startswith(_DOUBT)
+    parts = warning.removeprefix(_DOUBT).split(": ", 1)
+    text = parts[-1].partition(";")[0] if doubt else re.split(r"(?<=\D)[.:;] ", warning, maxsplit=1)[0]
+    short = re.sub(r"(?<![\w.])[-+]?\d[\d.,]*(e[-+]?\d+)?(?!\w)", "…", text).rstrip(".")
+    return f"doubtful input: {short}" if doubt else short
 
 
 def _believed(members: Sequence[Member], rows: Sequence[Row]) -> list[web.Block]:

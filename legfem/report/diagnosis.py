@@ -209,8 +209,9 @@ def _physics(found: Diagnosis) -> list[web.Block]:
 def _hidden(found: Diagnosis) -> list[web.Block]:
     """Return what could hide, sorted by what it does to C10."""
     how = (
-        "Each effect was made stronger step by step, and everything else fitted again, up to the strength that legs "
-        "and rigs can have. “Open” means that the recordings bound it no more closely than that."
+        "Each effect was made stronger step by step, and everything else fitted again, up to the strength that "
+        "it can have. “Open” means that the recordings bound it no more closely than that; C10 and "
+        "the largest change of the force are what they would then be."
     )
     limit = f"{100 * TRUSTED:.0f} %"
     table = web.WebTable(

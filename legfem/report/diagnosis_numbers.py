@@ -222,7 +222,7 @@ def limit_cells(found: Diagnosis) -> Cells:
                 f"{limit.effect:.2g}",
             ]
         )
-    return ["mechanism", "range (95 %)", "open", "C10 then (kPa)", "largest change of the force (N)"], rows
+    return ["mechanism", "range (95 %)", "open", "C10 (kPa)", "force (N)"], rows
 
 
 def held_out_note(held: HeldOut) -> str:

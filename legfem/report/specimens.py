@@ -272,7 +272,10 @@ def _words(name: str) -> str:
     return words.replace(RATIO, "fibre ratio")
 
 
-_REMEDIES = estimates.Remedies("strain it further, add rates or holds")
+_REMEDIES = estimates.Remedies(
+    "strain it further, add rates or holds",
+    "how the test was done is not stated, so find out whether the ends stick, and state it ([plates] ends)",
+)
 
 
 def _next(best: SpecimenFit) -> list[str]:

@@ -18,14 +18,13 @@ from scipy.special import logsumexp, softmax
 from scipy.stats import norm
 
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
+from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit
 from legfem.inverse.intervals import identifiability, verdict_on
 from legfem.specimens.details import SpecimenDetails, Weighed
 
 type _Fit = Fit[SpecimenDetails]
-_NO_LESS = 0.01
-"""Probability below which an alternative isn't worth a word."""
 
 
 def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:
@@ -78,8 +77,16 @@ def _over_all(name: str, best: Estimate, every: Sequence[Weighed], fits: bool) -
     word = verdict_on(half, best.at_bound, fits)
     if identifiability(half) == identifiability(best.relative_half_width):
         word = best.identifiability
-    error = float(np.sqrt(sum(p * (e.standard_error**2 + (e.value - best.value) ** 2) for p, e in known)))
-    return replace(widened, standard_error=error, identifiability=word)
+    variance = sum(p * (e.standard_error**2 + (e.value - best.value) ** 2) for p, e in known)
+    left = min(1.0, best.standard_error**2 / variance) if variance > 0 else 1.0
+    shares: dict[ErrorSource, float] = {source: left * share for source, share in best.error_shares.items()}
+    shares["ends"] = 1 - left
+    found = replace(
+        widened, standard_error=float(np.sqrt(variance)), identifiability=word, error_shares=MappingProxyType(shares)
+    )
+    ends = " to ".join(f"{end:.3g}" for end in found.shown.ci95)
+    why = f"95 % interval {ends} {found.shown.unit} over what isn't stated of the test; stated as found, {best.why}"
+    return replace(found, why=why)
 
 
 def _mixed(known: Sequence[tuple[float, Estimate]], level: float) -> float:
@@ -114,8 +121,7 @@ def alternatives_text(every: Sequence[Weighed], to_know: str) -> str:
     )
     low, high = best.estimates[name].ci95
     alone = 50 * (high - low) / value if value else 0.0
-    doubt = "" if others and others[0].probability > _NO_LESS else "so that little is lost by it: "
     return (
-        f"{text} {symbol_of(name)} is that of the first, and would be {moves}; its interval goes over all, {doubt}"
-        f"known, the ends would leave ± {alone:.1f} %. {to_know}."
+        f"{text} {symbol_of(name)} is that of the first, and would be {moves}; its interval goes over all. If that "
+        f"were known, ± {alone:.1f} % would be left. {to_know}."
     )

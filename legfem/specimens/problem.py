@@ -137,6 +137,10 @@ class SpecimenProblem:
         estimates, correlations = optimum_of(
             found, covariances, quantile(apart or len(fitted) - 1), goodness, {}, False
         )
+        thickness = self._goes_with_thickness(comparison, force, stiffness)
+        if thickness is not None:
+            moved = {name: thickness.over(one) for name, one in estimates.items() if name.endswith("C10")}
+            estimates = MappingProxyType({**estimates, **moved})
         tests = [_test_fit(one, force[span]) for one, span in zip(fitted, comparison.spans, strict=True)]
         predicted, notes = self._predicted(found, stiffness, readings)
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
@@ -168,7 +172,7 @@ class SpecimenProblem:
                 spread,
                 missed,
                 why,
-                self._goes_with_thickness(comparison, force, stiffness),
+                thickness,
             ),
             doubts=self._doubts(),
         )

@@ -7,10 +7,12 @@ seem soft; friction that the model lacks makes them seem stiff.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import linregress
+
+from legfem.inverse.estimates import Estimate
 
 _RARE = 0.01
 """Chance of so strong a dependence among specimens that differ for other reasons."""
@@ -32,6 +34,16 @@ class SizeDependence:
     """mm."""
     greatest: float
     """mm."""
+    least: float
+    """Stiffness of the softest of them, over that of a typical specimen, ..."""
+    most: float
+    """... and of the stiffest."""
+
+    def over(self, found: Estimate) -> Estimate:
+        """Return a stiffness' estimate over specimens of all thicknesses: none is the material's."""
+        low, high = found.ci95
+        why = f"specimens need other constants by their thickness; of a typical one, {found.why}"
+        return replace(found, ci95=(self.least * low, self.most * high), identifiability="not identifiable", why=why)
 
     @property
     def text(self) -> str:
@@ -66,9 +78,17 @@ def size_dependence(stiffness: Mapping[str, float], extent: Mapping[str, float])
     sizes = np.array([extent[name] for name in names])
     if len(names) < _LEAST or sizes.max() < _SPREAD * sizes.min():
         return None
-    found = linregress(np.log(sizes), np.log([stiffness[name] for name in names]))
+    factors = np.array([stiffness[name] for name in names])
+    factors = factors / np.exp(np.mean(np.log(factors)))
+    found = linregress(np.log(sizes), np.log(factors))
     if not found.pvalue < _RARE:
         return None
     return SizeDependence(
-        float(found.slope), float(found.stderr), float(found.pvalue), float(sizes.min()), float(sizes.max())
+        float(found.slope),
+        float(found.stderr),
+        float(found.pvalue),
+        float(sizes.min()),
+        float(sizes.max()),
+        float(factors.min()),
+        float(factors.max()),
     )
