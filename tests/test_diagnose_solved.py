@@ -29,6 +29,7 @@ from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)
+CHANNELS_SEEN = ("fat_thickness", "lateral_force")
 
 
 @pytest.fixture(scope="module")
@@ -162,6 +163,13 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
         emulated = library.relative_change(mechanism, values, SOFT, observed)
         true = solved.relative_change(mechanism, values, SOFT, observed)
         assert np.abs(emulated - true)[deep].max() < 0.12 * np.abs(true[deep]).max()
+        given = CHANNELS_SEEN, mechanism, values, SOFT, observed, observed.displacement
+        beside, exact = library.channel_changes(*given), solved.channel_changes(*given)
+        assert np.abs(exact).max() > 0.01, "nothing to stand in for"
+        assert np.abs(beside - exact)[deep].max() < 0.15 * np.abs(exact[deep]).max()
+    assert set(library.beside.names) >= set(CHANNELS_SEEN)
+    courses, exact = (one.channel_curves(CHANNELS_SEEN, *SOFT) for one in (library, solved))
+    np.testing.assert_allclose(courses, exact, atol=5e-3)
     nuisances = library.nuisances
     assert set(nuisances.geometric) == {g.name for g in displaced_geometries()}
     assert all(np.isfinite(change).all() for change in nuisances.geometric.values())
@@ -170,6 +178,10 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     np.testing.assert_allclose(
         solved.elastic_change(stiffer, at)["force"] / 0.02, nuisances.material["superficial.C10"], rtol=0.03, atol=2e-3
     )
+    for name in CHANNELS_SEEN:
+        slope = nuisances.channels[name].material["superficial.C10"]
+        change = solved.elastic_change(stiffer, at)[name] / 0.02
+        np.testing.assert_allclose(change, slope, atol=0.04 * np.abs(slope).max() + 2e-3)
 
 
 class Stopping:
