@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from legfem.cohort.members import Member, Members
-from legfem.cohort.rows import Curve, Found, Judged, Measure, Row, Shape
+from legfem.cohort.rows import Curve, Judged, Measure, ModelResult, Row, Shape
 
 LAW = "reduced-polynomial"
 
@@ -78,7 +78,7 @@ def row(name: str, c10: float, error: float, side: int, generator: np.random.Gen
     return Row(
         name,
         judged=Judged(tone, sentence, tuple(w for w in warnings if generator.random() < 0.4), LAW),
-        models={LAW: Found(measures, float(generator.uniform()), curve)},
+        models={LAW: ModelResult(measures, float(generator.uniform()), curve)},
         origin="simulated",
         recordings={"trial1": f"{name}-digest"},
         shape=Shape(6.0 + float(generator.normal()), 370.0, 20.0 if side else -20.0),

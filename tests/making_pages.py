@@ -64,7 +64,7 @@ from legfem.report.web.look import Looked, look_web_page
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
-from legfem.specimens.misfit import Misfit
+from legfem.specimens.misfit import LawMisfit
 from legfem.specimens.recorded import LeftOut
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
@@ -83,7 +83,7 @@ from studies.legs.shapes import round_leg
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
 DEPTH = 4.0
-NO_MISFIT = Misfit(1e-3, np.zeros((3, 9)), 1, np.zeros((1, 1)))
+NO_MISFIT = LawMisfit(1e-3, np.zeros((3, 9)), 1, np.zeros((1, 1)))
 
 
 def subject_in(folder: Path):

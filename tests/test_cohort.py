@@ -14,7 +14,7 @@ from making_results import result
 from typer.testing import CliRunner
 
 import legfem as lf
-from legfem.api.cohorts import Expected
+from legfem.api.cohorts import ExpectedRun
 from legfem.cohort.members import find_members
 from legfem.cohort.rows import Judged, Row, cohort_model, models_of
 from legfem.cohort.table import cohort_frame, units_frame
@@ -139,7 +139,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_two_legs_are_identified_and_kept_and_a_broken_one_costs_its_row(study: Path, tmp_path: Path, capfd) -> None:
     asked = {"law": "neo-hookean", "depth": 5.0, "mesh": "coarse", "out": tmp_path / "out"}
     before = lf.cohort(study, dry_run=True, **asked)
-    assert isinstance(before, Expected) and before.states == ("new",) * 3 and before.waiting == 3
+    assert isinstance(before, ExpectedRun) and before.states == ("new",) * 3 and before.waiting == 3
     found = lf.cohort(study, progress=True, **asked)
     assert "1/3  P1" in (said := capfd.readouterr().err) and "left" in said
     assert [row.done for row in found.rows] == [True, True, False]

@@ -113,7 +113,7 @@ class Cohort(Result):
 
 
 @dataclass(frozen=True)
-class Expected:
+class ExpectedRun:
     """What a run would do, and what it would take."""
 
     members: Members
@@ -181,7 +181,7 @@ def cohort(
     jobs: int = 1,
     dry_run: bool = False,
     progress: bool = False,
-) -> Cohort | Expected:
+) -> Cohort | ExpectedRun:
     """Identify, diagnose or dress every leg of a cohort, and look at all together.
 
     A member that fails costs its own row. What is done is kept in ``out``: the same call goes on where it was stopped,
@@ -223,7 +223,7 @@ def cohort(
 
     Returns
     -------
-    Cohort or Expected
+    Cohort or ExpectedRun
         With ``summary()``; a Cohort with ``to_frame()``, ``document()``, ``plot()``, ``write(folder)`` and ``rows``.
 
     Raises
@@ -315,7 +315,7 @@ class _Known:
         """Keep a member's rows."""
         self._store.put(self._asked[name], rows)
 
-    def expected(self, workers: int) -> Expected:
+    def expected(self, workers: int) -> ExpectedRun:
         """What a run would do."""
         done = [row for rows in self.rows.values() for row in rows if row.done and row.seconds > 0]
         seconds, peak = _TYPICAL[self.options.task]
@@ -324,7 +324,7 @@ class _Known:
             seconds = sum(row.seconds for row in done) / len(done)
             peak = max(row.peak_mb for row in done)
             basis = f"as of the {len(done)} done here"
-        return Expected(self.members, tuple(map(self._state, self.members.every)), workers, seconds, peak, basis)
+        return ExpectedRun(self.members, tuple(map(self._state, self.members.every)), workers, seconds, peak, basis)
 
     def _state(self, one: Member) -> Literal["known", "new", "changed", "missing"]:
         if one.problem:

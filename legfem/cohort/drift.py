@@ -83,7 +83,7 @@ def _visits(tests: Sequence[_Test]) -> list[_Test]:
 
 
 @dataclass(frozen=True)
-class Step:
+class DriftStep:
     """The step in time that explains most."""
 
     size: float
@@ -97,7 +97,7 @@ class Step:
     """Whether it is seen in people who came before and after."""
 
 
-def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values: FloatArray) -> Step | None:
+def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values: FloatArray) -> DriftStep | None:
     """Return the step that explains most, with the probability of one as large by chance.
 
     Where people came on several days, each is compared with himself alone; else with his group. The probability is a
@@ -148,4 +148,4 @@ def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values
     size = float(late[:, k] @ residual / spread[k])
     variance = float(np.sum((residual - size * late[:, k]) ** 2)) / freedom
     before = int(days[days < starts[k]].max())
-    return Step(size, float(np.sqrt(variance / spread[k])), chance, before, int(starts[k]), within)
+    return DriftStep(size, float(np.sqrt(variance / spread[k])), chance, before, int(starts[k]), within)

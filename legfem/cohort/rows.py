@@ -31,7 +31,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Found:
+class ModelResult:
     """Result under one model: a law, or a diagnosis before and after what it adds."""
 
     measures: Mapping[str, Measure]
@@ -74,7 +74,7 @@ class Row:
     problem: str = ""
     """On one line; empty for what was done."""
     judged: Judged = Judged("", "")
-    models: Mapping[str, Found] = field(default_factory=dict)
+    models: Mapping[str, ModelResult] = field(default_factory=dict)
     verdict: str = ""
     """Of a diagnosis."""
     origin: str = ""
@@ -106,11 +106,11 @@ _POINTS = 40
 """Of a curve, which is drawn small."""
 
 
-def models_of(document: Mapping[str, Any]) -> dict[str, Found]:
+def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
     """What a ``result.json`` or ``diagnosis.json`` holds, by model."""
     if "laws" in document:
         return {
-            name: Found(_measures(law["parameters"]), law["goodness"]["p_value"], _curve(law))
+            name: ModelResult(_measures(law["parameters"]), law["goodness"]["p_value"], _curve(law))
             for name, law in document["laws"].items()
         }
     if "stiffness" in document:
@@ -119,10 +119,10 @@ def models_of(document: Mapping[str, Any]) -> dict[str, Found]:
             for name, entry in document["stiffness"].items()
             if entry["identified"] is not None
         }
-        return {"": Found(_measures(entries))}
+        return {"": ModelResult(_measures(entries))}
     base = document["base_model"]["p_value"]
     return {
-        f"{when} repair": Found(_measures(document[f"parameters_{when}"]), base if when == "before" else None)
+        f"{when} repair": ModelResult(_measures(document[f"parameters_{when}"]), base if when == "before" else None)
         for when in ("before", "after")
     }
 
@@ -158,7 +158,7 @@ def cohort_model(rows: Sequence[Row]) -> str:
     return max(dict.fromkeys(preferred), key=preferred.count, default="")
 
 
-def measured(rows: Sequence[Row], model: str) -> Iterator[tuple[Row, Found]]:
+def measured(rows: Sequence[Row], model: str) -> Iterator[tuple[Row, ModelResult]]:
     """Yield the rows that have a result under a model."""
     for row in rows:
         if row.done and model in row.models:

@@ -78,7 +78,7 @@ def cohort(
     resume = "run the same command again to go on; members that are done are kept"
     alone = command_context(resume, quiet) if on == "mpi" else parallel_context(jobs, resume, quiet)
     with alone as processes:
-        from legfem.api.cohorts import DOCUMENT, Expected
+        from legfem.api.cohorts import DOCUMENT, ExpectedRun
         from legfem.api.cohorts import cohort as cohort_in_full
         from legfem.cohort.table import CSV
         from legfem.commands.options import print_outcome
@@ -109,7 +109,7 @@ def cohort(
             dry_run=dry_run,
             progress=not quiet,
         )
-        if isinstance(found, Expected):
+        if isinstance(found, ExpectedRun):
             print(found.summary(), end="")
             return
         report = found.write(place)

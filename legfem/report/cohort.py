@@ -11,7 +11,7 @@ import numpy as np
 
 import legfem.report.page as web
 from legfem.cohort.members import Member, Members
-from legfem.cohort.rows import Found, Measure, Row, cohort_model, measured
+from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
 from legfem.common.versions import versions_of
@@ -172,7 +172,9 @@ def _believed(members: Sequence[Member], rows: Sequence[Row]) -> list[web.Block]
     ]
 
 
-def _numbers(members: Sequence[Member], rows: Sequence[Row], model: str, found: Mapping[str, Found]) -> list[web.Block]:
+def _numbers(
+    members: Sequence[Member], rows: Sequence[Row], model: str, found: Mapping[str, ModelResult]
+) -> list[web.Block]:
     known = {one.name: one for one in members}
     names = list(dict.fromkeys(name for one in found.values() for name in one.measures))
     units = {name: next(one.measures[name].unit for one in found.values() if name in one.measures) for name in names}
@@ -233,7 +235,7 @@ def _groups(members: Sequence[Member], rows: Sequence[Row]) -> tuple[list[Group]
 def _forest(
     members: Sequence[Member],
     rows: Sequence[Row],
-    found: Mapping[str, Found],
+    found: Mapping[str, ModelResult],
     names: Sequence[str],
     units: Mapping[str, str],
 ) -> Forest:
@@ -253,7 +255,7 @@ def _forest(
     return Forest(caption, [row.name for row in rows], groups, group, [metric(name) for name in names])
 
 
-def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, Found]) -> Bundle | None:
+def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> Bundle | None:
     drawn = [row for row in rows if row.name in found and found[row.name].curve is not None]
     if not drawn:
         return None

@@ -13,7 +13,7 @@ from legfem.inverse.fit import Fit, TestFit, r_squared
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.kind import ShownAxes
-from legfem.specimens.misfit import Misfit
+from legfem.specimens.misfit import LawMisfit
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.size_dependence import SizeDependence
 
@@ -31,7 +31,7 @@ class SpecimenDetails:
     """Stiffness of every fitted specimen over the typical one that the estimates are of; empty where all are alike."""
     stiffness_spread: float
     """Standard deviation of its logarithm, among specimens of a kind."""
-    misfit: Misfit
+    misfit: LawMisfit
     ratio_undetermined: str
     """Why the fibres' ratio can't be determined, as a sentence, where it was looked for in vain."""
     thickness: SizeDependence | None = None

@@ -33,7 +33,7 @@ _LEAST = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class Misfit:
+class LawMisfit:
     """What a law misses."""
 
     rms: float
@@ -55,7 +55,7 @@ class Misfit:
 
 def misfit_of(
     comparison: SpecimenComparison, covariance: FloatArray, residual: FloatArray, jacobian: FloatArray
-) -> Misfit:
+) -> LawMisfit:
     """Return what a law misses.
 
     Parameters
@@ -78,7 +78,7 @@ def misfit_of(
     densities += [
         [_log_density(covariance + size**2 * shape, residual, jacobian) for size in _SIZES] for shape in shapes
     ]
-    found = Misfit(
+    found = LawMisfit(
         float(np.sqrt(np.mean((residual / peak) ** 2))), np.array(densities), len(residual), np.zeros_like(covariance)
     )
     weights = found.log_densities + _log_priors(

@@ -46,7 +46,7 @@ from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import ParameterRequest, identified_law
-from legfem.specimens.misfit import Misfit, misfit_of
+from legfem.specimens.misfit import LawMisfit, misfit_of
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
@@ -191,7 +191,7 @@ class SpecimenProblem:
             return None
         return size_dependence({name: float(np.mean(scales)) for name, scales in own.items()}, extent)
 
-    def _missed(self, found: Found[SpecimenComparison], covariance: FloatArray) -> Misfit:
+    def _missed(self, found: Found[SpecimenComparison], covariance: FloatArray) -> LawMisfit:
         """What the law misses, beyond errors of a covariance."""
         comparison, law, prediction = found.search.misfit, found.search.law, found.linear.prediction
         pairs = zip(found.best.point, law.parameters, strict=True)
