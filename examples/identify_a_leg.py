@@ -7,7 +7,6 @@ quick look; `lf.identify(leg)` alone is what a result rests on.
 """
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 import legfem as lf
 
@@ -24,11 +23,12 @@ result
 # The numbers behind the figure are there too. Down to 12 mm C20 hardly shows: its interval says so.
 
 found = result["reduced-polynomial"]
-measured = found.measured
+(site,) = found.tests
+force = site.force
 fig, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
-axes.plot(measured.displacement, measured.force, "k.", label="mean of the recordings")
-axes.plot(measured.displacement, found.predicted.force, label="model")
+axes.plot(force.channel.station, force.channel.values, "k.", label="mean of the recordings")
+axes.plot(force.channel.station, force.predicted, label="model")
 axes.set(xlabel="displacement (mm)", ylabel="force (N)", title=f"subject 3, {leg.origin}")
 axes.legend(frameon=False)
-print(f"root mean square {np.sqrt(np.mean((measured.force - found.predicted.force) ** 2)):.3f} N")
+print(f"root mean square {force.rms:.3f} N")
 plt.show()

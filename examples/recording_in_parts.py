@@ -26,9 +26,9 @@ recording = replace(
     displacement=np.concatenate([rate * wait, 1.5 + trial.displacement]),
     force=np.concatenate([0.05 * generator.standard_normal(len(wait)), trial.force]),
 )
-seen = quality_of(segment(recording))
-contact = seen.contact
-print(f"grade {seen.grade}:", "; ".join(seen.reasons) or "nothing to say")
+seen = segment(recording)
+quality, contact = quality_of(seen), seen.contact
+print(f"grade {quality.grade}:", "; ".join(quality.reasons) or "nothing to say")
 print(f"first contact at {contact.estimate:.2f} mm, give or take {contact.displacement_error:.2f}")
 
 # %%

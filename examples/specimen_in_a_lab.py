@@ -27,11 +27,11 @@ result
 
 found = result["yeoh"]
 fig, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
-for compared in found.recordings:
-    course = compared.course
-    how = "fitted" if compared.fitted else "predicted"
-    (line,) = axes.semilogx(course.time, course.force, ".", label=f"{compared.name}, {how}")
-    axes.semilogx(course.time, compared.predicted, color=line.get_color())
+for one in found.tests:
+    channel = one.force.channel
+    how = "fitted" if one.fitted else "predicted"
+    (line,) = axes.semilogx(channel.station, channel.values, ".", label=f"{one.name}, {how}")
+    axes.semilogx(channel.station, one.force.predicted, color=line.get_color())
 axes.set(xlabel="time after first contact (s)", ylabel="force (N)")
 axes.legend(frameon=False)
 plt.show()
