@@ -86,9 +86,10 @@ def identified() -> Entries:
     """Values, intervals (kPa) and costs (N2) of the four subjects, by the command."""
     found: Entries = {}
     for number in PAPER:
-        (documents,) = run("legfem.identify", "--subject", number, "--law", "both", "--jobs", "1")
-        for document in documents:
-            name = f"subject {number}, {document['law']}"
+        (result,) = run("legfem.identify", "--subject", number, "--law", "both", "--jobs", "1")
+        laws = result["laws"] if isinstance(result, dict) else {one["law"]: one for one in result}
+        for law, document in laws.items():
+            name = f"subject {number}, {law}"
             for parameter, estimate in document["parameters"].items():
                 found[f"{parameter} {name}"] = [estimate["value"]]
                 found[f"interval of {parameter} {name}"] = list(estimate["ci95"])

@@ -38,7 +38,7 @@ try:
 except typer.Exit as end:
     assert end.exit_code == 0
 if comm.rank == 0:
-    found = json.loads((results / "result.json").read_text())
+    found = json.loads((results / "result.json").read_text())["laws"]["neo-hookean"]
     one = found["parameters"]["c10_deep"]
     solves = found["spatial"]
     np.savez(
