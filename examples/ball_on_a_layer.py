@@ -9,7 +9,8 @@ al., Biophys. J. 82 (2002) 2798. Both hold at small depth without friction; legf
 import matplotlib.pyplot as plt
 import numpy as np
 
-from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation
+from legfem.experiments.bodies import BallOnLayer
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings

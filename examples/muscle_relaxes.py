@@ -8,7 +8,8 @@ layer with one Prony branch, pressed at three rates and held. A coarse mesh.
 
 import matplotlib.pyplot as plt
 
-from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation
+from legfem.experiments.bodies import BallOnLayer
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Viscoelasticity
 from legfem.meshing.meridian import MeridianMeshSettings

@@ -9,8 +9,7 @@ import numpy as np
 from making_specimens import AREA, BAR, LENGTH, ramp, record
 from scipy.optimize import brentq
 
-from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
-from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock
 from legfem.inverse.fibre_ratio import ratio_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.tissues import SpecimenTissue

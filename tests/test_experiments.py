@@ -9,13 +9,8 @@ import numpy as np
 import pytest
 from making_mechanics import COARSE, subject_3
 
-from legfem.experiments.axisymmetric import (
-    AxisymmetricSettings,
-    BallIndentation,
-    BallOnLayer,
-    CylinderBetweenPlates,
-    CylinderCompression,
-)
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, CylinderCompression
+from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.experiment import Experiment
 from legfem.experiments.indentation import IndentationTest, solve_once
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings

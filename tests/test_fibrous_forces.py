@@ -11,7 +11,7 @@ from making_layers import OtherLayer, OtherLayers
 from making_specimens import AREA, LENGTH
 
 from legfem.common.errors import InputError
-from legfem.experiments.flat_punch import PunchOnLayer
+from legfem.experiments.bodies import PunchOnLayer
 from legfem.experiments.homogeneous import HomogeneousTest
 from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial

@@ -13,7 +13,7 @@ from making_specimens import record
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
-from legfem.experiments.flat_punch import PunchOnLayer
+from legfem.experiments.bodies import PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.parse_parameters import Written

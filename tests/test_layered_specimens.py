@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 import legfem as lf
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
-from legfem.experiments.axisymmetric import BallOnLayer
-from legfem.experiments.flat_punch import PunchOnLayer
+from legfem.experiments.bodies import BallOnLayer, PunchOnLayer
 from legfem.inverse.parse_parameters import Written
 from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution

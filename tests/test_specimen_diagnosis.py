@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 
 from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
-from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
-from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock
 from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.responses import BodyModels, Stopped
 from legfem.legs.mechanisms import Solution

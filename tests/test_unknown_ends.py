@@ -11,15 +11,16 @@ from making_specimens import BAR, PLANTED, write_bars
 
 import legfem as lf
 from legfem.data import Recording, write_recording
-from legfem.experiments.axisymmetric import CylinderBetweenPlates, CylinderCompression
+from legfem.experiments.axisymmetric import CylinderCompression
+from legfem.experiments.bodies import CylinderBetweenPlates
 from legfem.experiments.halfway import HalfwayTest
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.parameter import Parameter
 from legfem.mechanics.materials import NeoHookean
 from legfem.specimens.alternatives import alternatives_text
 from legfem.specimens.details import Weighed
-from legfem.specimens.kind import settings_to
 from legfem.specimens.kinds.plates import PartlyHeld, PlatesEntry, PlatesKind
+from legfem.specimens.shallow_tests import settings_to
 
 C10 = 4e-3
 PLATES = """\

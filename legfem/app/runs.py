@@ -46,11 +46,6 @@ class RunState(StrEnum):
     """Killed, or the machine went down: what was finished is kept."""
 
 
-def environment_of_runs() -> dict[str, str]:
-    """Environment of the server as it was started: what MPI sets in its process once it is loaded isn't every run's."""
-    return dict(os.environ)
-
-
 @dataclass(frozen=True)
 class Run:
     """A run, by its folder."""
@@ -86,7 +81,6 @@ class Run:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,
-                env=environment_of_runs(),
                 pass_fds=(lock.fileno(),),
             )
         return True

@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
+from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.experiment import Solved
 from legfem.experiments.indentation import Attempt, IndentationModel, IndentationRequest, IndentationTest, leg_model
 from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
@@ -30,59 +31,6 @@ from legfem.solve.path import ForceCurve, Path
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport
 from legfem.solve.settings import NewtonSettings, StepSettings
-
-Faces = Literal["rough", "frictionless"]
-
-
-@dataclass(frozen=True)
-class BallOnLayer:
-    """A rigid ball above a layer on a rigid base.
-
-    Parameters
-    ----------
-    thickness : float
-        Thickness of the layer, mm.
-    ball_radius : float
-        mm.
-    layer_radius : float
-        Radius of the layer, whose side is free (mm).
-    ball : {"rough", "frictionless"}
-        Whether what touches the ball sticks.
-    base : {"bonded", "sliding"}
-        Whether the layer sticks to its base; it doesn't lift off in either case.
-    """
-
-    thickness: float
-    ball_radius: float = 5.0
-    layer_radius: float = 40.0
-    ball: Faces = "rough"
-    base: Literal["bonded", "sliding"] = "bonded"
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "thickness", "ball_radius", "layer_radius")
-
-
-@dataclass(frozen=True)
-class CylinderBetweenPlates:
-    """A cylinder compressed along its axis between two rigid plates.
-
-    Parameters
-    ----------
-    radius, height : float
-        Radius and height of the cylinder, mm.
-    ends : {"bonded", "sliding"}
-        Whether the end faces stick to the plates. Where the bulging side comes onto the bonded
-        plates, it sticks too.
-    """
-
-    radius: float = 25.0
-    height: float = 30.0
-    ends: Literal["bonded", "sliding"] = "sliding"
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "radius", "height")
 
 
 @dataclass(frozen=True)

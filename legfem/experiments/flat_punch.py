@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Literal
+from typing import Any
 
 import ufl
 
-from legfem.common.errors import InputError, check_positive
-from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest, Faces
+from legfem.common.errors import check_positive
+from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
+from legfem.experiments.bodies import PunchOnLayer, check_rounding
 from legfem.mechanics.contact import ContactSettings, rounded_gap, rounded_normal
 from legfem.mechanics.kinematics import Expr
 from legfem.meshing.meridian import MeridianMeshSettings, supports
@@ -40,11 +41,8 @@ class RigidPunch:
     def __post_init__(self) -> None:
         """Check the numbers, and that the face has a flat part."""
         check_positive(self, "radius", "edge")
-        numbers = isinstance(self.edge, Real) and isinstance(self.radius, Real)
-        if numbers and self.edge >= self.radius:
-            raise InputError(
-                "punch", "edge", f"a rounding of {self.edge:g} mm leaves no flat face", "give less than its radius"
-            )
+        if isinstance(self.edge, Real) and isinstance(self.radius, Real):
+            check_rounding(float(self.radius), float(self.edge))
 
     def gap(self, y: Expr) -> Expr:
         """Return the signed distance (mm) of a point from the face's middle, positive outside."""
@@ -57,46 +55,6 @@ class RigidPunch:
 
     def _beyond(self, y: Expr) -> tuple[Expr, Expr]:
         return y[0] - (self.radius - self.edge), self.edge - y[1]
-
-
-@dataclass(frozen=True)
-class PunchOnLayer:
-    """A rigid flat punch above a layer on a rigid base.
-
-    Parameters
-    ----------
-    thickness : float
-        Thickness of the layer, mm.
-    radius : float
-        Radius of the punch, the rounding of its edge included (mm).
-    edge : float
-        Radius of the rounding (mm).
-    layer_radius : float
-        Radius of the layer, whose side is free (mm).
-    punch : {"rough", "frictionless"}
-        Whether what touches the punch sticks.
-    base : {"bonded", "sliding"}
-        Whether the layer sticks to its base; it doesn't lift off in either case.
-    """
-
-    thickness: float
-    radius: float = 5.0
-    edge: float = 0.5
-    layer_radius: float = 40.0
-    punch: Faces = "rough"
-    base: Literal["bonded", "sliding"] = "bonded"
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "thickness", "radius", "edge", "layer_radius")
-        RigidPunch(self.radius, self.edge)
-        if self.layer_radius <= self.radius:
-            raise InputError(
-                "layer",
-                "layer_radius",
-                f"the punch of {self.radius:g} mm covers the layer",
-                "give more than the punch's radius",
-            )
 
 
 class FlatPunchIndentation(AxisymmetricTest[PunchOnLayer]):

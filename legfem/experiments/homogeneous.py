@@ -15,15 +15,15 @@ the free stretches are those at which :math:`\tau` vanishes along their axes, an
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
-from legfem.common.errors import InputError, check_positive
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.experiments.bodies import HomogeneousBody
 from legfem.experiments.experiment import ProtocolTest, Solved, sample_protocol
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres, Tissue
@@ -39,50 +39,6 @@ _NEWTON_STEPS = 40
 _IMAGINARY = 1e-30
 # Of the stretches' logarithms.
 _MOVE, _SMALL, _FARTHEST = 1e-7, 1e-15, 0.3
-
-
-@dataclass(frozen=True)
-class HomogeneousBody(ABC):
-    """Sizes of a specimen that is strained alike everywhere.
-
-    Parameters
-    ----------
-    length : float
-        By which a displacement is a strain, undeformed (mm).
-    area : float
-        On which the force acts, undeformed (mm2).
-    """
-
-    length: float
-    area: float
-
-    free: ClassVar[tuple[int, ...]]
-    """Axes along which nothing pulls: their stretches follow."""
-    component: ClassVar[tuple[int, int]]
-    """Of the nominal stress that is recorded."""
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "length", "area")
-
-    @property
-    def sign(self) -> float:
-        """Of the strain in which displacement and force count as positive."""
-        return 1.0
-
-    @abstractmethod
-    def gradient(self, strain: Any, free: Any) -> Any:
-        """Return the deformation gradient (n, 3, 3) at strains (n,), with the free axes' stretches (k, n)."""
-
-    @abstractmethod
-    def free_stretch(self, strain: Any) -> Any:
-        """Return the stretch (n,) of the free axes at which nothing changes its volume."""
-
-    def nominal_over_true(self, strain: FloatArray) -> FloatArray:
-        """Return the recorded component of the nominal stress over that of the true one, (n,), at a kept volume."""
-        free = np.tile(self.free_stretch(strain), (len(self.free), 1))
-        column = self.component[1]
-        return np.asarray(np.linalg.inv(self.gradient(strain, free))[:, column, column].real)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,19 +11,18 @@ without a rim, the dome's height is that of a uniform pressure on a circle of ra
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 from dolfinx import fem
 
-from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import AxisymmetricBody
+from legfem.experiments.bodies import CupOnLayer
 from legfem.experiments.experiment import Meshed, ProtocolTest, Solved, cached_in_process, sample_protocol
 from legfem.fem.system import System
 from legfem.mechanics.model import LegModel, Term
@@ -42,51 +41,6 @@ _FIRST = 1e-2
 """First suction over the least C10, from whose rise the body's stiffness follows."""
 _CUT, _LEAST, _GREATEST = 0.4, 1e-3, 1.5
 """Factors on the suction's step: after a failure; least, over the usual one; greatest, over the last one."""
-
-
-@dataclass(frozen=True)
-class CupOnLayer:
-    """A suction cup on a layer on a rigid base.
-
-    Parameters
-    ----------
-    thickness : float
-        Thickness of the layer, mm.
-    opening_radius : float
-        Radius of the cup's opening, mm.
-    rim_width : float
-        Width of the cup's face on the skin, from the opening out (mm).
-    layer_radius : float
-        Radius of the layer, whose side is free (mm).
-    rim : {"bonded", "sliding"}
-        Whether the skin under the rim sticks; it doesn't lift off in either case.
-    base : {"bonded", "sliding"}
-        Whether the layer sticks to its base; it doesn't lift off in either case.
-    """
-
-    thickness: float
-    opening_radius: float = 5.0
-    rim_width: float = 2.0
-    layer_radius: float = 40.0
-    rim: Literal["bonded", "sliding"] = "bonded"
-    base: Literal["bonded", "sliding"] = "bonded"
-
-    def __post_init__(self) -> None:
-        """Check the sizes."""
-        check_positive(self, "thickness", "opening_radius", "rim_width", "layer_radius")
-        outer = self.opening_radius + self.rim_width
-        if self.layer_radius <= outer:
-            raise InputError(
-                "cup",
-                "layer_radius",
-                f"the cup of {outer:g} mm covers the layer",
-                "give more than the opening's radius and the rim",
-            )
-
-    @property
-    def opening(self) -> float:
-        """Area of the opening (mm2): a suction of 1 MPa on it pulls with so many N."""
-        return math.pi * self.opening_radius**2
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from legfem.experiments.homogeneous import HomogeneousBody
+from legfem.experiments.bodies import HomogeneousBody
 
 
 @dataclass(frozen=True)

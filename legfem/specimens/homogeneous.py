@@ -13,10 +13,10 @@ from legfem.common.input_files import FileTable
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import Instrument, Recording, Segmentation
 from legfem.data.stress_tables import read_stress_table
-from legfem.experiments.homogeneous import HomogeneousBody, HomogeneousTest
+from legfem.experiments.bodies import HomogeneousBody
 from legfem.specimens.course import read_table
 from legfem.specimens.fibre_directions import Direction
-from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenRecordingsEntry
+from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenRecordingsEntry, SpecimenTest
 
 _OTHER_WAY = 0.02
 """Of the farthest strain: a row so far on the other side of none is of another test."""
@@ -43,8 +43,10 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
     def body_of(self, given: Entry) -> Body:
         """Return the sizes."""
 
-    def model(self, body: Body, law: Law, depth: float) -> HomogeneousTest:
+    def model(self, body: Body, law: Law, depth: float) -> SpecimenTest:
         """Return the test in closed form."""
+        from legfem.experiments.homogeneous import HomogeneousTest
+
         assert not isinstance(law, tuple)
         return HomogeneousTest(body, law)
 

@@ -20,18 +20,16 @@ from legfem.data import Instrument, Recording, Segmentation
 from legfem.data.folder import RecordingsEntry
 from legfem.data.reader import read_samples
 from legfem.data.stress_tables import StressTable
-from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer
-from legfem.experiments.experiment import Solved
-from legfem.mechanics.contact import ContactSettings
-from legfem.mechanics.materials import Hyperelastic
-from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.protocol import Protocol
-from legfem.solve.settings import StepSettings
 from legfem.specimens.course import read_specimen
 from legfem.specimens.fibre_directions import WORDS, Direction
 
-Base = Literal["bonded", "sliding"]
-Faces = Literal["rough", "frictionless"]
+if typing.TYPE_CHECKING:
+    # What reads a folder's file doesn't start MPI.
+    from legfem.experiments.axisymmetric import Layer
+    from legfem.experiments.experiment import Solved
+    from legfem.mechanics.materials import Hyperelastic
+    from legfem.solve.protocol import Protocol
+
 type Law = Hyperelastic | tuple[Layer, ...]
 """Of one tissue, or of layers from the base up."""
 
@@ -242,31 +240,3 @@ LENGTH_UNITS = {"cm": 10.0, "m": 1e3, "micrometres": 1e-3}
 def length_range(what: str, low: float, high: float) -> PhysicalRange:
     """Return where a length of a lab usually lies (mm)."""
     return PhysicalRange(what, "mm", (low, high), (0.02, 1000.0), LABS, LENGTH_UNITS)
-
-
-_STEPS, _ELEMENTS = 20, 5
-"""Of a shallow test: steps to its depth, and elements across half of its contact."""
-
-
-def settings_to(depth: float) -> AxisymmetricSettings:
-    """Return settings for a depth (mm)."""
-    usual = AxisymmetricSettings()
-    # The same ones at any stiffness: forces are compared and differentiated.
-    steps = StepSettings.regular(
-        first=min(usual.steps.first, depth / _STEPS), largest=min(usual.steps.largest, depth / 10)
-    )
-    # A shallow test's forces are of millinewtons, which the volume of large elements rounds.
-    newton = replace(usual.newton, absolute_tolerance=1e-10)
-    return replace(usual, steps=steps, newton=newton)
-
-
-def onset_to(faces: Faces, depth: float) -> ContactSettings:
-    """Return a contact that sets on well within a depth (mm)."""
-    usual = ContactSettings(tangential=faces, stiffness=4000.0)
-    return replace(usual, onset=min(usual.onset, 2e-3 * depth))
-
-
-def round_indenter(radius: float, faces: Faces, depth: float, usual_size: float) -> AxisymmetricSettings:
-    """Return settings for a round indenter: elements resolve the contact, its onset the depth (mm)."""
-    size = min(usual_size, (radius * depth) ** 0.5 / _ELEMENTS)
-    return replace(settings_to(depth), mesh=MeridianMeshSettings(size), contact=onset_to(faces, depth))

@@ -14,8 +14,9 @@ from scipy.stats import qmc
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.experiments.axisymmetric import AxisymmetricSettings, Faces, Layer, compress_layers
-from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
+from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer, compress_layers
+from legfem.experiments.bodies import Faces, PunchOnLayer
+from legfem.experiments.flat_punch import FlatPunchIndentation
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import NeoHookean

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer, CylinderBetweenPlates, CylinderCompression
+from legfem.experiments.axisymmetric import BallIndentation, CylinderCompression
+from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.solve.protocol import Protocol

@@ -13,13 +13,8 @@ import pytest
 from making_derivatives import taylor_orders, worst_error
 from scipy.optimize import brentq
 
-from legfem.experiments.axisymmetric import (
-    AxisymmetricSettings,
-    BallIndentation,
-    BallOnLayer,
-    CylinderBetweenPlates,
-    CylinderCompression,
-)
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, CylinderCompression
+from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Viscoelasticity

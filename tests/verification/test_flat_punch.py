@@ -14,7 +14,8 @@ from making_mechanics import fixed_steps
 
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
-from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
+from legfem.experiments.bodies import PunchOnLayer
+from legfem.experiments.flat_punch import FlatPunchIndentation
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings

@@ -14,9 +14,10 @@ from making_mechanics import fixed_steps
 from test_flat_punch import kappa, law
 
 from legfem.common.errors import InputError
-from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer, Layer, compress_layers
-from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
-from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, Layer, compress_layers
+from legfem.experiments.bodies import BallOnLayer, CylinderOnBlock, PunchOnLayer
+from legfem.experiments.flat_punch import FlatPunchIndentation
+from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings

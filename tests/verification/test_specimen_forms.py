@@ -15,9 +15,10 @@ from making_specimens import AREA, LENGTH, compressed, ramp, record
 from test_flat_punch import kappa
 
 import legfem as lf
-from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderBetweenPlates, CylinderCompression
+from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderCompression
+from legfem.experiments.bodies import CylinderBetweenPlates, CylinderOnBlock
 from legfem.experiments.homogeneous import HomogeneousTest
-from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
+from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh

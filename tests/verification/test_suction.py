@@ -12,7 +12,8 @@ from making_layers import OtherLayer, OtherLayers
 
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer
-from legfem.experiments.suction import CupOnLayer, SuctionTest
+from legfem.experiments.bodies import CupOnLayer
+from legfem.experiments.suction import SuctionTest
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.grid import Support
 from legfem.meshing.meridian import MeridianMeshSettings, supports

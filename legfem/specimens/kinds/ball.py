@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
-from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer
-from legfem.specimens.kind import Base, Faces, Law, SpecimenKind, length_range, needed, round_indenter
+from legfem.experiments.bodies import BallOnLayer, Base, Faces
+from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range, needed
 
 
 class BallEntry(FileTable):
@@ -41,8 +41,11 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
         thickness, diameter = needed(given, "thickness_mm"), needed(given, "diameter_mm")
         return BallOnLayer(thickness, given.ball_diameter_mm / 2, diameter / 2, given.ball, given.base)
 
-    def model(self, body: BallOnLayer, law: Law, depth: float) -> BallIndentation:
+    def model(self, body: BallOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
+        from legfem.experiments.axisymmetric import BallIndentation
+        from legfem.specimens.shallow_tests import round_indenter
+
         radius = body.ball_radius
         return BallIndentation(body, law, round_indenter(radius, body.ball, depth, radius / 8))
 

@@ -13,8 +13,8 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, Positive
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
-from legfem.experiments.suction import CupOnLayer, SuctionTest
-from legfem.specimens.kind import Base, Law, ShownAxes, SpecimenKind, length_range, needed, settings_to
+from legfem.experiments.bodies import Base, CupOnLayer
+from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenTest, length_range, needed
 
 ATMOSPHERE_KPA = 101.325
 _SLACK = 1.05
@@ -66,8 +66,11 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
         thickness, diameter = needed(given, "thickness_mm"), needed(given, "diameter_mm")
         return CupOnLayer(thickness, given.opening_mm / 2, given.rim_mm, diameter / 2, given.rim, given.base)
 
-    def model(self, body: CupOnLayer, law: Law, depth: float) -> SuctionTest:
+    def model(self, body: CupOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
+        from legfem.experiments.suction import SuctionTest
+        from legfem.specimens.shallow_tests import settings_to
+
         return SuctionTest(body, law, settings_to(depth))
 
     def slipping(self, body: CupOnLayer) -> CupOnLayer:

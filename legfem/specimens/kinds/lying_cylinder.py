@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
-from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
+from legfem.experiments.bodies import Base, CylinderOnBlock, Faces
 from legfem.specimens.fibre_directions import WORDS, Direction
-from legfem.specimens.kind import Base, Faces, Law, SpecimenKind, length_range, needed, round_indenter
+from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range, needed
 
 
 class CylinderEntry(FileTable):
@@ -44,8 +44,11 @@ class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
         thickness, width, length = (needed(given, key) for key in self.own)
         return CylinderOnBlock(thickness, width, length, given.cylinder_diameter_mm / 2, given.cylinder, given.base)
 
-    def model(self, body: CylinderOnBlock, law: Law, depth: float) -> LateralCylinder:
+    def model(self, body: CylinderOnBlock, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
+        from legfem.experiments.lateral_cylinder import LateralCylinder
+        from legfem.specimens.shallow_tests import round_indenter
+
         radius = body.cylinder_radius
         return LateralCylinder(body, law, round_indenter(radius, body.cylinder, depth, radius / 16))
 

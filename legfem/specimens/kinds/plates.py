@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 from legfem.common.input_files import FileTable, Positive
-from legfem.experiments.axisymmetric import CylinderBetweenPlates, CylinderCompression
-from legfem.experiments.halfway import HalfwayTest
-from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, needed, settings_to
+from legfem.experiments.bodies import CylinderBetweenPlates
+from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, needed
 
 
 class PlatesEntry(FileTable):
@@ -63,6 +62,10 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
 
     def model(self, body: CylinderBetweenPlates, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
+        from legfem.experiments.axisymmetric import CylinderCompression
+        from legfem.experiments.halfway import HalfwayTest
+        from legfem.specimens.shallow_tests import settings_to
+
         if not isinstance(body, PartlyHeld):
             return CylinderCompression(body, law, settings_to(depth))
         plain = CylinderBetweenPlates(body.radius, body.height, "bonded")

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
-from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
-from legfem.specimens.kind import Base, Faces, Law, SpecimenKind, length_range, needed, onset_to, settings_to
+from legfem.experiments.bodies import Base, Faces, PunchOnLayer
+from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range, needed
 
 
 class PunchEntry(FileTable):
@@ -42,8 +42,11 @@ class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
         thickness, diameter = needed(given, "thickness_mm"), needed(given, "diameter_mm")
         return PunchOnLayer(thickness, radius, edge or 0.05 * radius, diameter / 2, given.punch, given.base)
 
-    def model(self, body: PunchOnLayer, law: Law, depth: float) -> FlatPunchIndentation:
+    def model(self, body: PunchOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
+        from legfem.experiments.flat_punch import FlatPunchIndentation
+        from legfem.specimens.shallow_tests import onset_to, settings_to
+
         settings = replace(settings_to(depth), contact=onset_to(body.punch, depth))
         return FlatPunchIndentation(body, law, settings)
 

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from legfem.common.input_files import FileTable, Positive
-from legfem.experiments.homogeneous import HomogeneousBody
+from legfem.experiments.bodies import HomogeneousBody
 from legfem.specimens.homogeneous import HomogeneousKind
 from legfem.specimens.kind import needed
 
