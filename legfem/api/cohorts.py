@@ -20,7 +20,7 @@ from legfem.cohort.members import Member, Members, Task, find_members
 from legfem.cohort.rows import Row
 from legfem.cohort.table import cohort_frame, units_frame, write_tables
 from legfem.common.errors import InputError
-from legfem.common.progress import Progress, progress_on
+from legfem.common.progress import Progress, duration, progress_on
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.key import Contents
 from legfem.jobs.store import Store
@@ -141,13 +141,6 @@ class ExpectedRun:
         todo = f"{self.waiting} of {len(self.states)} to do, {self.workers} at once"
         last = f"{todo}: about {duration(seconds)} and {memory:.1f} GB of memory ({each})"
         return "\n".join([*lines, *self.members.notes, last]) + "\n"
-
-
-def duration(seconds: float) -> str:
-    """Return a time as people say it."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 _TYPICAL: Mapping[str, tuple[float, float]] = {

@@ -82,13 +82,6 @@ def when(moment: float) -> str:
     return time.strftime("%Y-%m-%d %H:%M", time.localtime(moment))
 
 
-def duration(seconds: float) -> str:
-    """Return a duration as people say it."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
 def page_of(kind: str, name: str) -> str:
     """Return the address of an input's or a run's page."""
     return f"/{kind}/{quote(name, safe='')}"

@@ -8,12 +8,12 @@ from urllib.parse import quote
 
 from nicegui import ui
 
-from legfem.app.frame import chip, command, duration, framed, page_of, refused, tag
+from legfem.app.frame import chip, command, framed, page_of, refused, tag
 from legfem.app.outcomes import files_of_results, sentence_of
 from legfem.app.runs import Run, RunState
 from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
-from legfem.common.progress import Reached
+from legfem.common.progress import Reached, duration
 
 _EVERY = 1.0
 _SHOWN_LINES = 200

@@ -195,3 +195,10 @@ class _Bar:
             self.stage("")
         assert self._task is not None
         self._bar.update(self._task, advance=1, last=text)
+
+
+def duration(seconds: float) -> str:
+    """Return a duration as people say it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

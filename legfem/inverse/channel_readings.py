@@ -79,7 +79,7 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
     stations
         Of each.
     """
-    starts = np.cumsum([0, *(len(own.time) for own in stations)])
+    starts = _starts(stations)
     recorded = [(k, one) for k, trial in enumerate(trials) for one in trial.recording.channels]
     found = []
     for name in dict.fromkeys(one.name for _, one in recorded):
@@ -88,9 +88,7 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
         for k, one in mine:
             noise = _noise(one)
             for samples, weights in _readings(trials[k], stations[k], one):
-                row = np.zeros(starts[-1])
-                row[starts[k] : starts[k + 1]] = weights
-                rows.append(row)
+                rows.append(_among_all(weights, k, starts))
                 values.append(float(np.mean(one.values[samples])))
                 variances.append(noise**2 / len(samples))
         if rows:
@@ -99,6 +97,18 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
                 ChannelReadings(CHANNELS[name], accuracy, np.array(rows), np.array(values), np.array(variances))
             )
     return tuple(found)
+
+
+def _starts(stations: Sequence[Stations]) -> NDArray[np.int_]:
+    """Return where every trial's stations begin among all, and their number."""
+    return np.cumsum([0, *(len(own.time) for own in stations)])
+
+
+def _among_all(weights: FloatArray, trial: int, starts: NDArray[np.int_]) -> FloatArray:
+    """Return what a reading takes of all trials' stations (n,), from what it takes of its own trial's."""
+    row = np.zeros(starts[-1])
+    row[starts[trial] : starts[trial + 1]] = weights
+    return row
 
 
 @dataclass(frozen=True)
@@ -127,15 +137,13 @@ def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stati
     stations
         Of each trial.
     """
-    starts = np.cumsum([0, *(len(own.time) for own in stations)])
+    starts = _starts(stations)
     found = []
     for one in planned:
         rows, counts = [], list[int]()
         for k, own in enumerate(stations):
             for count, weights in _planned_in(one, own):
-                row = np.zeros(starts[-1])
-                row[starts[k] : starts[k + 1]] = weights
-                rows.append(row)
+                rows.append(_among_all(weights, k, starts))
                 counts.append(count)
         kind, nothing = CHANNELS[one.name], np.zeros(len(rows))
         variance = kind.usual.reading**2 / np.array(counts, float)

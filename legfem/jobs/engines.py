@@ -37,7 +37,7 @@ class Engine:
     start : callable
         Gives an executor; again after one broke.
     lost : tuple of type
-        What a task raises whose worker died, and which the engine has tried elsewhere already.
+        What a task raises whose worker died, also where the engine tried it on others or it only waited there.
     place : str
         Where it runs and what shows its progress, in words.
     """

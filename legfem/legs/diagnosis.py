@@ -26,10 +26,10 @@ from legfem.legs.elastography import elastography_priors
 from legfem.legs.mechanisms import Mechanism, mechanisms
 from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
-from legfem.legs.nuisances import DRAWN, Accuracy, nuisance_effects
+from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
 from legfem.legs.occurrence import OCCURRENCES
 from legfem.legs.plausibility import doubts_about
-from legfem.legs.subject import TYPICAL_ACCURACY, MeasuredEffect, Subject
+from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 from legfem.legs.variants import solved_responses
 
@@ -241,10 +241,7 @@ def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str
 
 
 def accuracy_of(subject: Subject) -> Accuracy:
-    """Return how well a subject's leg is known: what its folder states, else what is usual.
-
-    A leg that was drawn is known but for rounding, unless its folder says otherwise; what shear
-    waves measured of its tissues counts as in an identification.
+    """Return how well a subject's leg is known; what shear waves measured of it counts as in an identification.
 
     Raises
     ------
@@ -252,16 +249,8 @@ def accuracy_of(subject: Subject) -> Accuracy:
         If an effect was measured that legfem doesn't know, or that is impossible.
     """
     check_measured(subject.directory / "subject.toml", subject.measured)
-    given = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
-    usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
-    return Accuracy(
-        usual.contour_sd if given.contour_sd is None else given.contour_sd,
-        usual.aim_sd if given.aim_sd is None else given.aim_sd,
-        usual.direction_sd if given.direction_sd is None else given.direction_sd,
-        usual.assumed_sd if given.assumed_sd is None else given.assumed_sd,
-        measured=elastography_priors(subject.elastography),
-        effects=subject.measured,
-    )
+    known = accuracy_of_shape(subject)
+    return replace(known, measured=elastography_priors(subject.elastography), effects=subject.measured)
 
 
 WITHOUT_ENDS: Mapping[str, str] = {

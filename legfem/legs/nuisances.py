@@ -23,7 +23,7 @@ from legfem.inverse.mechanism import Stiffness
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
 from legfem.inverse.responses import Displaced
-from legfem.legs.subject import MeasuredEffect
+from legfem.legs.subject import TYPICAL_ACCURACY, MeasuredEffect, Subject
 
 if TYPE_CHECKING:
     from legfem.legs.correction import TabulatedCorrection
@@ -114,6 +114,21 @@ class Accuracy:
 DRAWN = Accuracy(0.2, 0.5, 0.5, 0.05)
 """Of a leg that was drawn and simulated: as far as another code rounds the same polygons, and takes
 the same constants for laws of its own."""
+
+
+def accuracy_of_shape(subject: Subject) -> Accuracy:
+    """Return how well a leg's outlines, aim, direction and what is assumed are known: as stated, else as is usual.
+
+    A leg that was drawn is known but for rounding, a typical calf only roughly, unless the folder says otherwise.
+    """
+    given = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
+    usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
+    return Accuracy(
+        usual.contour_sd if given.contour_sd is None else given.contour_sd,
+        usual.aim_sd if given.aim_sd is None else given.aim_sd,
+        usual.direction_sd if given.direction_sd is None else given.direction_sd,
+        usual.assumed_sd if given.assumed_sd is None else given.assumed_sd,
+    )
 
 
 def _word(name: str) -> str:

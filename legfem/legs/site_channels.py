@@ -16,9 +16,9 @@ from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.data import Channel
 from legfem.inverse.intervals import NUMERICAL_LENGTH_MM
-from legfem.legs.nuisances import CONTOUR_SD_MM, DRAWN
+from legfem.legs.nuisances import accuracy_of_shape
 from legfem.legs.plausible_channels import loading_depths
-from legfem.legs.subject import TYPICAL_ACCURACY, Subject
+from legfem.legs.subject import Subject
 
 _MOST_READINGS = 40
 """Of a trial; more are averaged within equal steps of depth."""
@@ -143,16 +143,8 @@ def _site_channel(
     )
     # An outline that is off makes a layer thicker in proportion all along the test.
     share = np.abs(level) / at_rest if at_rest else np.zeros(len(level))
-    both = np.sqrt(2) * _outlines_sd(subject) * share
+    both = np.sqrt(2) * accuracy_of_shape(subject).contour_sd * share
     return SiteChannel(kind, depth, values, slope, instrument, np.outer(both, both))
-
-
-def _outlines_sd(subject: Subject) -> float:
-    """Return the standard deviation of an outline, mm: as stated, or as is usual of a measured or a drawn leg."""
-    known = TYPICAL_ACCURACY if subject.typical_shape and not subject.accuracy.stated else subject.accuracy
-    if known.contour_sd is not None:
-        return known.contour_sd
-    return CONTOUR_SD_MM if subject.origin == "measured" or known.stated else DRAWN.contour_sd
 
 
 def _in_loading(
