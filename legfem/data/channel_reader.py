@@ -56,7 +56,7 @@ class RecordedChannelEntry(FileTable):
             If an error is given in another unit, or clocks that are a second apart.
         """
         usual, field = kind.usual, f"channels.{kind.name}"
-        other = "mm" if kind.unit == "N" else "N"
+        other = "mm" if kind.is_force else "N"
         for name in ("sd", "bias", "slow"):
             if getattr(self, f"{name}_{other}") is not None:
                 raise InputError(
@@ -187,7 +187,7 @@ def _of_instrument(path: Path, kind: ChannelKind, column: str | None, own: Input
         raise own from None
     columns = [one for sheet in sheets for one in sheet.columns]
     timed = [c for c in columns if measures(c, "time")]
-    quantity: Quantity = "force" if kind.unit == "N" else "displacement"
+    quantity: Quantity = "force" if kind.is_force else "displacement"
     able = [c for c in columns if measures(c, quantity) and c not in timed]
     named = [c for c in able if c.name == column] if column else [c for c in able if channel_of(c) == kind] or able
     if len(timed) != 1 or len(named) != 1:

@@ -49,6 +49,11 @@ class ChannelKind:
         """Column of a recording that holds it."""
         return f"{self.name}_{self.unit}"
 
+    @property
+    def is_force(self) -> bool:
+        """Whether it is a force on the cylinder; else it is a length."""
+        return self.unit == "N"
+
 
 _ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
 """Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""

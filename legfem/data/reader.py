@@ -91,7 +91,7 @@ def channel_of(column: Column) -> ChannelKind | None:
     """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
     name = column.name.lower()
     named = (kind for kind in CHANNELS.values() if all(word in name for word in kind.name.split("_")))
-    return next((kind for kind in named if measures(column, "force" if kind.unit == "N" else "displacement")), None)
+    return next((kind for kind in named if measures(column, "force" if kind.is_force else "displacement")), None)
 
 
 def _columns_of(sheet: Sheet, kind: ChannelKind) -> list[Column]:

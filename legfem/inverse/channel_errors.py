@@ -76,7 +76,7 @@ def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray
     force
         (n,), N, at the stations: a cell that reads several forces mixes them by as much as its gains are off.
     """
-    found = {"boundary" if one.kind.unit == "mm" else "zero": one.accuracy.bias * np.ones(len(predicted))}
+    found = {"zero" if one.is_force else "boundary": one.accuracy.bias * np.ones(len(predicted))}
     if one.accuracy.gain > 0:
         found["gain"] = one.accuracy.gain * predicted
         if one.is_force:

@@ -50,7 +50,7 @@ class ChannelReadings:
     @property
     def is_force(self) -> bool:
         """Whether it is a force on the cylinder."""
-        return self.kind.unit == "N"
+        return self.kind.is_force
 
     @cached_property
     def nearest(self) -> NDArray[np.int_]:

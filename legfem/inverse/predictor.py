@@ -161,10 +161,13 @@ class Predictor:
             return sum((m.displacement_loss(own[m.name], observed, force) for m in mechanisms), onset[observed.trial])
 
         force = _pressed(elastic, observed.displacement, loss)
-        pressed = observed.displacement - loss(force)
-        if self.ends is not None:
-            force = force * self.ends.factor(np.maximum(pressed, 0.0), np.asarray(c10), np.asarray(c20))
+        pressed = observed.displacement
+        if self.ends is not None or observed.channels:
+            pressed = pressed - loss(force)
         factors: FloatArray = np.ones(len(force))
+        if self.ends is not None:
+            of_ends = self.ends.factor(np.maximum(pressed, 0.0), np.asarray(c10), np.asarray(c20))
+            force, factors = force * of_ends, of_ends
         tissue: list[tuple[TissueMechanism, Mapping[str, float]]] = []
         for mechanism in mechanisms:
             mine = own[mechanism.name]
@@ -175,14 +178,12 @@ class Predictor:
                     tissue.append((mechanism, mine))
                 elif change is not None:
                     factors = factors * (1 + change)
-            force = force * mechanism.force_factor(mine, observed)
-            factors = factors * mechanism.force_factor(mine, observed)
+            own_factor = mechanism.force_factor(mine, observed)
+            force, factors = force * own_factor, factors * own_factor
         for mechanism in mechanisms:
             force = force + mechanism.added_force(own[mechanism.name], observed)
         if not observed.channels:
             return force + self.offset
-        if self.ends is not None:
-            factors = factors * self.ends.factor(np.maximum(pressed, 0.0), np.asarray(c10), np.asarray(c20))
         names = [one.name for one in observed.channels]
         courses = self._elastic(c10, c20, factor, beside=True)(pressed)
         if np.isnan(force).any() or np.isnan(courses).any():

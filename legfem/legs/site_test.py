@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import LoadingCurve, mean_loading_curve
+from legfem.data.channels import ChannelKind
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
@@ -137,7 +138,7 @@ class SiteTest(Test):
     def _with_beside(self, read: Prediction, curve: ForceCurve, values: Values, offset: FloatArray) -> Prediction:
         """Return a prediction of forces with those of further channels after them, at a contact's offset (mm)."""
         for one, reading in zip(self.beside, self._beside_readings, strict=True):
-            block, by = self._beside(one.kind.name, curve, values)
+            block, by = self._beside(one.kind, curve, values)
             read_by = {name: reading.at(change[1:], offset) for name, change in by.items()}
             read_by |= {name: np.zeros(len(one)) for name in read.sensitivities if name not in by}
             if OFFSET in read.sensitivities:
@@ -150,13 +151,13 @@ class SiteTest(Test):
             )
         return read
 
-    def _beside(self, name: str, curve: ForceCurve, values: Values) -> tuple[FloatArray, dict[str, FloatArray]]:
+    def _beside(self, kind: ChannelKind, curve: ForceCurve, values: Values) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return a channel at rest and its changes on the grid, (1 + g,), and the derivatives of these."""
         at = np.concatenate([[0.0], self.grid])
-        level = curve.channel(name, at)
-        by = {p: curve.channel_sensitivity(name, p, at) for p in curve.sensitivities}
+        level = curve.channel(kind.name, at)
+        by = {p: curve.channel_sensitivity(kind.name, p, at) for p in curve.sensitivities}
         change, by_change = level[1:] - level[0], {p: one[1:] for p, one in by.items()}
-        if name == "lateral_force":
+        if kind.is_force:
             change, by_change = self._corrected(change, by_change, values)
         return np.concatenate([level[:1], change]), {p: np.concatenate([by[p][:1], by_change[p]]) for p in by}
 
@@ -228,7 +229,7 @@ class SiteTest(Test):
         unlike: list[FloatArray] = [np.zeros(len(self.curve.force))]
         for one, span in zip(self.beside, self.data.spans[1:], strict=True):
             along = self.correction.relative_errors(one.depth, *of_deep)
-            lateral = one.kind.name == "lateral_force"
+            lateral = one.kind.is_force
             for name, parts in effects.items():
                 parts.append(along[name] * predicted[span] if lateral else np.zeros(len(one)))
             unlike.append(np.zeros(len(one)) if lateral else _ENDS_BESIDE * one.slope * one.depth)
