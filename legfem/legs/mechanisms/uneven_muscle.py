@@ -27,7 +27,7 @@ _HARD = 10.0
 """Factor at which it is solved, too: from there on a lump is as good as rigid."""
 
 
-class PressedSection(Protocol):
+class SectionUnderIndenter(Protocol):
     """A section, and what it is pressed by."""
 
     @property
@@ -41,7 +41,7 @@ class PressedSection(Protocol):
         ...
 
 
-def place_in_section(leg: PressedSection, depth: float, side: float) -> tuple[float, float]:
+def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tuple[float, float]:
     """Return a place in the section's coordinates, mm.
 
     Parameters
