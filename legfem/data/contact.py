@@ -154,7 +154,7 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
         return _at_start(d, force, start, noise, displacement_sd)
     first = float(x[0])
     last = max(rough + 0.5 * way, first + 0.1 * way)
-    slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else white
+    slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else 0.5 * white
     whitened = _whitening(x, white / np.sqrt(size), slow, way)
     onsets = np.linspace(first, last, 101)
     best, error, cost = _places(x, whitened @ y, whitened, onsets, scales)

@@ -5,7 +5,6 @@ Whatever looks at a recording (preview, plausibility, identification, diagnosis,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -349,13 +348,6 @@ def segment(
     smooth, _ = smooth_displacement(recording.time, recording.displacement, scales.way)
     found = Segmentation(recording, contact_at_start(), smooth, instrument, scales)
     return found if starts_at_contact else found.touching(found.detected)
-
-
-def segment_all(
-    recordings: Sequence[Recording], instrument: Instrument = UNSTATED, starts_at_contact: bool = False
-) -> tuple[Segmentation, ...]:
-    """Read the recordings of one leg and one instrument; see `segment`."""
-    return tuple(segment(one, instrument, starts_at_contact) for one in recordings)
 
 
 def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[np.int_]:
