@@ -56,7 +56,9 @@ INSTRUMENTS = {
     "TestSuite": Instrument(ENGLISH, ["Test Name:", "Test Run Name:"], ",\t", ".", ["row"], ("csv", "txt", "dat")),
     "testXpert": Instrument(GERMAN, ["Prüfer", "Probe"], ";\t", ",.", ["row", "["], ("TRA", "txt", "csv", "xlsx")),
     "WinTest": Instrument(ENGLISH, ["WinTest Data File"], ",", ".", ["row"], ("txt", "csv", "")),
-    "a logger": Instrument(FRENCH | ENGLISH, ["# logger", "rate"], ",;\t", ".,", ["(", "[", "_"], ("csv", "xlsx", "zip")),
+    "a logger": Instrument(
+        FRENCH | ENGLISH, ["# logger", "rate"], ",;\t", ".,", ["(", "[", "_"], ("csv", "xlsx", "zip")
+    ),
 }
 
 
@@ -221,7 +223,7 @@ def _try(folder: Path, one: Dialect) -> None:
     except InputError as error:
         assert "\n" not in str(error) and error.remedy
         READ.append(False)
-        print("refused", str(error)[len(str(path)):][:230], one, sep=" | ")
+        print("refused", str(error)[len(str(path)) :][:230], one, sep=" | ")
         return
     READ.append(True)
     assert not (problem := wrong(reading)), (problem, one)

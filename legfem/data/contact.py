@@ -20,6 +20,8 @@ _MOST_STIFFENING = 0.4
 """By which the force's slope may grow, relative, over one way of `Scales`."""
 _SHAPE_ERROR = 0.03
 """Of a way: what the fitted shapes may misplace contact by, however little noise there is."""
+_OF_FORCE = 0.02
+"""Of the force: what the shapes misdescribe."""
 _TRAVELS = 10.0
 _FEWEST = 8
 """Samples."""
@@ -155,7 +157,8 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
     first = float(x[0])
     last = max(rough + 0.5 * way, first + 0.1 * way)
     slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else 0.5 * white
-    whitened = _whitening(x, white / np.sqrt(size), slow, way)
+    pressed = _OF_FORCE * np.maximum(y - y[:_FEWEST].mean(), 0.0)
+    whitened = _whitening(x, white / np.sqrt(size), slow, pressed, way)
     onsets = np.linspace(first, last, 101)
     best, error, cost = _places(x, whitened @ y, whitened, onsets, scales)
     reach = max(4.0 * error, 2 * (onsets[1] - onsets[0]))
@@ -224,10 +227,14 @@ def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, int]:
     return x[:whole].reshape(-1, size).mean(axis=1), y[:whole].reshape(-1, size).mean(axis=1), size
 
 
-def _whitening(x: FloatArray, white: float, slow: float, way: float) -> FloatArray:
-    """Return the matrix (n, n), 1/N, that makes readings with white and slow errors independent of unit variance."""
+def _whitening(x: FloatArray, white: float, slow: float, shape: FloatArray, way: float) -> FloatArray:
+    """Return the matrix (n, n), 1/N, that makes readings with white and slow errors independent of unit variance.
+
+    What no shape describes (n,), N, errs slowly too.
+    """
     apart = np.abs(x[:, None] - x[None, :])
-    covariance = np.mean([np.exp(-apart / (ways * way)) for ways in _SLOW_WAYS], axis=0) * slow**2
+    alike = np.mean([np.exp(-apart / (ways * way)) for ways in _SLOW_WAYS], axis=0)
+    covariance = alike * (slow**2 + np.outer(shape, shape))
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + white**2 * np.eye(len(x)))))
 
 
