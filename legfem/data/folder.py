@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, Positive, Text, trouble
+from legfem.common.input_files import FileTable, Text, trouble
 from legfem.data.reader import SourceColumn, SourceColumns
 
 # Half-width of a uniform distribution to its standard deviation.
 _UNIFORM = 1.0 / math.sqrt(3.0)
+
+
+Accuracy = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 
 
 class InstrumentEntry(FileTable):
@@ -24,11 +27,11 @@ class InstrumentEntry(FileTable):
     standard deviation is a / sqrt(3).
     """
 
-    force_sd_N: Positive | None = None
-    force_accuracy_percent: Positive | None = None
-    force_range_N: Positive | None = None
-    displacement_sd_mm: Positive | None = None
-    displacement_accuracy_mm: Positive | None = None
+    force_sd_N: Accuracy | None = None
+    force_accuracy_percent: Accuracy | None = None
+    force_range_N: Accuracy | None = None
+    displacement_sd_mm: Accuracy | None = None
+    displacement_accuracy_mm: Accuracy | None = None
 
     @model_validator(mode="after")
     def _each_once(self) -> InstrumentEntry:

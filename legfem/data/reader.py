@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
 from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measured_by, measures, unit_named
-from legfem.data.recording import Recording, backwards, not_increasing
+from legfem.data.recording import MOST, Recording, backwards, not_increasing
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
 if TYPE_CHECKING:
@@ -73,8 +73,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
     if _first_is_doubled(values["time"]):
         values = {q: v[1:] for q, v in values.items()}
     time = values["time"]
-    if not all(np.isfinite(v).all() for v in values.values()):
-        raise InputError(path, "rows", "numbers that aren't finite", "take those rows out")
+    _check_sizes(path, values.values())
     rows = not_increasing(time)
     if rows:
         raise InputError(
@@ -377,6 +376,14 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
         raise
 
 
+def _check_sizes(path: Path, values: Iterable[FloatArray]) -> None:
+    for one in values:
+        wrong = one[~(np.abs(one) < MOST)]
+        if len(wrong):
+            problem = f"{len(wrong)} numbers are no readings, as {wrong[0]:g}"
+            raise InputError(path, "rows", problem, "remove those rows, or export the file again")
+
+
 def _own_table(path: Path, area: float | None) -> Recording:
     column, factor = HEADER[2], 1.0
     if area is not None:
@@ -387,6 +394,7 @@ def _own_table(path: Path, area: float | None) -> Recording:
     if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
         table = table.iloc[1:]
     time = table["time_s"].to_numpy(dtype=np.float64)
+    _check_sizes(path, (table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column)))
     rows = not_increasing(time)
     if rows:
         raise InputError(
