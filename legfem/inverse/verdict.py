@@ -61,7 +61,6 @@ TRUSTED = 0.15
 ADEQUATE = 0.5
 """Probability of the base model alone from which the recordings are called consistent."""
 SHOWN_MOST = 6
-_SLOWEST_OF_TEST, _SLOWEST_MM = 0.02, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,12 +285,6 @@ def _to_set_aside(problem: LinearisedProblem, explained: Explained) -> SetAside 
     return None if found is None or (found.whole and _verdict(explained)[1]) else found
 
 
-def slowest_of(observed: Observations) -> float:
-    """Return the time (s) over which a load cell's slow error is expected to be correlated."""
-    duration = max(float(s.protocol.time[-1]) for s in observed.protocols)
-    return max(_SLOWEST_MM / max(observed.rates), _SLOWEST_OF_TEST * duration)
-
-
 def starts(law: LawName, middle: float) -> list[dict[str, float]]:
     """Return where searches for the base parameters begin, kPa."""
     if law == "neo-hookean":
@@ -306,7 +299,7 @@ def _fitted(
 
     The noise is estimated anew once the trials' first contacts are fitted.
     """
-    observed, slowest = predictor.observed, slowest_of(predictor.observed)
+    observed, slowest = predictor.observed, predictor.observed.slowest
     noise = estimate_noise(observed, instrument, slowest)
     middle = float(np.sqrt(np.prod(predictor.responses.c10_bounds)))
     problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))

@@ -28,7 +28,7 @@ from legfem.inverse.plan import (
 )
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
-from legfem.inverse.verdict import Diagnosis, slowest_of
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, ruled_out_of, shown_mechanisms
 from legfem.legs.mechanisms import Mechanism
@@ -186,7 +186,7 @@ def _stated(subject: Subject, observed: Observations) -> Noise:
     return Noise(
         each,
         each,
-        slowest_of(observed),
+        observed.slowest,
         instrument.force_sd,
         instrument.displacement_sd,
         "the instrument's stated accuracy only (nothing was recorded)",

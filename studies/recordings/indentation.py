@@ -20,7 +20,6 @@ from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, fit
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise
-from legfem.inverse.verdict import slowest_of
 from legfem.legs.mechanisms import Mechanism
 from legfem.legs.mechanisms.contact_onset import ContactOnset
 from legfem.legs.mechanisms.force_drift import ForceDrift
@@ -152,7 +151,7 @@ def study_indentation(test: MeatTest, layers: LayerCurves) -> Indented:
 def fitted_base(predictor: Predictor, instrument: Instrument) -> tuple[LinearisedProblem, LinearisedFit]:
     """Fit the elastic model, with the errors granted to instrument and indenter."""
     observed = predictor.observed
-    noise = estimate_noise(observed, instrument, slowest_of(observed))
+    noise = estimate_noise(observed, instrument, observed.slowest)
     shapes = shape_errors(observed)
     problem = LinearisedProblem(predictor, error_model(observed, noise, observed.force, shapes))
     base = fit_base(problem, [{"C10": c10} for c10 in (1.0, 5.0, 25.0)])
