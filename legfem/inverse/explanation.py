@@ -10,8 +10,9 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.special import expit, logit
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales
+from legfem.inverse.estimates import Shown
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
 from legfem.inverse.posterior import Mixture, MixtureComponents, Posterior
 
@@ -122,6 +123,12 @@ class Explanation:
             at[k] = mixture.quantile(probability)
             ends.append(self.fit.moved(at)[name])
         return min(ends), max(ends)
+
+    def shown(self, name: str) -> Shown:
+        """Return a fitted parameter's numbers as people read them: stresses in kPa."""
+        unit, factor = readable_unit(self.fit.parameters[self.fit.free.index(name)].unit)
+        low, high = self.interval(name)
+        return Shown(factor * self.value(name), factor * (high - low) / (2 * 1.96), (factor * low, factor * high), unit)
 
     def distribution(self, name: str) -> Mixture:
         """Return a fitted parameter's distribution, as a departure from what was known."""

@@ -10,8 +10,10 @@ import numpy as np
 
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
+from legfem.common.units import mpa_to_kpa
 from legfem.common.versions import versions_of
 from legfem.data.recording import Origin
+from legfem.inverse.catalogue import key_of, symbol_of
 from legfem.inverse.cross_validation import HeldOut
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import r_squared
@@ -145,8 +147,10 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "between": [limit.low, limit.high],
                     "open": [limit.open_low, limit.open_high],
                     "greatest_change_of_force_N": limit.effect,
-                    "stiffness_kPa": {name: list(ends) for name, ends in limit.stiffness.items()},
-                    "unseen": [{"at": dict(end.values), "open": end.open, "C10_kPa": end.c10} for end in limit.ends],
+                    "stiffness_kPa": {symbol_of(n): list(map(mpa_to_kpa, ends)) for n, ends in limit.stiffness.items()},
+                    "unseen": [
+                        {"at": dict(end.values), "open": end.open, "C10_kPa": mpa_to_kpa(end.c10)} for end in limit.ends
+                    ],
                 }
                 for limit in found.limits
             ],
@@ -221,9 +225,7 @@ def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[s
                 "statement": mechanism.statement,
                 "together_with": [n for n in model.names if n != mechanism.name],
                 "probability": model.probability,
-                "parameters": {
-                    p.name: _parameter(model, f"{mechanism.name}.{p.name}", p.unit) for p in mechanism.parameters
-                },
+                "parameters": {p.name: _parameter(model, f"{mechanism.name}.{p.name}") for p in mechanism.parameters},
                 "evidence": {
                     # Twice the logarithm of the Bayes factor: what BIC estimates.
                     "delta_bic": 2 * gain,
@@ -248,21 +250,26 @@ def indistinguishable(models: Sequence[Explanation]) -> list[list[str]]:
 
 def parameters(model: Explanation) -> dict[str, Any]:
     """Return an explanation's parameters with units and intervals."""
-    result = {f"{name.lower()}_deep": _parameter(model, name, "kPa") for name in model.fit.stiffness}
+    result = {key_of(name): _parameter(model, name) for name in model.fit.stiffness}
     for mechanism in model.fit.mechanisms:
         for p in mechanism.parameters:
             name = f"{mechanism.name}.{p.name}"
-            result[name] = _parameter(model, name, p.unit)
+            result[name] = _parameter(model, name)
     return result
 
 
 def _averaged(found: Diagnosis) -> dict[str, Any]:
     """Return the stiffness with intervals over all explanations."""
     return {
-        f"{name.lower()}_deep": {"value": found.best.value(name), "unit": "kPa", "ci95": list(ends)}
-        for name, ends in found.intervals.items()
+        key_of(name): {
+            "value": mpa_to_kpa(found.best.value(name)),
+            "unit": "kPa",
+            "ci95": list(found.shown_interval(name)),
+        }
+        for name in found.intervals
     }
 
 
-def _parameter(model: Explanation, name: str, unit: str) -> dict[str, Any]:
-    return {"value": model.value(name), "unit": unit, "ci95": list(model.interval(name))}
+def _parameter(model: Explanation, name: str) -> dict[str, Any]:
+    shown = model.shown(name)
+    return {"value": shown.value, "unit": shown.unit, "ci95": list(shown.ci95)}

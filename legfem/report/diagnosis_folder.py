@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legfem.common.documents import json_types, write_document
-from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import Subject
@@ -91,7 +91,7 @@ def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
     )
     experiment = plane_strain_test(subject, settings)
     base = found.base
-    values = {f"deep.{name}": kpa_to_mpa(base.value(name)) for name in base.fit.stiffness}
+    values = {name: base.value(name) for name in base.fit.stiffness}
     depth = float(found.observed.displacement.max())
     shot = filmed(experiment, values, depth)
     return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")
@@ -235,5 +235,5 @@ def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) ->
 
 def _cells(name: str, found: Diagnosis) -> list[str]:
     left_out = "; or ".join(model_name(model) for model in found.models) or "-"
-    after = tables.estimate(found.best, "C10") if found.models else "-"
-    return [name, found.verdict, left_out, tables.estimate(found.base, "C10"), after]
+    after = tables.estimate(found.best, DEEP_C10) if found.models else "-"
+    return [name, found.verdict, left_out, tables.estimate(found.base, DEEP_C10), after]
