@@ -26,7 +26,7 @@ from legfem.legs.mechanisms.contact_onset import ContactOnset
 from legfem.legs.mechanisms.force_drift import ForceDrift
 from legfem.legs.mechanisms.strain_stiffening import StrainStiffening
 from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
-from legfem.specimens.rig import RigCompliance
+from legfem.specimens.mechanisms import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest
 from studies.recordings.motion import (
