@@ -18,6 +18,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.cross_validation import HeldOut, held_out
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.explain import base_about_solution, explain, refitted_about_solutions
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
@@ -168,12 +169,30 @@ class Diagnosis:
         return max(abs(end / self.best.value(DEEP_C10) - 1.0) for end in self.intervals[DEEP_C10])
 
     @property
+    def estimates(self) -> dict[str, Estimate]:
+        """What was fitted in the best model, by full name: the stiffness with its interval over all explanations."""
+        found, fits = self.best, not self.withheld
+        return {name: found.estimate(name, self.intervals.get(name), fits) for name in _told(found)}
+
+    @property
+    def base_estimates(self) -> dict[str, Estimate]:
+        """The same of the base model, by itself."""
+        fits = self.verdict == "consistent"
+        return {name: self.base.estimate(name, None, fits) for name in _told(self.base)}
+
+    @property
     def hidden(self) -> tuple[tuple[Limit, HiddenEnd], ...]:
         """Effects that may be there unseen and would move C10 by more than `TRUSTED`, the greatest first."""
         c10 = self.weighted_base.fit.values[DEEP_C10]
         each = [(abs(end.c10 / c10 - 1.0), limit, end) for limit in self.limits for end in limit.ends]
         far = sorted((one for one in each if one[0] > TRUSTED), key=lambda one: -one[0])
         return tuple((limit, end) for _, limit, end in far)
+
+
+def _told(model: Explanation) -> tuple[str, ...]:
+    """Return the names of the stiffness and of the mechanisms' parameters."""
+    own = tuple(f"{m.name}.{p.name}" for m in model.fit.mechanisms for p in m.parameters)
+    return (*model.fit.stiffness, *own)
 
 
 class FullSolutions(Responses, Protocol):

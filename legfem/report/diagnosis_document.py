@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Protocol
 
@@ -13,8 +13,10 @@ from legfem.common.doubts import doubt_documents
 from legfem.common.units import mpa_to_kpa
 from legfem.common.versions import versions_of
 from legfem.data.recording import Origin
-from legfem.inverse.catalogue import key_of, symbol_of
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of, symbol_of
 from legfem.inverse.cross_validation import HeldOut
+from legfem.inverse.document import estimate_document
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import r_squared
 from legfem.inverse.linearised import LinearisedFit
@@ -25,7 +27,7 @@ from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report.diagnosis_channels import channel_misfits, channel_sentences
 from legfem.report.diagnosis_sentences import next_experiments
 
-SCHEMA = 3
+SCHEMA = "legfem.diagnose/4"
 
 
 class Recorded(Protocol):
@@ -63,9 +65,11 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
     return json_types(
         {
             "schema": SCHEMA,
+            "kind": "leg" if isinstance(subject, Subject) else "specimens",
             "subject": subject.id,
+            "title": subject.title,
             "origin": subject.origin,
-            "law": found.law,
+            "laws": laws_of(found),
             "doubts": doubt_documents(doubts_of(found, subject)),
             "verdict": found.verdict,
             "probability_that_nothing_shows": found.explained.adequacy,
@@ -103,6 +107,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 "held_out_noise_N": found.base_held_out.noise,
                 "held_out": found.base_held_out.how,
                 "emulator_error": found.emulator_error,
+                "parameters": diagnosed_parameters(found.base_estimates),
             },
             "not_known_exactly": [
                 {"what": name, "departure_in_sd": float(z)}
@@ -164,8 +169,6 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "untested": found.untested,
             "remarks": list(found.observed.remarks),
             "next_experiment": next_experiments(found),
-            "parameters_before": parameters(base),
-            "parameters_after": {**parameters(found.best), **_averaged(found)},
             "full_solutions": found.solutions,
             "seed": seed,
             "wall_s": seconds,
@@ -248,26 +251,25 @@ def indistinguishable(models: Sequence[Explanation]) -> list[list[str]]:
     return [sorted(set.union(*names) - common)]
 
 
-def parameters(model: Explanation) -> dict[str, Any]:
-    """Return an explanation's parameters with units and intervals."""
-    result = {key_of(name): _parameter(model, name) for name in model.fit.stiffness}
-    for mechanism in model.fit.mechanisms:
-        for p in mechanism.parameters:
-            name = f"{mechanism.name}.{p.name}"
-            result[name] = _parameter(model, name)
-    return result
+def diagnosed_parameters(found: Mapping[str, Estimate]) -> dict[str, Any]:
+    """Return estimates by key: ``c10_deep``, a mechanism's by its full name."""
+    return {key_of(n) if n in (DEEP_C10, DEEP_C20) else n: estimate_document(one) for n, one in found.items()}
 
 
-def _averaged(found: Diagnosis) -> dict[str, Any]:
-    """Return the stiffness with intervals over all explanations."""
-    return {
-        key_of(name): {
-            "value": mpa_to_kpa(found.best.value(name)),
-            "unit": "kPa",
-            "ci95": list(found.shown_interval(name)),
-        }
-        for name in found.intervals
-    }
+def parameter_rows(found: Diagnosis) -> Iterator[dict[str, Any]]:
+    """Yield a row a parameter of the base model and of the repaired one."""
+    for when, model in (("before repair", found.base_estimates), ("after repair", found.estimates)):
+        for name, one in diagnosed_parameters(model).items():
+            low, high = one["ci95"]
+            numbers = {key: one[key] for key in ("value", "unit", "identifiability")}
+            yield {"model": when, "parameter": name, "low": low, "high": high, **numbers}
+
+
+def laws_of(found: Diagnosis) -> dict[str, Any]:
+    """Return the best model's parameters as ``result.json`` of an identification has them, by the law."""
+    verdict, fits = found.verdict, found.assessment.lack_of_fit
+    parameters = diagnosed_parameters(found.estimates)
+    return {found.law: {"law": found.law, "verdict": verdict, "parameters": parameters, "goodness": {"p_value": fits}}}
 
 
 def _parameter(model: Explanation, name: str) -> dict[str, Any]:
