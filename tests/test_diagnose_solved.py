@@ -10,6 +10,7 @@ from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.grid_spline import GridSpline
 from legfem.inverse.library_build import build_library, rounded
 from legfem.inverse.mechanism import null_of
@@ -211,7 +212,7 @@ def test_what_stopped_is_not_a_number_and_is_not_made_again(tmp_path, observed):
     again = responses_in(tmp_path, Stopping())
     assert np.isnan(again.curve(*SOFT)).all()
     assert again.solutions == 0
-    force = Predictor(observed, responses, "reduced-polynomial")({"C10": 0.8, "C20": 0.9})
+    force = Predictor(observed, responses, "reduced-polynomial")({DEEP_C10: 0.0008, DEEP_C20: 0.0009})
     assert np.isnan(force).all()
 
 

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.explain import explain
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import smoothed
@@ -47,7 +48,7 @@ OUTLINE = Cause("outlines", GEOMETRY_DOF)
 def blank():
     """A leg's observations and force, with changes that differ from geometry to geometry."""
     observed, predictor = observations(ramps())
-    force = predictor({"C10": 1.0, "C20": 0.8})
+    force = predictor({DEEP_C10: 0.001, DEEP_C20: 0.0008})
     geometric = {own.name: 0.01 * np.cos((k + 1) * GRID / 15) for k, own in enumerate(displaced_geometries())}
     return observed, force, NuisanceChanges(GRID, geometric, {"superficial.C10": fat(GRID)})
 

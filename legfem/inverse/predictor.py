@@ -15,7 +15,8 @@ from typing import Literal, Protocol
 import numpy as np
 from scipy.interpolate import PPoly
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.grid_spline import GridSpline
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, null_of
 from legfem.inverse.observations import Observations
@@ -86,7 +87,7 @@ _ONSETS_MM = (-4.0, 4.0)
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """Predicts observations; parameters are C10, C20 (kPa) and ``mechanism.parameter``.
+    """Predicts observations; parameters are ``deep.C10``, ``deep.C20`` (MPa) and ``mechanism.parameter``.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ class Predictor:
     ends
         Of the cylinder, where the recordings have them.
     measured
-        C10 (kPa) by other means, where it was.
+        C10 (MPa) by other means, where it was.
     offset
         (N,): what a full solution was above the emulated one, where one was made.
     """
@@ -120,13 +121,14 @@ class Predictor:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Of the base model: stiffness, and first contact of every trial."""
-        low, high = self.responses.c10_bounds
+        low, high = map(kpa_to_mpa, self.responses.c10_bounds)
         middle = float(np.sqrt(low * high))
         known = self.measured or Prior(middle, 1.5, "log", "nothing is known")
-        found = [Parameter("C10", "kPa", (low, high), known, scale="log", statement="of the deep tissue")]
+        found = [Parameter(DEEP_C10, "MPa", (low, high), known, scale="log", statement="of the deep tissue")]
         if self.law == "reduced-polynomial":
             prior = Prior(0.0, 4.0 * middle, "linear", "nothing is known")
-            found.append(Parameter("C20", "kPa", self.responses.c20_bounds, prior, statement="likewise"))
+            least, most = map(kpa_to_mpa, self.responses.c20_bounds)
+            found.append(Parameter(DEEP_C20, "MPa", (least, most), prior, statement="likewise"))
         return (*found, *(self._onset(k) for k in range(len(self.observed.trials))))
 
     def _onset(self, trial: int) -> Parameter:
@@ -147,7 +149,7 @@ class Predictor:
         """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't."""
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
-        c10, c20 = values["C10"], values.get("C20", 0.0)
+        c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
         onset = np.array([values.get(onset_name(k), 0.0) for k in range(len(observed.trials))])
         for mechanism in mechanisms:
             if mechanism.stands_for_C20 and self.law == "neo-hookean":

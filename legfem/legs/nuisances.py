@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import Cause, NuisanceEffect
@@ -98,13 +98,6 @@ class Accuracy:
     size_sd: float = SIZE_LOG_SD
     measured: Mapping[str, Prior] = field(default_factory=dict)
     effects: tuple[MeasuredEffect, ...] = ()
-
-    @property
-    def deep_C10(self) -> Prior | None:
-        """What was measured of C10 of the deep tissue by other means, kPa."""
-        if (known := self.measured.get("deep.C10")) is None:
-            return None
-        return replace(known, centre=mpa_to_kpa(known.centre), sd=mpa_to_kpa(known.sd))
 
     def log_sd(self, material: str) -> float:
         """Return the standard deviation of an assumed number's logarithm."""

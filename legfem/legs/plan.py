@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
@@ -124,9 +125,9 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
-    predictor = Predictor(observed, library, law, ends, accuracy_of(subject).deep_C10)
+    predictor = Predictor(observed, library, law, ends, accuracy_of(subject).measured.get(DEEP_C10))
     noise = _stated(subject, observed)
-    values = {"C10": expected.c10, "C20": expected.c20}
+    values = {DEEP_C10: kpa_to_mpa(expected.c10), DEEP_C20: kpa_to_mpa(expected.c20)}
     force = predictor(values)
     problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
     base = _at(problem, values)

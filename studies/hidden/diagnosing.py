@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.progress import Progress, Silent
+from legfem.common.units import mpa_to_kpa
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.diagnosis import Diagnoser
@@ -82,8 +84,8 @@ class HiddenDiagnoser:
             found.verdict,
             tuple(tuple(model.names) for model in found.models),
             headline(found, ()).heading,
-            found.best.value("C10"),
-            found.intervals["C10"],
+            mpa_to_kpa(found.best.value(DEEP_C10)),
+            found.shown_interval(DEEP_C10),
             any(getattr(limit, "open", False) for limit in found.limits if limit.name == "uneven-muscle"),
             found.solutions,
             time.process_time() - begun,
