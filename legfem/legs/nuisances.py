@@ -17,7 +17,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.geometry.section import BONES
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import Cause, NuisanceEffect
 from legfem.inverse.mechanism import Stiffness
@@ -55,6 +54,7 @@ SIZE = "size."
 MATERIAL_DOF = 8.0
 """Of how far what is assumed of a person's tissues is off: known to 25 %."""
 _HATS = (-40.0, -20.0, 0.0, 20.0, 40.0)
+_BONES: tuple[Literal["tibia", "fibula"], ...] = ("tibia", "fibula")
 _BONES_WAYS = {"along the travel": 0.0, "across the travel": 90.0}
 """Degrees from the travel. Each bone's outline is drawn by itself: what turns and shifts them across shows in the
 lateral force and in the skin beside the cylinder, where their depth alone doesn't."""
@@ -149,7 +149,7 @@ def displaced_geometries() -> list[Displaced]:
     ]
     found += [
         Displaced(f"{bone} {way}", MeshMotion(bone, turned=turned))
-        for bone in BONES
+        for bone in _BONES
         for way, turned in _BONES_WAYS.items()
     ]
     found.append(Displaced("aim", placement=LateralPlacement(offset_mm=AIM_SD_MM)))
@@ -203,7 +203,7 @@ def nuisance_effects(
     scale = {
         "aim": (accuracy.aim_sd / AIM_SD_MM, Cause("aim", GEOMETRY_DOF)),
         "direction": (accuracy.direction_sd / DIRECTION_SD_DEG, Cause("direction", GEOMETRY_DOF)),
-        **{f"{bone} {way}": (accuracy.contour_sd / CONTOUR_SD_MM, _OUTLINES) for bone in BONES for way in _BONES_WAYS},
+        **{f"{bone} {way}": (accuracy.contour_sd / CONTOUR_SD_MM, _OUTLINES) for bone in _BONES for way in _BONES_WAYS},
     }
     for name, (factor, cause) in scale.items():
         if name in changes.geometric and factor > 0:
