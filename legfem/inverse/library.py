@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
 from legfem.inverse.emulator import Emulator
+from legfem.inverse.grid_spline import At
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
 
@@ -161,9 +162,9 @@ class Library:
         values: Values,
         stiffness: Stiffness,
         observed: Observations,
-        at: FloatArray,
+        at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k); see `GridSpline.weights` of ``at``."""
+        """Return what a mechanism adds to channels (n, k); see `Responses`."""
 
         def row(key: str) -> FloatArray:
             if mechanism.derivatives:
@@ -178,7 +179,7 @@ class Library:
         change = row("")
         if not mechanism.derivatives:
             change = mechanism.share(values) * change
-        return at @ change
+        return at(change)
 
     def _at_strength(
         self, tables: Mapping[tuple[str, str], Table], mechanism: TissueMechanism, key: str, values: Values, c10: float

@@ -14,10 +14,11 @@ from typing import Literal, Protocol
 
 import numpy as np
 from scipy.interpolate import PPoly
+from scipy.sparse import block_diag, csr_array
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.grid_spline import GridSpline
+from legfem.inverse.grid_spline import At, GridSpline
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
@@ -60,9 +61,9 @@ class Responses(TissueResponses, Protocol):
         values: Mapping[str, float],
         stiffness: Stiffness,
         observed: Observations,
-        at: FloatArray,
+        at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k); see `GridSpline.weights` of ``at`` (n, m + 1)."""
+        """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
         ...
 
 
@@ -187,17 +188,19 @@ class Predictor:
         if not observed.channels:
             return force + self.offset
         names = [one.name for one in observed.channels]
-        at = self._grid.weights(pressed)
+        at = self._grid.at(pressed)
         courses = self._courses(names, c10, c20, factor, at)
         if np.isnan(force).any():
             return np.full(len(observed.values), np.nan)
         for changed, its in tissue:
             courses = courses + self.responses.channel_changes(names, changed, its, (c10, c20), observed, at)
-        readings = [
-            one.weights @ (course * factors if one.is_force else course)
-            for one, course in zip(observed.channels, courses.T, strict=True)
-        ]
-        return np.concatenate([force, *readings]) + self.offset
+        courses[:, [one.is_force for one in observed.channels]] *= factors[:, None]
+        return np.concatenate([force, self._read @ courses.ravel(order="F")]) + self.offset
+
+    @cached_property
+    def _read(self) -> csr_array:
+        """What all readings beside the force take of the channels' courses at the stations, one after the other."""
+        return block_diag([csr_array(one.weights) for one in self.observed.channels], format="csr")
 
     def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
         """Return the force at factors on the deep stiffness."""
@@ -208,10 +211,10 @@ class Predictor:
             return _Elastic([_unknown], None)
         return _Elastic(known, weights)
 
-    def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: FloatArray) -> FloatArray:
-        """Return elastic channels (n, k) at factors on the deep stiffness, ``at`` as `GridSpline.weights`."""
+    def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
+        """Return elastic channels (n, k) at factors on the deep stiffness."""
         nodes, weights = _nodes_of(factor)
-        each = [at @ self._beside(tuple(names), c10 * n, c20 * n) for n in nodes]
+        each = [at(self._beside(tuple(names), c10 * n, c20 * n)) for n in nodes]
         return each[0] if weights is None else np.einsum("ij,ijk->jk", weights, np.array(each))
 
     @cached_property
