@@ -272,6 +272,19 @@ class SolvedResponses:
                 found[name] = changed[name] - _in_series(pushed, self.grid, null[name])
         return found
 
+    def together(self, solutions: Sequence[Solution], stiffness: Stiffness) -> Columns:
+        """Return what two solutions' changes at once are beyond each, as `elastic_change`; nothing of other models."""
+        one, other = solutions
+        joint = one.joined(other)
+        if joint is None:
+            return {}
+        both, first, second = (self.elastic_change(solution, stiffness) for solution in (joint, one, other))
+        found = {"force": (1 + both["force"]) / ((1 + first["force"]) * (1 + second["force"])) - 1}
+        for name in channels_of(both):
+            if name in first and name in second:
+                found[name] = both[name] - first[name] - second[name]
+        return found
+
     def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> Columns:
         """Return the changes at a protocol's stations (m,): of the force relative, of channels absolute."""
         # A porous leg has another formulation: compared with itself, its own error cancels.
