@@ -20,6 +20,7 @@ BASE = {"C10": 1.0, "C20": 0.6}
 UNANSWERED = (
     "poroelastic-drainage",
     "contact-slip",
+    "fat-sliding",
     "prestress",
     "superficial-viscoelasticity",
     "superficial-stiffening",
