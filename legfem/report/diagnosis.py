@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from legfem.common.doubts import doubt_lines
-from legfem.common.units import kpa_to_mpa
-from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
@@ -137,7 +136,7 @@ def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
     known = elastography_priors(subject.elastography).get(DEEP_C10)
     if known is not None:
         alone = found.weighted_base
-        yield from disagreement(DEEP_C10, known, kpa_to_mpa(alone.value("C10")), kpa_to_mpa(alone.fit.sd("C10")))
+        yield from disagreement(DEEP_C10, known, alone.value(DEEP_C10), alone.fit.sd(DEEP_C10))
 
 
 def _warnings(found: Diagnosis) -> list[str]:
@@ -227,7 +226,7 @@ def _hidden(found: Diagnosis) -> list[web.Block]:
 
 
 def _looks(found: Diagnosis) -> str:
-    stiffness = " and ".join(found.base.fit.stiffness)
+    stiffness = " and ".join(map(symbol_of, found.base.fit.stiffness))
     ends = ", the cylinder's ends included" if found.with_ends else ""
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
@@ -307,7 +306,7 @@ def _alike(found: Diagnosis) -> list[str]:
             f"{'; '.join(names)}: together they have 90 % of the probability, and none of them "
             "alone has. These recordings cannot determine which of them it is."
         )
-    both = " and ".join(found.base.fit.stiffness)
+    both = " and ".join(map(symbol_of, found.base.fit.stiffness))
     lines.append(
         "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
         f"a change of {both}. It was not tested, and would change the stiffness without any sign of it."

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
 from legfem.geometry.section import girth
+from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.cross_validation import HeldOut
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
@@ -46,7 +48,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
             remark = [wrong, flag, "" if model is found.base else change]
             rows.append(
                 Known(
-                    f"{name}, {which}",
+                    f"{symbol_of(name)}, {which}",
                     f"{tables.estimate(model, name)} kPa",
                     "estimated",
                     recordings,
@@ -55,7 +57,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
                 )
             )
         if over := tables.averaged(found, name):
-            row = Known(f"{name}, {tables.OVER_ALL}", "", "estimated", recordings, over, wrong)
+            row = Known(f"{symbol_of(name)}, {tables.OVER_ALL}", "", "estimated", recordings, over, wrong)
             rows.append(row)
     for model in found.models:
         for mechanism in model.fit.mechanisms:
@@ -212,13 +214,13 @@ def limit_cells(found: Diagnosis) -> Cells:
     rows = []
     for limit in found.limits:
         unit = "" if limit.unit == "-" else f" {limit.unit}"
-        stiffness = limit.stiffness.get("C10")
+        stiffness = limit.stiffness.get(DEEP_C10)
         rows.append(
             [
                 plain(limit.name),
                 f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{unit}",
                 ends.get((limit.open_low, limit.open_high), "no"),
-                "-" if stiffness is None else f"{stiffness[0]:.3g} to {stiffness[1]:.3g}",
+                "-" if stiffness is None else f"{mpa_to_kpa(stiffness[0]):.3g} to {mpa_to_kpa(stiffness[1]):.3g}",
                 f"{limit.effect:.2g}",
             ]
         )
@@ -240,23 +242,26 @@ def relative_change(before: float, after: float) -> str:
 
 def estimate(model: Explanation, name: str) -> str:
     """Return a parameter's value with the digits that its error leaves."""
-    low, high = model.interval(name)
-    return number(model.value(name), (high - low) / 4)
+    shown = model.shown(name)
+    return number(shown.value, (shown.ci95[1] - shown.ci95[0]) / 4)
 
 
 def interval(model: Explanation, name: str) -> str:
     """Return a parameter's 95 % interval."""
     if not determined(model, name):
         return "not narrowed by this test"
-    low, high = model.interval(name)
-    return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
+    return _between(model.shown(name).ci95)
 
 
 def averaged(found: Diagnosis, name: str) -> str:
-    """Return a parameter's 95 % interval over all explanations; nothing where there is none."""
+    """Return a stiffness's 95 % interval (kPa) over all explanations; nothing where there is none."""
     if name not in found.intervals:
         return ""
-    low, high = found.intervals[name]
+    return _between(found.shown_interval(name))
+
+
+def _between(ends: tuple[float, float]) -> str:
+    low, high = ends
     return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
 
 

@@ -11,6 +11,8 @@ from typing import Literal
 import numpy as np
 
 from legfem.common.progress import Progress, Silent
+from legfem.common.units import mpa_to_kpa
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
@@ -88,8 +90,8 @@ class HiddenDiagnoser:
             tuple(model.probability for model in found.models),
             headline(found, ()).heading,
             _called(found, KINDS[case.kind].names),
-            found.best.value("C10"),
-            found.intervals["C10"],
+            mpa_to_kpa(found.best.value(DEEP_C10)),
+            found.shown_interval(DEEP_C10),
             found.solutions,
             time.process_time() - begun,
         )

@@ -177,7 +177,8 @@ class OtherPressing(ABC):
         return {}
 
     def _begin(self, free: FloatArray) -> None:
-        """Prepare for Newton's method, which begins from what is free."""
+        """Prepare for Newton's method, which begins from what is free: what meets what."""
+        self._met: Any = None
 
     def _held(self, free: FloatArray, left: FloatArray, matrix: Any) -> tuple[FloatArray, Any]:
         """Return residual and tangent with what holds the body beside its tissue and the skin."""
