@@ -66,12 +66,12 @@ class Seen(ClosedForm):
         names: Sequence[str],
         mechanism: TissueMechanism,
         values: Values,
-        at: Stiffness,
+        stiffness: Stiffness,
         observed: Observations,
-        pressed: FloatArray,
+        at: FloatArray,
     ) -> FloatArray:
         """Return a stiffer fat's thickness: it keeps more of it; of a tilted indenter, a lateral force."""
-        x = np.maximum(pressed, 0.0) / 20
+        x = at @ np.concatenate([[0.0], self.grid]) / 20
         changes = {
             ("superficial-stiffness", "fat_thickness"): 2.0 * np.log(values.get("factor", 1.0)) * x,
             ("superficial-stiffness", "muscle_thickness"): -2.0 * np.log(values.get("factor", 1.0)) * x,

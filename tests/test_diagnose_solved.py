@@ -11,6 +11,7 @@ from making_diagnosis import INSTRUMENT
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.grid_spline import GridSpline
 from legfem.inverse.library_build import build_library, rounded
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.observations import observe
@@ -164,7 +165,14 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
         emulated = library.relative_change(mechanism, values, SOFT, observed)
         true = solved.relative_change(mechanism, values, SOFT, observed)
         assert np.abs(emulated - true)[deep].max() < 0.12 * np.abs(true[deep]).max()
-        given = CHANNELS_SEEN, mechanism, values, SOFT, observed, observed.displacement
+        given = (
+            CHANNELS_SEEN,
+            mechanism,
+            values,
+            SOFT,
+            observed,
+            GridSpline(library.grid).weights(observed.displacement),
+        )
         beside, exact = library.channel_changes(*given), solved.channel_changes(*given)
         assert np.abs(exact).max() > 0.01, "nothing to stand in for"
         assert np.abs(beside - exact)[deep].max() < 0.15 * np.abs(exact[deep]).max()

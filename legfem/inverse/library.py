@@ -19,7 +19,6 @@ from legfem.common.units import FloatArray
 from legfem.inverse.emulator import Emulator
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import course_at
 
 _REACH = 1.6
 
@@ -160,24 +159,26 @@ class Library:
         names: Sequence[str],
         mechanism: TissueMechanism,
         values: Values,
-        at: Stiffness,
+        stiffness: Stiffness,
         observed: Observations,
-        pressed: FloatArray,
+        at: FloatArray,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k) where the tissue is pressed by so much (n,), mm."""
+        """Return what a mechanism adds to channels (n, k); see `GridSpline.weights` of ``at``."""
 
         def row(key: str) -> FloatArray:
             if mechanism.derivatives:
-                found = np.asarray(mechanism.shares(values) @ self.beside.changes[mechanism.name, key](at[0]))
+                found = np.asarray(mechanism.shares(values) @ self.beside.changes[mechanism.name, key](stiffness[0]))
                 return self.beside.columns(found, names)
-            return self.beside.columns(self._at_strength(self.beside.changes, mechanism, key, values, at[0]), names)
+            return self.beside.columns(
+                self._at_strength(self.beside.changes, mechanism, key, values, stiffness[0]), names
+            )
 
         if mechanism.along_path:
             return observed.spread([row(stations.key) for stations in observed.protocols])
         change = row("")
         if not mechanism.derivatives:
             change = mechanism.share(values) * change
-        return course_at(self.grid, change, pressed)
+        return at @ change
 
     def _at_strength(
         self, tables: Mapping[tuple[str, str], Table], mechanism: TissueMechanism, key: str, values: Values, c10: float

@@ -13,19 +13,18 @@ from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PPoly
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.grid_spline import GridSpline
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
-type Spline = tuple[int, float, float, tuple[str, ...]]
-"""Responses, C10 and C20 (kPa), and channels; the force without any."""
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4
-_SPLINES_KEPT = 400
+_CURVES_KEPT = 400
 
 
 class Responses(TissueResponses, Protocol):
@@ -59,11 +58,11 @@ class Responses(TissueResponses, Protocol):
         names: Sequence[str],
         mechanism: TissueMechanism,
         values: Mapping[str, float],
-        at: Stiffness,
+        stiffness: Stiffness,
         observed: Observations,
-        pressed: FloatArray,
+        at: FloatArray,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k) where the tissue is pressed by so much (n,), mm."""
+        """Return what a mechanism adds to channels (n, k); see `GridSpline.weights` of ``at`` (n, m + 1)."""
         ...
 
 
@@ -112,7 +111,8 @@ class Predictor:
     ends: Ends | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    _splines: dict[Spline, CubicSpline | None] = field(default_factory=dict, repr=False)
+    _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
+    _curves: dict[tuple[int, tuple[str, ...], float, float], FloatArray] = field(default_factory=dict, repr=False)
 
     def corrected(self, offset: FloatArray) -> Predictor:
         """Return the predictor shifted to agree with a full solution."""
@@ -146,7 +146,7 @@ class Predictor:
         )
 
     def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
-        """Return all readings (N,); NaN where a full solution stopped."""
+        """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't."""
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
         c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
@@ -187,66 +187,86 @@ class Predictor:
         if not observed.channels:
             return force + self.offset
         names = [one.name for one in observed.channels]
-        courses = self._elastic(c10, c20, factor, beside=True)(pressed)
-        if np.isnan(force).any() or np.isnan(courses).any():
+        at = self._grid.weights(pressed)
+        courses = self._courses(names, c10, c20, factor, at)
+        if np.isnan(force).any():
             return np.full(len(observed.values), np.nan)
         for changed, its in tissue:
-            courses = courses + self.responses.channel_changes(names, changed, its, (c10, c20), observed, pressed)
+            courses = courses + self.responses.channel_changes(names, changed, its, (c10, c20), observed, at)
         readings = [
             one.weights @ (course * factors if one.is_force else course)
             for one, course in zip(observed.channels, courses.T, strict=True)
         ]
         return np.concatenate([force, *readings]) + self.offset
 
-    def _elastic(self, c10: float, c20: float, factor: FloatArray, beside: bool = False) -> _Elastic:
-        """Return the force, or the channels beside it, at factors on the deep stiffness."""
-        low, high = float(factor.min()), float(factor.max())
-        nodes = np.array([1.0]) if high - low < 1e-12 else np.linspace(low, high, _FACTOR_NODES)
-        at_null = high - low < 1e-12
-        scale = factor[0] if at_null else 1.0
-        names = tuple(one.name for one in self.observed.channels) if beside else ()
-        splines = [self._spline(c10 * scale * n, c20 * scale * n, names) for n in nodes]
+    def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
+        """Return the force at factors on the deep stiffness."""
+        nodes, weights = _nodes_of(factor)
+        splines = [self._spline(c10 * n, c20 * n) for n in nodes]
         known = [spline for spline in splines if spline is not None]
         if len(known) < len(splines):
-            return _Elastic([_unknown], np.array([1.0]), None)
-        return _Elastic(known, nodes, None if at_null else _lagrange(nodes, factor))
+            return _Elastic([_unknown], None)
+        return _Elastic(known, weights)
 
-    def _spline(self, c10: float, c20: float, names: tuple[str, ...]) -> CubicSpline | None:
-        """Return the elastic force of a stiffness (kPa), or channels, kept for the next time; None without."""
-        key = id(self.responses), float(c10), float(c20), names
-        if key not in self._splines:
-            if len(self._splines) > _SPLINES_KEPT:
-                self._splines.clear()
-            grid = np.concatenate([[0.0], self.responses.grid])
-            if names:
-                curve = self.responses.channel_curves(names, c10, c20)
-            else:
-                curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
-            self._splines[key] = None if np.isnan(curve).any() else CubicSpline(grid, curve)
-        return self._splines[key]
+    def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: FloatArray) -> FloatArray:
+        """Return elastic channels (n, k) at factors on the deep stiffness, ``at`` as `GridSpline.weights`."""
+        nodes, weights = _nodes_of(factor)
+        each = [at @ self._beside(tuple(names), c10 * n, c20 * n) for n in nodes]
+        return each[0] if weights is None else np.einsum("ij,ijk->jk", weights, np.array(each))
+
+    @cached_property
+    def _grid(self) -> GridSpline:
+        return GridSpline(self.responses.grid)
+
+    def _spline(self, c10: float, c20: float) -> PPoly | None:
+        """Return the elastic force of a stiffness (kPa), kept for the next time; None without."""
+
+        def made() -> PPoly | None:
+            curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
+            return None if np.isnan(curve).any() else self._grid.through(curve)
+
+        return self._recalled(self._splines, (id(self.responses), float(c10), float(c20)), made)
+
+    def _beside(self, names: tuple[str, ...], c10: float, c20: float) -> FloatArray:
+        """Return channels' courses (m + 1, k) of a stiffness (kPa), kept likewise."""
+        key = id(self.responses), names, float(c10), float(c20)
+        return self._recalled(self._curves, key, lambda: self.responses.channel_curves(names, c10, c20))
+
+    @staticmethod
+    def _recalled[K, V](kept: dict[K, V], key: K, make: Callable[[], V]) -> V:
+        if key not in kept:
+            if len(kept) > _CURVES_KEPT:
+                kept.clear()
+            kept[key] = make()
+        return kept[key]
 
 
 @dataclass(frozen=True, eq=False)
 class _Elastic:
-    """Curves at several factors on the deep stiffness, interpolated to every station's; level before first touch."""
+    """Curves at several factors on the deep stiffness, interpolated to every station's; nothing before first touch."""
 
     splines: Sequence[Callable[[FloatArray, int], FloatArray]]
-    nodes: FloatArray
     weights: FloatArray | None
 
     def __call__(self, displacement: FloatArray, derivative: int = 0) -> FloatArray:
         at = np.maximum(displacement, 0.0)
         values = [spline(at, derivative) for spline in self.splines]
-        total = values[0]
-        if self.weights is not None:
-            total = np.einsum("ij,ij...->j...", self.weights, np.array(values))
-        # A force is nothing there, exactly, and so are derivatives.
-        return np.where(displacement > 0, total, 0.0) if total.ndim == 1 else total
+        total = values[0] if self.weights is None else np.einsum("ij,ij->j", self.weights, np.array(values))
+        return np.where(displacement > 0, total, 0.0)
 
 
 def _unknown(displacement: FloatArray, derivative: int) -> FloatArray:
     """Return the force of a solution that stopped."""
     return np.full(len(displacement), np.nan)
+
+
+def _nodes_of(factor: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+    """Return factors at which curves are looked up, and what stations' take of each; None where all are one."""
+    low, high = float(factor.min()), float(factor.max())
+    if high - low < 1e-12:
+        return factor[:1], None
+    nodes = np.linspace(low, high, _FACTOR_NODES)
+    return nodes, _lagrange(nodes, factor)
 
 
 def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:
