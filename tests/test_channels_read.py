@@ -105,7 +105,7 @@ def test_several_trials_have_a_file_each(tmp_path):
     assert [one.trial for one in beside.recordings] == ["trial1", "trial2"], "frames beside the recordings are none"
     np.testing.assert_array_equal(beside.recordings[1].channels[0].values, second)
     assert not any("not read" in str(doubt) for doubt in doubts_about(beside))
-    assert not preview_of(directory, tmp_path / "seen").trouble
+    assert not preview_of(directory, tmp_path).trouble
 
 
 def refused(directory: Path, *words: str) -> None:
