@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from fnmatch import fnmatch
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -27,7 +28,8 @@ class RecordedChannelEntry(FileTable):
     """``[channels.NAME]``: where a channel is found, and how accurate it is; what isn't given is usual."""
 
     file: Text | None = None
-    """Table of ``time_s`` and the channel, within the subject's folder; a column of the recordings without it."""
+    """Table of ``time_s`` and the channel, within the subject's folder or beside the recordings; a column of theirs
+    without it."""
     column: Text | None = None
     """Of that table, where its name isn't the channel's."""
     sd_mm: Positive | None = None
@@ -125,6 +127,12 @@ def with_channels(
     return tuple(recordings)
 
 
+def is_channel_file(path: Path, given: FileTable, site: str = "") -> bool:
+    """Return whether a file among recordings is one that ``[channels]`` names, and so no recording."""
+    names = (entry.file for _, entry in given if entry is not None and entry.file is not None)
+    return any(fnmatch(path.name, PurePath(name.replace(SITE, site).replace(TRIAL, "*")).name) for name in names)
+
+
 def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) -> Recording:
     stated = (replace(one, accuracy=accuracy) if one.name == kind.name else one for one in recording.channels)
     return replace(recording, channels=tuple(stated))
@@ -135,12 +143,18 @@ def _with_file(
 ) -> Recording:
     assert entry.file is not None
     path = folder / entry.file.replace(TRIAL, recording.trial)
+    if (
+        not path.is_file()
+        and recording.source is not None
+        and (beside := recording.source.parent / path.name).is_file()
+    ):
+        path = beside
     if any(one.name == kind.name for one in recording.channels):
         raise InputError(
             path, kind.name, f"{recording.trial} has a column {kind.column} too", "keep the column or the file"
         )
     time, values = read_channel(path, kind, entry.column)
-    channel = RecordedChannel(kind.name, time, values, accuracy)
+    channel = RecordedChannel(kind.name, time, values, accuracy, path)
     return replace(recording, channels=(*recording.channels, channel))
 
 

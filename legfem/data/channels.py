@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from legfem.common.units import FloatArray, frozen_array
 
@@ -113,12 +114,15 @@ class RecordedChannel:
         In the kind's unit; read-only.
     accuracy : ChannelAccuracy
         Of the instrument.
+    source : Path, optional
+        File of its own; a column of the recording without it.
     """
 
     name: str
     time: FloatArray
     values: FloatArray
     accuracy: ChannelAccuracy
+    source: Path | None = None
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""

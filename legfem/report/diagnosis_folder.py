@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from legfem.common.documents import json_types, write_document
 from legfem.experiments.plane_strain import PlaneStrainSettings
@@ -32,9 +32,6 @@ from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut
-
-if TYPE_CHECKING:
-    pass
 
 _COARSER = 2.4
 """Than the mesh that forces come from: that of the section to press."""
