@@ -21,6 +21,7 @@ BASE = {DEEP_C10: 0.001, DEEP_C20: 0.0006}
 UNANSWERED = (
     "poroelastic-drainage",
     "contact-slip",
+    "fat-sliding",
     "prestress",
     "superficial-viscoelasticity",
     "superficial-stiffening",

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from legfem.inverse.averaging import averaged_interval, untried_pairs
+from legfem.inverse.averaging import POWER, averaged_interval, untried_pairs
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
@@ -27,11 +27,11 @@ from legfem.legs.mechanisms import mechanism_named
 
 
 def explanation(like: Explanation, mean: float, sd: float, probability: float) -> Explanation:
-    """Return an explanation whose first parameter is normal; the others stay."""
+    """Return an explanation whose first parameter is normal, of a share of an interval's weights; the others stay."""
     p = like.posterior
     mean_of, spread = p.mean.copy(), p.covariance.copy()
     mean_of[0], spread[0, 0] = mean, sd**2
-    posterior = replace(p, mean=mean_of, covariance=spread)
+    posterior = replace(p, mean=mean_of, covariance=spread, log_evidence=np.log(probability) / POWER)
     return replace(like, posterior=posterior, probability=probability)
 
 
@@ -79,7 +79,8 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     # The recordings bound both effects' sum better than each: the sum is no narrower.
     assert sd < np.sqrt(variance) < 1.25 * sd
     low, high = averaged_interval(found, DEEP_C10)
-    parts = [(e.probability, e.distribution(DEEP_C10)) for e in found.every if not e.is_base]
+    logs = {e: e.log_prior + POWER * e.posterior.log_evidence for e in found.every if not e.is_base}
+    parts = [(np.exp(log - max(logs.values())), e.distribution(DEEP_C10)) for e, log in logs.items()]
     alone = Mixture.joined(*zip(*parts, strict=True))
     prior = base.parameters[0].prior
     assert low < prior.value_at(alone.quantile(0.025))

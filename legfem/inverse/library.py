@@ -148,7 +148,8 @@ class Library:
         if mechanism.derivatives:
             rows = [self.changes[mechanism.name, key](at[0]) for key in keys]
             return observed.spread([mechanism.shares(values) @ row for row in rows])
-        return observed.spread([self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys])
+        changes = [self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys]
+        return mechanism.share(values) * observed.spread(changes)
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
@@ -173,12 +174,10 @@ class Library:
                 self._at_strength(self.beside.changes, mechanism, key, values, stiffness[0]), names
             )
 
+        share = 1.0 if mechanism.derivatives else mechanism.share(values)
         if mechanism.along_path:
-            return observed.spread([row(stations.key) for stations in observed.protocols])
-        change = row("")
-        if not mechanism.derivatives:
-            change = mechanism.share(values) * change
-        return at @ change
+            return share * observed.spread([row(stations.key) for stations in observed.protocols])
+        return at @ (share * row(""))
 
     def _at_strength(
         self, tables: Mapping[tuple[str, str], Table], mechanism: TissueMechanism, key: str, values: Values, c10: float
