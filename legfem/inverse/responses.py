@@ -279,7 +279,7 @@ class SolvedResponses:
         if joint is None:
             return {}
         both, first, second = (self.elastic_change(solution, stiffness) for solution in (joint, one, other))
-        found = {"force": (1 + both["force"]) / ((1 + first["force"]) * (1 + second["force"])) - 1}
+        found: Columns = {"force": (1 + both["force"]) / ((1 + first["force"]) * (1 + second["force"])) - 1}
         for name in channels_of(both):
             if name in first and name in second:
                 found[name] = both[name] - first[name] - second[name]
