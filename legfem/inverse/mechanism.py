@@ -121,6 +121,8 @@ class Mechanism:
     """What its strength is in a sentence, which stands at ``{}``: "fat of {} times the stiffness"."""
     expected: ClassVar[float] = 1.0
     """How often it is there, over the other mechanisms, before anything was recorded."""
+    kin: ClassVar[str] = ""
+    """What is sure where one of several mechanisms is there that do much the same, as a sentence; theirs alone."""
     stands_for_C20: ClassVar[bool] = False
     """Whether its strength is C20 itself where the base law has none, which then is its response."""
 
