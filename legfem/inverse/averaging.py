@@ -13,6 +13,8 @@ Stat. Assoc. 114 (2019) 1113).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -48,16 +50,31 @@ class HiddenPair:
     distribution: Mixture
 
 
-def averaged_interval(explained: Explained, name: str, share: float = 0.95) -> tuple[float, float] | None:
-    """Return a parameter's interval over all that may be left out, each with its probability.
+def averaged_interval(
+    explained: Explained, name: str, share: float = 0.95, more_common: Mapping[str, float] | None = None
+) -> tuple[float, float] | None:
+    """Return a parameter's interval over all that may be left out, each with its weight.
 
     None where no explanation that counts has the parameter.
+
+    Parameters
+    ----------
+    explained
+        All explanations.
+    name
+        Of the parameter.
+    share
+        That the interval holds.
+    more_common
+        How many times as common as is assumed mechanisms are, by their names.
     """
-    every = _averaged(explained, name)
+    times = more_common or {}
+    every = [(e, weight * _times(e.names, times)) for e, weight in _averaged(explained, name)]
     if not every:
         return None
     each = [(weight, e.distribution(name)) for e, weight in every]
-    each += [(pair.probability, pair.distribution) for pair in untried_pairs(explained, name)]
+    pairs = untried_pairs(explained, name)
+    each += [(pair.probability * _times(pair.names, times), pair.distribution) for pair in pairs]
     mixture = Mixture.joined([p for p, _ in each], [one for _, one in each])
     parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
     assert parameter.prior is not None
@@ -82,6 +99,39 @@ def widened_by(explained: Explained, name: str) -> Explanation | None:
 
     every = [one for one in _averaged(explained, name) if one[0].names]
     return max(every, key=beyond)[0] if every else None
+
+
+def _times(names: Sequence[str], more_common: Mapping[str, float]) -> float:
+    return math.prod(more_common.get(name, 1.0) for name in names)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A parameter's interval where one mechanism is rarer, or more common, than is assumed."""
+
+    mechanism: str
+    weight: float
+    """Of it alone and in pairs, in the interval."""
+    rarer: tuple[float, float]
+    commoner: tuple[float, float]
+
+
+TIMES = 3.0
+"""By which a mechanism is made rarer, and more common."""
+
+
+def sensitivities(explained: Explained, name: str, most: int = 5) -> tuple[Sensitivity, ...]:
+    """Return what a parameter's interval owes to how common the mechanisms are taken to be that weigh most."""
+    weights: dict[str, float] = {}
+    for one, weight in _averaged(explained, name):
+        for mechanism in one.names:
+            weights[mechanism] = weights.get(mechanism, 0.0) + weight
+    found = []
+    for mechanism, weight in sorted(weights.items(), key=lambda pair: -pair[1])[:most]:
+        ends = [averaged_interval(explained, name, more_common={mechanism: f}) for f in (1 / TIMES, TIMES)]
+        if ends[0] is not None and ends[1] is not None:
+            found.append(Sensitivity(mechanism, weight, ends[0], ends[1]))
+    return tuple(found)
 
 
 def _averaged(explained: Explained, name: str) -> list[tuple[Explanation, float]]:

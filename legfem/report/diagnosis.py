@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from legfem.common.doubts import doubt_lines
+from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
@@ -190,8 +191,9 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         web.Prose(_looks(found)),
         web.WebTable("What was left out, and how probably", *tables.explanation_cells(found)),
     ]
+    blocks += _checks(found)
     if found.verdict == "consistent":
-        return [*blocks, *_hidden(found)]
+        return [*blocks, *_hidden(found), *_how_common(found)]
     if not found.models:
         return [*blocks, web.Prose(_closest(found))]
     return [
@@ -202,6 +204,33 @@ def _physics(found: Diagnosis) -> list[web.Block]:
             "the recordings are with the mechanism than without it; 5 is strong. “In part” means that a difference "
             "without a known cause remains, because no real effect has exactly the form of a model."
         ),
+        *_how_common(found),
+    ]
+
+
+def _checks(found: Diagnosis) -> list[web.Block]:
+    """Return what the base model and the first explanation leave in each phase."""
+    return [
+        web.Prose(
+            "By phase: what a model leaves (root mean square) beside what gain, zero, noise and all that is not known "
+            "exactly make, and in what share of tests that the model describes as much would be left. A share below "
+            "1 % means that the model's form is wrong there, whatever its probability among the models that were tried."
+        ),
+        web.WebTable("What the models leave in each phase", *tables.phase_cells(found), folded=True),
+    ]
+
+
+def _how_common(found: Diagnosis) -> list[web.Block]:
+    """Return how common effects are taken to be, from where that is known, and what of C10's range hangs on it."""
+    rows = tables.occurrence_cells(found)
+    if not rows[1]:
+        return []
+    return [
+        web.Prose(
+            "How common an effect is counts in C10's range. “Judgement” means that nobody has counted it. The last "
+            f"two columns are C10's range if the effect were {TIMES:g} times as rare, or as common, as assumed."
+        ),
+        web.WebTable("How common effects are taken to be, and what that does to C10", *rows, folded=True),
     ]
 
 

@@ -21,6 +21,7 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import r_squared
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
+from legfem.inverse.predictive import checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.subject import MeasuredEffect, Subject
@@ -166,6 +167,11 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 "phases": list(found.aside.phases),
                 "greatest_departure_N": found.aside.size_N,
             },
+            "by_phase": [
+                {"mechanisms": list(model.names), **asdict(check)}
+                for model in (found.weighted_base, *found.models)
+                for check in checks_by_phase(model)
+            ],
             "untested": found.untested,
             "remarks": list(found.observed.remarks),
             "next_experiment": next_experiments(found),

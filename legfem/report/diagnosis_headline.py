@@ -19,6 +19,7 @@ from legfem.report.diagnosis_curves import determined, places_of
 from legfem.report.diagnosis_sentences import (
     aside_sentence,
     hidden_sentence,
+    kin_sentence,
     misfit_sentence,
     next_experiments,
     percent,
@@ -71,6 +72,8 @@ def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
         return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
     if found.verdict == "consistent":
         return ("sound", "Yes.") if found.aside is None else ("caution", f"Yes, without {found.aside.described}.")
+    if found.verdict == "named" and found.models[0].in_part:
+        return "caution", f"In part: use the corrected one, which may be off by {percent(found.may_be_off)}."
     if found.verdict == "named" or _alike(found):
         return "caution", "Yes, but use the corrected one."
     return "open", "Only as a range."
@@ -119,7 +122,7 @@ def _wrong_of_the_rest(found: Diagnosis) -> str:
     others = f"; or one of {more} less likely causes, listed further down" if more > 1 else ""
     if more == 1:
         others = f"; or, less likely, {statements(found.models[-1])}"
-    return f"The computer model left out one of these: {'; '.join(causes)}{others}."
+    return f"{kin_sentence(found.models)}The computer model left out one of these: {'; '.join(causes)}{others}."
 
 
 def _hides(found: Diagnosis) -> str:

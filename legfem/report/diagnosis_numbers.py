@@ -5,10 +5,12 @@ from __future__ import annotations
 from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
 from legfem.geometry.section import girth
+from legfem.inverse.averaging import sensitivities
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.cross_validation import HeldOut
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
+from legfem.inverse.predictive import checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.subject import MeasuredEffect, Subject
@@ -141,6 +143,47 @@ type Cells = tuple[list[str], list[list[str]]]
 """A table's header and rows."""
 
 OVER_ALL = "over all explanations"
+
+
+def phase_cells(found: Diagnosis) -> Cells:
+    """Return what the base model and the first explanation leave in each phase."""
+    shown = [(BASE_NAME, found.weighted_base), *((f"with {model_name(m)}", m) for m in found.models[:1])]
+    rows = [
+        [which, check.phase, f"{check.left:.3f}", f"{check.errors:.3f}", short_probability(check.p_value)]
+        for which, model in shown
+        for check in checks_by_phase(model)
+    ]
+    return ["model", "phase", "left (N)", "errors (N)", "share of tests"], rows
+
+
+def occurrence_cells(found: Diagnosis) -> Cells:
+    """Return how common the effects are taken to be that weigh most in C10's interval."""
+    possible = found.weighted_base.problem.possible
+    mechanisms = {m.name: m for e in found.explained.every for m in e.fit.mechanisms}
+    rows = []
+    for one in sensitivities(found.explained, DEEP_C10) if DEEP_C10 in found.base.fit.free else ():
+        mechanism, own = mechanisms[one.mechanism], possible.get(one.mechanism)
+        low, high = mechanism.parameters[0].bounds if own is None else (own.low, own.high)
+        first = mechanism.parameters[0]
+        unit = "" if first.unit == "-" else f" {first.unit}"
+        rows.append(
+            [
+                plain(one.mechanism),
+                f"{first.name.replace('_', ' ')} {low:.3g} to {high:.3g}{unit}",
+                f"{mechanism.expected:g}",
+                (own.source if own is not None else "") or "judgement",
+                *(f"{mpa_to_kpa(a):.3g} to {mpa_to_kpa(b):.3g} kPa" for a, b in (one.rarer, one.commoner)),
+            ]
+        )
+    how = "times as common as any other (judgement)"
+    return [
+        "effect",
+        "strengths that are possible",
+        how,
+        "source of the strengths",
+        "C10 if rarer",
+        "C10 if commoner",
+    ], rows
 
 
 def places_left_out(found: Diagnosis) -> int:

@@ -48,8 +48,8 @@ def verdict_sentence(found: Diagnosis) -> str:
         f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
     )
     return (
-        f"{_contradiction(found)} What it left out is one of these, and the recordings can't tell "
-        f"which: {candidates}. "
+        f"{_contradiction(found)} {kin_sentence(found.models)}What it left out is one of these, and the "
+        f"recordings can't tell which: {candidates}. "
         f"{stiffness_range(found.base, found.models)} {air(found)}"
     ).strip()
 
@@ -102,6 +102,13 @@ def _digits(value: float) -> str:
 def statements(model: Explanation) -> str:
     """Return what a model's mechanisms say was left out."""
     return " and ".join(m.statement for m in model.fit.mechanisms)
+
+
+def kin_sentence(models: Sequence[Explanation]) -> str:
+    """Return what is sure where every model has a mechanism of one kin; nothing where they haven't."""
+    each = [{m.kin for m in model.fit.mechanisms if m.kin} for model in models]
+    shared = set.intersection(*each) if each else set()
+    return f"{shared.pop().capitalize()}, by a mechanism that this test cannot determine. " if len(shared) == 1 else ""
 
 
 def stiffness_range(before: Explanation, after: Sequence[Explanation]) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.mechanisms.viscoelasticity import needs_time
+from legfem.legs.mechanisms.viscoelasticity import RELAXES, needs_time
 
 if TYPE_CHECKING:
     from legfem.mechanics.model import Formulation
@@ -42,6 +42,7 @@ class PoroelasticDrainage(TissueMechanism):
             statement="share of the stiffness in volume that stays when all fluid has gone",
         ),
     )
+    kin: ClassVar[str] = RELAXES
     next_experiment: ClassVar[str] = (
         "hold for several minutes with indenters of two sizes: drainage takes time with the size "
         "squared, relaxation does not"
