@@ -81,7 +81,7 @@ def test_one_way_of_pressing_is_said_not_to_tell_it_and_c10_has_the_room_for_tha
 
 @dataclass
 class SidewaysLeg(FibrousLeg):
-    """The same, which isn't alike to both sides: fibres draw the cylinder aside by 0.2 of the force a unit of the ratio."""
+    """The same, which isn't alike to both sides: fibres draw the cylinder aside by 0.2 of the force a unit."""
 
     def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         outcome = super().solve(values, sensitivities)
