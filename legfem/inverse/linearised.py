@@ -325,20 +325,45 @@ def _fit_from(
     def values_at(z: FloatArray) -> dict[str, float]:
         return {**fixed, **{p.name: q.value_at(float(x)) for p, q, x in zip(free, priors, z, strict=True)}}
 
+    last = at, predictor(values_at(at), mechanisms)
+
+    def predicted(z: FloatArray) -> FloatArray:
+        nonlocal last
+        if not np.array_equal(last[0], z):
+            last = z.copy(), predictor(values_at(z), mechanisms)
+        return last[1]
+
+    def change_at(z: FloatArray) -> FloatArray:
+        """Return the prediction's derivatives (n, p) by the departures, by differences."""
+        here, steps = predicted(z), np.where(z + _STEP < ends[:, 1], _STEP, -_STEP)
+        columns = np.zeros((len(here), len(z)))
+        # A first contact acts on its own trial alone: those of all trials are moved at once.
+        trials = [predictor.trial_of(p.name) for p in free]
+        onsets = [k for k, trial in enumerate(trials) if trial is not None]
+        if onsets:
+            moved = z.copy()
+            moved[onsets] += steps[onsets]
+            together = predictor(values_at(moved), mechanisms) - here
+            for k in onsets:
+                columns[:, k] = np.where(predictor.observed.reading_trial == trials[k], together, 0.0) / steps[k]
+        for k in range(len(z)):
+            if trials[k] is None:
+                moved = z.copy()
+                moved[k] += steps[k]
+                columns[:, k] = (predictor(values_at(moved), mechanisms) - here) / steps[k]
+        return columns
+
     def misfit(z: FloatArray) -> FloatArray:
-        left = predictor.observed.values - predictor(values_at(z), mechanisms)
-        return np.concatenate([problem.whitened(left), z])
+        return np.concatenate([problem.whitened(predictor.observed.values - predicted(z)), z])
 
     def slopes(z: FloatArray) -> FloatArray:
-        columns = problem.whitened(_change(predictor, mechanisms, values_at, z, ends))
-        return np.vstack([-columns, np.eye(len(z))])
+        return np.vstack([-problem.whitened(change_at(z)), np.eye(len(z))])
 
     found = least_squares(
         misfit, at, jac=slopes, bounds=(ends[:, 0], ends[:, 1]), xtol=1e-7, ftol=1e-8, gtol=1e-9, max_nfev=evaluations
     )
     values = values_at(found.x)
-    prediction = predictor(values, mechanisms)
-    change = _change(predictor, mechanisms, values_at, found.x, ends)
+    prediction, change = predicted(found.x), change_at(found.x)
     count = len(found.fun) - len(free)
     return LinearisedFit(
         tuple(mechanisms),
@@ -351,17 +376,6 @@ def _fit_from(
         np.asarray(found.fun[:count]),
         problem.whitened(change),
     )
-
-
-def _change(predictor, mechanisms, values_at, z: FloatArray, ends: FloatArray) -> FloatArray:  # type: ignore[no-untyped-def]
-    """Return the prediction's derivatives (n, p) by the departures, by differences."""
-    here = predictor(values_at(z), mechanisms)
-    columns = []
-    for k in range(len(z)):
-        moved = z.copy()
-        moved[k] += _STEP if z[k] + _STEP < ends[k, 1] else -_STEP
-        columns.append((predictor(values_at(moved), mechanisms) - here) / (moved[k] - z[k]))
-    return np.column_stack(columns)
 
 
 _ROUNDS = 4
