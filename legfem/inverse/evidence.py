@@ -120,7 +120,7 @@ class Evidence:
                 spreads += [np.zeros((p, p))] * len(self._sizes)
                 continue
             mine = np.column_stack([centred, about.jacobian])
-            white = solve_triangular(factor.lower, mine, lower=True)
+            white = solve_triangular(factor.lower, mine, lower=True, check_finite=False)
             fixed, sized = np.hstack([white[:, 1:], factor.columns[:, :k]]), factor.columns[:, k:]
             # What has one size is eliminated once, by its Schur complement; then all sizes of gains and zeros at once.
             lower = np.linalg.cholesky(np.eye(p + k) + fixed.T @ fixed)
