@@ -40,6 +40,7 @@ COMMANDS = (
     "studies.hidden",
     "studies.meshes",
     "studies.bench",
+    "studies.cohort",
     "studies.expected_force",
     "studies.fibres",
     "studies.leg3d",

@@ -12,6 +12,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
@@ -250,7 +251,12 @@ def accuracy_of(subject: Subject) -> Accuracy:
     """
     check_measured(subject.directory / "subject.toml", subject.measured)
     known = accuracy_of_shape(subject)
-    return replace(known, measured=elastography_priors(subject.elastography), effects=subject.measured)
+    measured = elastography_priors(subject.elastography)
+    if (prior := subject.stiffness_prior) is not None:
+        if DEEP_C10 in measured:
+            raise InputError("--prior", DEEP_C10, "was measured by shear waves, in subject.toml", "leave one out")
+        measured[DEEP_C10] = prior
+    return replace(known, measured=measured, effects=subject.measured)
 
 
 WITHOUT_ENDS: Mapping[str, str] = {

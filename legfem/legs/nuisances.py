@@ -100,14 +100,15 @@ class Accuracy:
         """What was measured of C10 of the deep tissue by other means, kPa."""
         if (known := self.measured.get("deep.C10")) is None:
             return None
-        return replace(known, centre=mpa_to_kpa(known.centre), sd=mpa_to_kpa(known.sd))
+        sd = known.sd if known.scale == "log" else mpa_to_kpa(known.sd)
+        return replace(known, centre=mpa_to_kpa(known.centre), sd=sd)
 
     def log_sd(self, material: str) -> float:
         """Return the standard deviation of an assumed number's logarithm."""
         if material.startswith(SIZE):
             return self.size_sd
         if (known := self.measured.get(material)) is not None:
-            return known.sd / known.centre
+            return known.sd if known.scale == "log" else known.sd / known.centre
         return MATERIAL_LOG_SD[material] if self.assumed_sd is None else self.assumed_sd
 
 

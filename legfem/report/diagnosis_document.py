@@ -78,6 +78,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "unknown": e.unnamed,
                     "probability": e.probability,
                     "log_evidence": e.posterior.log_evidence,
+                    "parameters": {f"{n.lower()}_deep": _parameter(e, n, "kPa") for n in e.fit.stiffness},
                 }
                 for e in found.explained.every
                 if e.probability > 1e-4
