@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -87,7 +88,7 @@ def calibrate(
         found = []
         progress.stage("cohorts", n)
         for k in range(seed, seed + n):
-            found.append(store.get_or_make(k, lambda k=k: ranked(sampler, k)))
+            found.append(store.get_or_make(k, partial(ranked, sampler, k)))
             progress.advance("cohort")
         rows = []
         for name in found[0].ranks:
