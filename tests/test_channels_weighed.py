@@ -18,6 +18,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import error_model
+from legfem.inverse.grid_spline import At
 from legfem.inverse.linearised import LinearisedProblem, fit
 from legfem.inverse.observations import Observations, blank_observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
@@ -68,10 +69,10 @@ class Seen(ClosedForm):
         values: Values,
         stiffness: Stiffness,
         observed: Observations,
-        at: FloatArray,
+        at: At,
     ) -> FloatArray:
         """Return a stiffer fat's thickness: it keeps more of it; of a tilted indenter, a lateral force."""
-        x = at @ np.concatenate([[0.0], self.grid]) / 20
+        x = at(np.concatenate([[0.0], self.grid])[:, None])[:, 0] / 20
         changes = {
             ("superficial-stiffness", "fat_thickness"): 2.0 * np.log(values.get("factor", 1.0)) * x,
             ("superficial-stiffness", "muscle_thickness"): -2.0 * np.log(values.get("factor", 1.0)) * x,

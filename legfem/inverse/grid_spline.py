@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,6 +10,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from legfem.common.units import FloatArray
+
+type At = Callable[[FloatArray], FloatArray]
+"""Courses (m + 1, k), at zero and at a grid, to what they are at displacements (n, k)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +40,14 @@ class GridSpline:
         """Return the spline through values (m + 1,)."""
         return PPoly.construct_fast(np.ascontiguousarray((self._pieces @ values).T), self._knots)
 
-    def weights(self, at: FloatArray) -> FloatArray:
-        """Return what splines take of their values at displacements (n,), (n, m + 1); below zero as at zero."""
-        inside = np.maximum(at, 0.0)
+    def at(self, displacement: FloatArray) -> At:
+        """Return what evaluates courses (m + 1, k) at displacements (n,), as (n, k); below zero as at zero."""
+        inside = np.maximum(displacement, 0.0)
         piece = np.clip(np.searchsorted(self._knots, inside, side="right") - 1, 0, len(self.grid) - 1)
         t = inside - self._knots[piece]
         powers = np.stack([t**3, t**2, t, np.ones(len(t))], axis=1)
-        return np.asarray(np.einsum("nk,nkm->nm", powers, self._pieces[piece]))
+
+        def evaluated(courses: FloatArray) -> FloatArray:
+            return np.asarray(np.einsum("nq,nqk->nk", powers, (self._pieces @ courses)[piece]))
+
+        return evaluated

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
 from legfem.inverse.emulator import Emulator
+from legfem.inverse.grid_spline import At
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
 
@@ -162,9 +163,9 @@ class Library:
         values: Values,
         stiffness: Stiffness,
         observed: Observations,
-        at: FloatArray,
+        at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k); see `GridSpline.weights` of ``at``."""
+        """Return what a mechanism adds to channels (n, k); see `Responses`."""
 
         def row(key: str) -> FloatArray:
             if mechanism.derivatives:
@@ -177,7 +178,7 @@ class Library:
         share = 1.0 if mechanism.derivatives else mechanism.share(values)
         if mechanism.along_path:
             return share * observed.spread([row(stations.key) for stations in observed.protocols])
-        return at @ (share * row(""))
+        return at(share * row(""))
 
     def _at_strength(
         self, tables: Mapping[tuple[str, str], Table], mechanism: TissueMechanism, key: str, values: Values, c10: float

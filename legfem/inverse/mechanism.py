@@ -302,6 +302,16 @@ class Solution:
     null_in_series: float = 0.0
     """Compliance (mm/N) of springs that this one is in series with."""
 
+    def joined(self, other: Solution) -> Solution | None:
+        """Return the solution with what both change of the base model; None where one is of another model."""
+        if {self.variant, self.null, other.variant, other.null} != {"elastic"}:
+            return None
+        return Solution(
+            parameters={**self.parameters, **other.parameters},
+            scaled={**self.scaled, **other.scaled},
+            tilt_deg=self.tilt_deg + other.tilt_deg,
+        )
+
     def values(self, deep: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:
         """Return what to solve the model with, by full name.
 

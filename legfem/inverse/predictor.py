@@ -14,13 +14,15 @@ from typing import Literal, Protocol
 
 import numpy as np
 from scipy.interpolate import PPoly
+from scipy.sparse import block_diag, csr_array
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.grid_spline import GridSpline
-from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, null_of
+from legfem.inverse.grid_spline import At, GridSpline
+from legfem.inverse.mechanism import Mechanism, Solution, Stiffness, TissueMechanism, TissueResponses, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.responses import Columns
 
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4
@@ -60,9 +62,9 @@ class Responses(TissueResponses, Protocol):
         values: Mapping[str, float],
         stiffness: Stiffness,
         observed: Observations,
-        at: FloatArray,
+        at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k); see `GridSpline.weights` of ``at`` (n, m + 1)."""
+        """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
         ...
 
 
@@ -103,6 +105,9 @@ class Predictor:
         C10 (MPa) by other means, where it was.
     offset
         (N,): what a full solution was above the emulated one, where one was made.
+    together
+        What two mechanisms' solutions do at once beyond each by itself, at a stiffness (kPa); see
+        `SolvedResponses.together`.
     """
 
     observed: Observations
@@ -111,6 +116,7 @@ class Predictor:
     ends: Ends | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
+    together: Callable[[Sequence[Solution], Stiffness], Columns] | None = None
     _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
     _curves: dict[tuple[int, tuple[str, ...], float, float], FloatArray] = field(default_factory=dict, repr=False)
 
@@ -145,8 +151,13 @@ class Predictor:
             statement="first contact, after that found in the recording",
         )
 
-    def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
-        """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't."""
+    def __call__(
+        self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = (), whole: bool = False
+    ) -> FloatArray:
+        """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't.
+
+        ``whole`` adds what effects do together; without it each acts as if it were alone.
+        """
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
         c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
@@ -182,22 +193,33 @@ class Predictor:
                     factors = factors * (1 + change)
             own_factor = mechanism.force_factor(mine, observed)
             force, factors = force * own_factor, factors * own_factor
+        beyond: Columns = {}
+        elastically = [m.solution(its) for m, its in tissue if not m.along_path and not m.derivatives]
+        if whole and self.together is not None and len(elastically) == 2:
+            beyond = self.together(elastically, (c10, c20))
+        if beyond:
+            force = force * (1 + np.interp(observed.displacement, self.responses.grid, beyond["force"]))
         for mechanism in mechanisms:
             force = force + mechanism.added_force(own[mechanism.name], observed)
         if not observed.channels:
             return force + self.offset
         names = [one.name for one in observed.channels]
-        at = self._grid.weights(pressed)
+        at = self._grid.at(pressed)
         courses = self._courses(names, c10, c20, factor, at)
         if np.isnan(force).any():
             return np.full(len(observed.values), np.nan)
         for changed, its in tissue:
             courses = courses + self.responses.channel_changes(names, changed, its, (c10, c20), observed, at)
-        readings = [
-            one.weights @ (course * factors if one.is_force else course)
-            for one, course in zip(observed.channels, courses.T, strict=True)
-        ]
-        return np.concatenate([force, *readings]) + self.offset
+        for k, name in enumerate(names):
+            if name in beyond:
+                courses[:, k] += at(beyond[name][:, None])[:, 0]
+        courses[:, [one.is_force for one in observed.channels]] *= factors[:, None]
+        return np.concatenate([force, self._read @ courses.ravel(order="F")]) + self.offset
+
+    @cached_property
+    def _read(self) -> csr_array:
+        """What all readings beside the force take of the channels' courses at the stations, one after the other."""
+        return block_diag([csr_array(one.weights) for one in self.observed.channels], format="csr")
 
     def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
         """Return the force at factors on the deep stiffness."""
@@ -208,10 +230,10 @@ class Predictor:
             return _Elastic([_unknown], None)
         return _Elastic(known, weights)
 
-    def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: FloatArray) -> FloatArray:
-        """Return elastic channels (n, k) at factors on the deep stiffness, ``at`` as `GridSpline.weights`."""
+    def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
+        """Return elastic channels (n, k) at factors on the deep stiffness."""
         nodes, weights = _nodes_of(factor)
-        each = [at @ self._beside(tuple(names), c10 * n, c20 * n) for n in nodes]
+        each = [at(self._beside(tuple(names), c10 * n, c20 * n)) for n in nodes]
         return each[0] if weights is None else np.einsum("ij,ijk->jk", weights, np.array(each))
 
     @cached_property

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data.channels import CHANNELS
-from legfem.inverse.grid_spline import GridSpline
+from legfem.inverse.grid_spline import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import Stations
@@ -250,13 +250,13 @@ class SolvedResponses:
         values: Values,
         stiffness: Stiffness,
         observed: Observations,
-        at: FloatArray,
+        at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k); see `GridSpline.weights` of ``at``."""
+        """Return what a mechanism adds to channels (n, k); see `Responses`."""
         solution = mechanism.solution(values)
         if not mechanism.along_path:
             found = _columns_of(self.elastic_change(solution, stiffness), names, len(self.grid) + 1)
-            return at @ (mechanism.share(values) * found)
+            return mechanism.share(values) * at(found)
         changes = [(self.path_change(solution, s, stiffness), len(s.time)) for s in observed.protocols]
         return observed.spread([_columns_of(change, names, length) for change, length in changes])
 
@@ -272,6 +272,19 @@ class SolvedResponses:
                 found[name] = changed[name] - _in_series(pushed, self.grid, null[name])
         return found
 
+    def together(self, solutions: Sequence[Solution], stiffness: Stiffness) -> Columns:
+        """Return what two solutions' changes at once are beyond each, as `elastic_change`; nothing of other models."""
+        one, other = solutions
+        joint = one.joined(other)
+        if joint is None:
+            return {}
+        both, first, second = (self.elastic_change(solution, stiffness) for solution in (joint, one, other))
+        found: Columns = {"force": (1 + both["force"]) / ((1 + first["force"]) * (1 + second["force"])) - 1}
+        for name in channels_of(both):
+            if name in first and name in second:
+                found[name] = both[name] - first[name] - second[name]
+        return found
+
     def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> Columns:
         """Return the changes at a protocol's stations (m,): of the force relative, of channels absolute."""
         # A porous leg has another formulation: compared with itself, its own error cancels.
@@ -281,9 +294,10 @@ class SolvedResponses:
         before = _at_displacement(self.grid, elastic["force"], stations.displacement)
         changed = self._solve(PathRequest(stations.protocol, stations.time, stiffness, solution))
         found = {"force": changed["force"] / np.maximum(before, _SMALLEST_FORCE_N) - 1.0}
+        at = GridSpline(self.grid).at(stations.displacement)
         for name in channels_of(changed):
             if name in elastic:
-                found[name] = changed[name][1:] - GridSpline(self.grid).weights(stations.displacement) @ elastic[name]
+                found[name] = changed[name][1:] - at(elastic[name][:, None])[:, 0]
         return found
 
     def by_derivatives(self, mechanism: TissueMechanism, stations: Stations | None, stiffness: Stiffness) -> Columns:
@@ -395,7 +409,7 @@ class ForceAlone:
         values: Values,
         stiffness: Stiffness,
         observed: Observations,
-        at: FloatArray,
+        at: At,
     ) -> FloatArray:
         """Refuse."""
         raise LookupError(f"nothing is known of {', '.join(names)}")

@@ -212,7 +212,14 @@ def diagnose_body(
         return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
 
     return diagnose(
-        Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),
+        Predictor(
+            observed,
+            library,
+            law,
+            ends,
+            accuracy.measured.get(DEEP_C10),
+            together=None if solved is None else solved.together,
+        ),
         instrument,
         able,
         nuisances,
