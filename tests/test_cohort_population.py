@@ -106,7 +106,8 @@ def test_explanations_of_a_diagnosis_come_without_that_nothing_was_left_out() ->
         {"mechanisms": ["contact-slip"], "unknown": False, "probability": 0.3, "parameters": each},
         {"mechanisms": [], "unknown": True, "probability": 0.1, "parameters": each},
     ]
-    document = {"base_model": {"p_value": 0.5}, "parameters_before": each, "parameters_after": each}
+    laws = {"neo-hookean": {"parameters": each}}
+    document = {"base_model": {"p_value": 0.5, "parameters": each}, "laws": laws}
     found = models_of(document | {"explanations": explanations})["after repair"].measures["c10_deep"]
     assert [part[0] for part in found.explanations] == [0.3, 0.1]
     assert replace(found, explanations=()).value == 1.0

@@ -110,6 +110,12 @@ _POINTS = 40
 
 def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
     """What a ``result.json`` or ``diagnosis.json`` holds, by model."""
+    if "base_model" in document:
+        base, (law,) = document["base_model"], document["laws"].values()
+        return {
+            "before repair": ModelResult(_measures(base["parameters"]), base["p_value"]),
+            "after repair": ModelResult(_explained(_measures(law["parameters"]), document["explanations"])),
+        }
     if "laws" in document:
         return {
             name: ModelResult(_measures(law["parameters"]), law["goodness"]["p_value"], _curve(law))
@@ -122,21 +128,15 @@ def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
             if entry["identified"] is not None
         }
         return {"": ModelResult(_measures(entries))}
-    base = document["base_model"]["p_value"]
-    found = {
-        f"{when} repair": ModelResult(_measures(document[f"parameters_{when}"]), base if when == "before" else None)
-        for when in ("before", "after")
-    }
-    after = found["after repair"]
-    measures = {
-        name: replace(one, explanations=_explanations(document["explanations"], name))
-        for name, one in after.measures.items()
-    }
-    return found | {"after repair": replace(after, measures=measures)}
+    return {}
 
 
 def _measures(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Measure]:
     return {name: _measure(entry) for name, entry in entries.items() if entry["value"] is not None}
+
+
+def _explained(measures: Mapping[str, Measure], entries: Sequence[Mapping[str, Any]]) -> dict[str, Measure]:
+    return {name: replace(one, explanations=_explanations(entries, name)) for name, one in measures.items()}
 
 
 def _explanations(
