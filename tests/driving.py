@@ -152,6 +152,18 @@ class Driven:
             "if (!one) return false; one.scrollIntoView(); one.click(); return true;})()"
         )
 
+    def click_at(self, selector: str, across: float, down: float) -> None:
+        """Click an element at a share of its width and height."""
+        one = f"document.querySelector({json.dumps(selector)})"
+        self.until(f"!!{one}")
+        self.value(f"{one}.scrollIntoView({{block: 'center'}})")
+        x, y, width, height = self.value(
+            f"(() => {{const b = {one}.getBoundingClientRect();return [b.x, b.y, b.width, b.height];}})()"
+        )
+        at = {"x": x + across * width, "y": y + down * height, "button": "left", "clickCount": 1}
+        for kind in ("mousePressed", "mouseReleased"):
+            self._call("Input.dispatchMouseEvent", type=kind, **at)
+
     def type(self, label: str, text: str) -> None:
         """Type into the field of a label."""
         self.until(
