@@ -19,7 +19,6 @@ _AXE = """axe.run(document, {resultTypes: ["violations"], iframes: false}).then(
   found.violations.map((one) => `${one.impact}: ${one.id}: `
     + one.nodes.slice(0, 3).map((node) => node.target.join(" ")).join("; ")))"""
 DRAWN = """document.readyState === "complete"
-  && (!window.Bokeh || Bokeh.documents.every((one) => one.is_idle))
   && new Promise((done) => requestAnimationFrame(() => setTimeout(() => done(true))))"""
 
 

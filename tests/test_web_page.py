@@ -26,11 +26,11 @@ from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.leg import leg_page
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.page import Curves, Line
-from legfem.report.render.html import embedded, rendered, ways
+from legfem.report.page import Curves, Line, ways
+from legfem.report.render.html import rendered
 from legfem.report.section import Film, pressed_section
 
-MOST_BYTES = 2_000_000
+MOST_BYTES = 700_000
 DEPTH = 4.0
 
 
@@ -195,7 +195,9 @@ def test_the_table_behind_a_plot_holds_what_is_drawn():
     assert curves.header == ["mm", "one: N"]
     assert len(curves.rows) == 25
     assert curves.rows[0] == ["0.00", "0.000"] and curves.rows[-1] == ["10.00", "100.000"]
-    assert embedded([curves]).places.keys() == {"name"}
+    drawn = curves.data
+    assert drawn["lines"][0]["values"] == [pytest.approx(x**2, rel=1e-5), None]
+    assert [line["read"] for line in drawn["lines"]] == [True, False]
 
 
 def test_a_band_over_loading_hold_and_unloading_is_drawn_in_two_ways():
