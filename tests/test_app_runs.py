@@ -217,7 +217,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     subject = load_subject(write_subject(tmp_path))
     write_document(run.results / "diagnosis.json", document(found, subject, 0, 1.0))
     (row,) = answers_of(run)
-    low, high = found.intervals["C10"]
+    low, high = found.shown_interval("deep.C10")
     ends = [number(end, (high - low) / 4) for end in (low, high)]
     assert f"({ends[0]} to {ends[1]}) kPa" in row.c10
     assert row.verdict == f"named: {found.models[0].names[0]}"

@@ -15,6 +15,7 @@ from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data.channels import CHANNELS, RecordedChannel
 from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about
 from legfem.report.preview import preview_of
 
 AIMED = TOML.replace("aim_mm = [0.0, 0.0]", "aim_mm = [-10.0, 0.0]")
@@ -98,6 +99,13 @@ def test_several_trials_have_a_file_each(tmp_path):
         (directory / f"us-{path.stem}.csv").write_text(f"time_s,fat_thickness_mm\n{rows}\n")
     first, second = (one.channels[0].values for one in load_subject(directory).recordings)
     np.testing.assert_allclose(second - first, 1.0)
+    for path in directory.glob("us-*.csv"):
+        path.rename(directory / "recordings" / path.name)
+    beside = load_subject(directory)
+    assert [one.trial for one in beside.recordings] == ["trial1", "trial2"], "frames beside the recordings are none"
+    np.testing.assert_array_equal(beside.recordings[1].channels[0].values, second)
+    assert not any("not read" in str(doubt) for doubt in doubts_about(beside))
+    assert not preview_of(directory, tmp_path).trouble
 
 
 def refused(directory: Path, *words: str) -> None:

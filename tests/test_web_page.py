@@ -19,6 +19,7 @@ from test_diagnosis_report import CASES
 
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.fem.fields import FieldReader, fields_of
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
@@ -115,7 +116,7 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
     assert page.words.index("warning") < page.words.index("Recordings and model")
     for model in found.models:
         assert model.fit.mechanisms[0].statement in page.words.lower()
-        low, _ = model.interval("C10")
+        low, _ = model.shown(DEEP_C10).ci95
         assert f"{low:.2f} to " in page.words
     if verdict == "unexplained":
         assert "Write down no number" in page.words and " kPa (most likely" not in page.words
@@ -135,7 +136,7 @@ def test_a_test_that_asks_for_nothing_more_says_so(subject):
 def test_a_sound_model_whose_stiffness_may_be_moved_unseen_is_a_range_and_says_by_what(subject):
     found = diagnosed({}, recordings=two_rates())
     wide = next(e for e in found.explained.every if e.names == ("fascia-stiffness",))
-    k = wide.fit.free.index("C10")
+    k = wide.fit.free.index(DEEP_C10)
     covariance = wide.posterior.covariance.copy()
     covariance[k, k] = (0.5 / wide.fit.parameters[k].prior.sd) ** 2
     moved = replace(wide, probability=0.3, posterior=replace(wide.posterior, covariance=covariance, components=None))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from legfem.api.arguments import check_folder, check_names, check_unused, check_whole
 from legfem.api.loading import Given, one_of
-from legfem.api.results import Result, row
+from legfem.api.results import Result
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.legs.subject import SitedLeg, Subject
@@ -87,7 +87,9 @@ class DiagnosedLeg(Result):
         return diagnosis_web_page(self.diagnosis, self.subject, self._plan)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
-        yield from _before_and_after(self.document())
+        from legfem.report.diagnosis_document import parameter_rows
+
+        yield from parameter_rows(self.diagnosis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,19 +172,15 @@ class DiagnosedFolder(Result):
         return diagnosis_web_page(found, one)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
-        for name, document in self.document().items():
-            for each in _before_and_after(document):
-                yield {"specimen": name} | each
+        from legfem.report.diagnosis_document import parameter_rows
+
+        for one in self.specimens:
+            for each in parameter_rows(one.diagnosis) if one.diagnosis else ():
+                yield {"specimen": one.id} | each
 
 
 def _problem_of(specimens: Sequence[DiagnosedSpecimen]) -> InputError:
     return next(one.problem for one in specimens if one.problem is not None)
-
-
-def _before_and_after(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    for when in ("before", "after"):
-        for name, entry in document[f"parameters_{when}"].items():
-            yield {"model": f"{when} repair"} | row(name, entry)
 
 
 @overload

@@ -137,7 +137,7 @@ def _diagnosed(document: Mapping[str, Any]) -> dict[str, Any]:
     verdict = document["verdict"]
     if named:
         verdict += ": " + (" or " if verdict == "ambiguous" else ", ").join(dict.fromkeys(named))
-    known = document["parameters_after"]
+    known = document["parameters"]
     return {"law": document["law"], "origin": document["origin"], "parameters": known, "verdict": verdict}
 
 

@@ -108,6 +108,12 @@ _POINTS = 40
 
 def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
     """What a ``result.json`` or ``diagnosis.json`` holds, by model."""
+    if "base_model" in document:
+        base, (law,) = document["base_model"], document["laws"].values()
+        return {
+            "before repair": ModelResult(_measures(base["parameters"]), base["p_value"]),
+            "after repair": ModelResult(_measures(law["parameters"])),
+        }
     if "laws" in document:
         return {
             name: ModelResult(_measures(law["parameters"]), law["goodness"]["p_value"], _curve(law))
@@ -120,11 +126,7 @@ def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
             if entry["identified"] is not None
         }
         return {"": ModelResult(_measures(entries))}
-    base = document["base_model"]["p_value"]
-    return {
-        f"{when} repair": ModelResult(_measures(document[f"parameters_{when}"]), base if when == "before" else None)
-        for when in ("before", "after")
-    }
+    return {}
 
 
 def _measures(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Measure]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from legfem.common.units import FloatArray, frozen_array
 
@@ -37,12 +38,16 @@ class ChannelKind:
         What it is, for a sentence that begins with "The".
     usual
         Accuracy where none is stated.
+    model_share
+        Standard deviation of a model's error over the displacement, in the unit per mm: effects at once, and outlines
+        that are off beside them, are more than the sum of each.
     """
 
     name: str
     unit: str
     words: str
     usual: ChannelAccuracy
+    model_share: float = 0.0
 
     @property
     def column(self) -> str:
@@ -62,7 +67,7 @@ _CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, slow=0.2, lag=0.05)
 
 def _rise(side: str, beside: int) -> ChannelKind:
     words = f"rise of the skin {beside} mm to the {side} of the line of travel since first touch"
-    return ChannelKind(f"skin_rise_{side}_{beside}", "mm", words, _CAMERAS)
+    return ChannelKind(f"skin_rise_{side}_{beside}", "mm", words, _CAMERAS, 0.012)
 
 
 CHANNELS = {
@@ -76,13 +81,18 @@ CHANNELS = {
             ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01),
         ),
         ChannelKind(
-            "fat_thickness", "mm", "thickness of the fat under the cylinder, along the line of travel", _ULTRASOUND
+            "fat_thickness",
+            "mm",
+            "thickness of the fat under the cylinder, along the line of travel",
+            _ULTRASOUND,
+            0.002,
         ),
         ChannelKind(
             "muscle_thickness",
             "mm",
             "thickness of the deep tissue, from fascia to bone along the line of travel",
             _ULTRASOUND,
+            0.002,
         ),
         *(_rise(side, beside) for side in ("left", "right") for beside in (25, 40)),
     )
@@ -104,12 +114,15 @@ class RecordedChannel:
         In the kind's unit; read-only.
     accuracy : ChannelAccuracy
         Of the instrument.
+    source : Path, optional
+        File of its own; a column of the recording without it.
     """
 
     name: str
     time: FloatArray
     values: FloatArray
     accuracy: ChannelAccuracy
+    source: Path | None = None
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""

@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
@@ -90,7 +91,7 @@ class LinearisedFit:
 
     mechanisms: tuple[Mechanism, ...]
     values: Mapping[str, float]
-    """All parameters: kPa, mm and the mechanisms' units."""
+    """All parameters: MPa, mm and the mechanisms' units."""
     parameters: tuple[Parameter, ...]
     """Those that were fitted, by full name."""
     prior_z: FloatArray
@@ -114,7 +115,7 @@ class LinearisedFit:
     @property
     def stiffness(self) -> tuple[str, ...]:
         """Of C10 and C20 those that it has: a neo-Hookean tissue has no C20."""
-        return tuple(name for name in ("C10", "C20") if name in self.free)
+        return tuple(name for name in (DEEP_C10, DEEP_C20) if name in self.free)
 
     @property
     def free(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
 from legfem.data import Scales, Segmentation, SourceColumn, seen_instrument, segment
+from legfem.data.channel_reader import is_channel_file
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
@@ -134,7 +135,7 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
     except InputError as error:
         seen = _recordings(recording_files(recordings), out, None)
         return Preview(folder.name, "", str(error), recordings=seen)
-    trouble, files = "", recording_files(recordings)
+    trouble, files = "", [f for f in recording_files(recordings) if not is_channel_file(f, entry.given.channels, name)]
     try:
         subject = load_subject(folder, site=name)
     except InputError as error:
