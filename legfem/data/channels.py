@@ -48,6 +48,8 @@ class ChannelKind:
     words: str
     usual: ChannelAccuracy
     model_share: float = 0.0
+    models: frozenset[str] = frozenset({"2d"})
+    """Which of a leg's models give it: of its section, or in 3D."""
 
     @property
     def column(self) -> str:
@@ -62,6 +64,8 @@ class ChannelKind:
 
 _ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
 """Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""
+_SIX_AXES = ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01)
+"""Crosstalk of a six-axis cell is a per cent or two of the force along the travel."""
 _CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, slow=0.2, lag=0.05)
 
 
@@ -77,8 +81,15 @@ CHANNELS = {
             "lateral_force",
             "N",
             "force of the cylinder on the skin across the travel, to its left",
-            # Crosstalk of a six-axis cell is a per cent or two of the force along the travel.
-            ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01),
+            _SIX_AXES,
+            models=frozenset({"2d", "3d"}),
+        ),
+        ChannelKind(
+            "axial_force",
+            "N",
+            "force of the cylinder on the skin along the leg, towards greater z",
+            _SIX_AXES,
+            models=frozenset({"3d"}),
         ),
         ChannelKind(
             "fat_thickness",

@@ -69,8 +69,8 @@ class SiteChannel:
         return model_covariance(self.readings, float(np.abs(self.slope * self.depth).max()))
 
 
-def site_channels(subject: Subject, curve: LoadingCurve) -> tuple[SiteChannel, ...]:
-    """Return the channels of a site's trials, in the loading as far as its mean curve goes.
+def site_channels(subject: Subject, curve: LoadingCurve, model: str = "2d") -> tuple[SiteChannel, ...]:
+    """Return the channels of a site's trials that a model gives, in the loading as far as its mean curve goes.
 
     Parameters
     ----------
@@ -78,10 +78,12 @@ def site_channels(subject: Subject, curve: LoadingCurve) -> tuple[SiteChannel, .
         With its trials.
     curve
         Their mean loading curve.
+    model
+        ``2d`` or ``3d``.
     """
     own = layer_thicknesses(subject.section, subject.indenter.aim, subject.indenter.direction)
     found = []
-    for name in CHANNELS:
+    for name in (kind.name for kind in CHANNELS.values() if model in kind.models):
         recorded = [
             (k, trial, channel)
             for k, trial in enumerate(subject.trials)
