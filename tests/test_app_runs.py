@@ -194,13 +194,13 @@ def test_both_laws_of_an_identification_are_compared(workspace):
 
 
 @pytest.mark.parametrize(("status", "next_state"), [(0, RunState.DONE), (3, RunState.WAITING)])
-def test_a_run_is_followed_by_the_next_if_it_is_done(tmp_path, status, next_state):
+def test_a_run_is_followed_by_the_next_if_it_is_done(module, tmp_path, status, next_state):
     first, second = tmp_path / "first", tmp_path / "second"
     for folder in (first, second):
         folder.mkdir()
-    following = Run.written(second, module("pass"), [], "leg", waits=True)
+    following = Run.written(second, module(f"raise SystemExit({status})"), [], "leg", waits=True)
     assert following.state is RunState.WAITING
-    run = Run.begun(first, module(f"raise SystemExit({status})"), [], "leg", then="second")
+    run = Run.begun(first, "pretended", [], "leg", then="second")
     ended(run)
     if status == 0:
         end = time.monotonic() + 30.0
