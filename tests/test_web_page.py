@@ -19,6 +19,7 @@ from test_diagnosis_report import CASES
 
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.fem.fields import FieldReader, fields_of
+from legfem.inverse.averaging import POWER
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
@@ -139,7 +140,15 @@ def test_a_sound_model_whose_stiffness_may_be_moved_unseen_is_a_range_and_says_b
     k = wide.fit.free.index(DEEP_C10)
     covariance = wide.posterior.covariance.copy()
     covariance[k, k] = (0.5 / wide.fit.parameters[k].prior.sd) ** 2
-    moved = replace(wide, probability=0.3, posterior=replace(wide.posterior, covariance=covariance, components=None))
+    # As probable in the interval, where evidence counts with a power, as the best explanation.
+    weights = [one.log_prior + POWER * one.posterior.log_evidence for one in found.explained.every]
+    prior = max(weights) - POWER * wide.posterior.log_evidence
+    moved = replace(
+        wide,
+        probability=0.3,
+        log_prior=prior,
+        posterior=replace(wide.posterior, covariance=covariance, components=None),
+    )
     every = tuple(moved if e is wide else e for e in found.explained.every)
     found = replace(found, explained=replace(found.explained, every=every))
     headline = diagnosis_web_page(found, subject).headline
