@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import pandas as pd
 import typer
 from scipy.stats import chisquare
 
@@ -70,7 +67,7 @@ def ranked(sampler: PopulationSampler, seed: int) -> Ranked:
 
 
 @app.command()
-def calibrate(
+def cohort(
     n: Annotated[int, typer.Option("--n", min=1, help="Cohorts.")] = 100,
     people: Annotated[int, typer.Option(min=4, help="Of each.")] = 10,
     seed: Seed = 1,
@@ -80,9 +77,9 @@ def calibrate(
 
     Every cohort is kept as it is done: the same command goes on where it was stopped.
 
-    Example: python -m studies.cohort calibrate --n 20
+    Example: python -m studies.cohort --n 20
     """
-    with study_context("cohort-calibrate", out, 1, DONE_IS_KEPT) as (folder, _), progress_on() as progress:
+    with study_context("cohort", out, 1, DONE_IS_KEPT) as (folder, _), progress_on() as progress:
         sampler = PopulationSampler(small_cohort(people), draws=20 * KEPT, warm_up=500)
         store = Store(folder / "ranks", Ranked, people, [__name__, "legfem.cohort.population_model"])
         found = []
@@ -103,45 +100,6 @@ def calibrate(
             f"effective draws {np.median(effective):.0f} in the median, {effective.min():.0f} at the least.\n"
         )
         write_results(folder, {"people": people, "cohorts": [asdict(one) for one in found]}, text)
-
-
-@app.command()
-def queue(
-    times: Annotated[Path, typer.Argument(help="A cohort.csv, whose seconds are drawn from.")],
-    legs: Annotated[int, typer.Option(min=1, help="Tasks.")] = 1000,
-    workers: Annotated[int, typer.Option(min=1, help="That do one at a time.")] = 100,
-    starting_s: Annotated[float, typer.Option(min=0, help="Of a worker's first imports and forms.")] = 15.0,
-    seed: Seed = 1,
-    out: Out = None,
-) -> None:
-    """Simulate how long workers are idle, where each takes the next leg, by times as they were measured.
-
-    Example: python -m studies.cohort queue results/cohort-study/cohort.csv
-    """
-    with study_context("cohort-queue", out, 1, DONE_IS_KEPT) as (folder, _):
-        table = pd.read_csv(times)
-        measured = table["seconds"].dropna().to_numpy()
-        rows = []
-        for count in sorted({1, 2, 10, workers}):
-            # Weak scaling: as many legs a worker.
-            each = max(1, round(legs * count / workers))
-            drawn = np.random.default_rng(seed).choice(measured, each)
-            ends = [starting_s] * min(count, each)
-            for seconds in drawn:
-                heapq.heapreplace(ends, ends[0] + seconds)
-            span = max(ends)
-            busy = float(drawn.sum())
-            rows.append(
-                [
-                    f"{count}",
-                    f"{each}",
-                    f"{span:.0f}",
-                    f"{100 - 100 * busy / (count * span):.1f} %",
-                    f"{each / span:.2f}",
-                ]
-            )
-        header = ["workers", "legs", "seconds", "idle, with starting", "rows a second for the store"]
-        write_results(folder, {"rows": rows, "measured": len(measured)}, markdown_table(header, rows))
 
 
 if __name__ == "__main__":
