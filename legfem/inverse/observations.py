@@ -81,11 +81,6 @@ class Observations:
         return np.repeat(np.arange(len(sizes)), sizes)
 
     @cached_property
-    def reading_trial(self) -> NDArray[np.int_]:
-        """Number of every reading's trial, (N,)."""
-        return np.concatenate([self.trial, *(one.trial for one in self.channels)])
-
-    @cached_property
     def protocol(self) -> NDArray[np.int_]:
         """Number of the protocol."""
         return np.array(self.protocol_of)[self.trial]

@@ -137,14 +137,6 @@ class Predictor:
             found.append(Parameter(DEEP_C20, "MPa", (least, most), prior, statement="likewise"))
         return (*found, *(self._onset(k) for k in range(len(self.observed.trials))))
 
-    def trial_of(self, name: str) -> int | None:
-        """Return the trial of which a parameter is the first contact; None of any other."""
-        return self._onsets.get(name)
-
-    @cached_property
-    def _onsets(self) -> dict[str, int]:
-        return {onset_name(k): k for k in range(len(self.observed.trials))}
-
     def _onset(self, trial: int) -> Parameter:
         """Return a trial's first contact, after that counted from."""
         prior = Prior(0.0, AT_TOUCH_SD_MM, "linear", "the recording begins at first touch")

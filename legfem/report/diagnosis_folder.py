@@ -29,7 +29,7 @@ from legfem.report.style import save
 from legfem.report.words import ORIGINS
 from legfem.report.write import write_page
 from legfem.solve.settings import NewtonSettings, StepSettings
-from legfem.specimens.diagnosis import DiagnosedSpecimen
+from legfem.specimens.diagnosis import DiagnosedSpecimen, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut
 
@@ -154,6 +154,7 @@ def write_specimen_diagnoses(
         raise problems[0]
     if alone:
         return out / DOCUMENT, out / REPORT
+    thickness = thickness_finding(made)
     path = write_document(
         out / DOCUMENT,
         json_types(
@@ -164,6 +165,7 @@ def write_specimen_diagnoses(
                 "title": folder.title,
                 "origin": folder.origin,
                 "specimens": [_row(one) for one in made],
+                "goes_with_thickness": None if thickness is None else asdict(thickness),
                 "recordings_not_used": [asdict(one) for one in folder.left_out],
             }
         ),
@@ -199,13 +201,15 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
 
 def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) -> str:
     """Return the text of the report on all specimens: a table, and what wasn't used."""
+    made = list(made)
+    thickness = thickness_finding(made)
     rows, missing = [], [f"{one.name}: {one.reason}" for one in folder.left_out]
     for one in made:
         missing += [f"{each.name}: {each.reason}" for each in one.left_out]
         if one.diagnosis is None:
             missing.append(f"{one.id}: {one.problem}")
         else:
-            rows.append(_cells(one.id, one.diagnosis))
+            rows.append(_cells(one.id, one.diagnosis, thickness is not None))
     heading = f"Specimens {folder.id} ({folder.title}): does the model describe the recordings?"
     columns = ["specimen", "verdict", "what was left out", "C10 before (kPa)", "C10 after (kPa)"]
     blocks = [
@@ -214,12 +218,15 @@ def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) ->
         table(columns, rows),
         fill("Each specimen has a folder with its own report beside this one."),
     ]
+    if thickness is not None:
+        blocks.insert(2, fill(f"WARNING: {thickness.text} Don't rely on any one specimen's verdict."))
     if missing:
         blocks.append(f"Not used\n--------\n{bullets(missing)}")
     return "\n\n".join(blocks) + "\n"
 
 
-def _cells(name: str, found: Diagnosis) -> list[str]:
+def _cells(name: str, found: Diagnosis, contradicted: bool) -> list[str]:
+    verdict = "consistent by itself" if contradicted and found.verdict == "consistent" else found.verdict
     left_out = "; or ".join(model_name(model) for model in found.models) or "-"
     after = tables.estimate(found.best, DEEP_C10) if found.models else "-"
-    return [name, found.verdict, left_out, tables.estimate(found.base, DEEP_C10), after]
+    return [name, verdict, left_out, tables.estimate(found.base, DEEP_C10), after]

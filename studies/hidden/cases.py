@@ -187,7 +187,15 @@ class Recorder:
             return None
         generator = np.random.default_rng([self.seed, 38, case.number])
         trials = record([Course(time, d, force)] * TRIALS, drawn_errors(generator), generator)
-        return replace(leg.stated, recordings=tuple(trials), instrument=INSTRUMENT)
+        # In air to begin with, and a section's force times a length, whatever the leg's own folder says of its tests.
+        return replace(
+            leg.stated,
+            recordings=tuple(trials),
+            instrument=INSTRUMENT,
+            starts_at_contact=False,
+            plane_strain=True,
+            plane_strain_stated=True,
+        )
 
     def _leg(self, number: int) -> SealedLeg:
         if number not in self._legs:
