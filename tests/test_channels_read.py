@@ -248,7 +248,7 @@ def test_sites_have_files_of_their_own(tmp_path):
 
 
 def test_what_the_tutorial_shows_is_read(tmp_path):
-    page = (Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "own-leg.md").read_text()
+    page = (Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "further-channels.md").read_text()
     (block,) = (one for one in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[channels.fat_thickness]" in one)
     directory = subject(tmp_path / "leg", {"lateral_force_N": 0.01 * depth_of_frames()}, f"{AIMED}\n{block}")
     rows = "\n".join(f"{t},{v}" for t, v in zip(FRAMES, fat(depth_of_frames()), strict=True))
