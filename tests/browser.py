@@ -46,18 +46,10 @@ window.cancelAnimationFrame = clearTimeout;
 _LATE = """<script>
 addEventListener("load", async () => {
   const wait = () => new Promise((done) => setTimeout(done, 400));
-  const inside = (root, found = []) => {
-    for (const one of root.querySelectorAll("*")) {
-      found.push(one);
-      if (one.shadowRoot) inside(one.shadowRoot, found);
-    }
-    return found;
-  };
-  const plots = () => inside(document.querySelector("main"));
-  const visible = (box, place) => Bokeh.documents.map((known) =>
-    known.get_model_by_name(`${box.dataset.plot}-${place}-${box.dataset.line}`))
-    .filter(Boolean).map((line) => line.visible);
-  const drawn = () => plots().filter((one) => one.tagName === "path").length;
+  const charts = () => (window.Chart ? Object.values(Chart.instances) : []);
+  const visible = (box) => [...box.closest("figure").querySelectorAll(".plot canvas")]
+    .map((canvas) => Chart.getChart(canvas).isDatasetVisible(Number(box.dataset.line)));
+  const drawn = () => charts().reduce((sum, one) => sum + one.getVisibleDatasetCount(), 0);
   // What is drawn comes in pieces, as frames do: until two looks see as much.
   const pause = async () => {
     let before;
@@ -76,22 +68,32 @@ addEventListener("load", async () => {
   if (box) {
     box.click();
     await pause();
-    seen.off = [...visible(box, "above"), ...visible(box, "below")];
+    seen.off = visible(box);
     seen.paths_off = drawn();
     box.click();
     await pause();
-    seen.on = [...visible(box, "above"), ...visible(box, "below")];
-    const surface = plots().find((one) => one.classList.contains("bk-events"));
-    const {left, top, width, height} = surface.getBoundingClientRect();
-    const at = {clientX: left + 0.6 * width, clientY: top + 0.5 * height, bubbles: true,
-      composed: true, pointerType: "mouse", isPrimary: true};
-    for (const kind of ["pointerenter", "pointerover", "pointermove", "mousemove"])
-      surface.dispatchEvent(new PointerEvent(kind, at));
+    seen.on = visible(box);
+    const canvas = box.closest("figure").querySelector(".plot canvas"), chart = Chart.getChart(canvas);
+    const {left, top, width, height} = canvas.getBoundingClientRect();
+    const at = {clientX: left + 0.6 * width, clientY: top + 0.5 * height, bubbles: true};
+    const picture = canvas.toDataURL();
+    canvas.dispatchEvent(new MouseEvent("mousemove", at));
     await pause();
-    seen.cursor = inside(document).filter((one) => one.classList.contains("bk-Tooltip"))
-      .map((one) => inside(one.shadowRoot).filter((part) => part.tagName !== "STYLE")
-        .map((part) => part.textContent).join(" "))
-      .join(" ").slice(0, 300);
+    seen.pointed = canvas.toDataURL() !== picture;
+    seen.cursor = [...(chart.tooltip.title ?? []), ...(chart.tooltip.body ?? []).flatMap((one) => one.lines)].join(" ");
+    const before = chart.scales.x.max - chart.scales.x.min;
+    const drag = (kind, across) => canvas.dispatchEvent(new MouseEvent(kind,
+      {...at, clientX: left + across * width, view: window, button: 0, buttons: 1}));
+    drag("mousedown", 0.4);
+    drag("mousemove", 0.5);
+    drag("mouseup", 0.6);
+    await pause();
+    const figure = [...box.closest("figure").querySelectorAll(".plot canvas")]
+      .map((one) => Chart.getChart(one).scales.x);
+    seen.zoomed = figure.map((x) => (x.max - x.min) / before);
+    canvas.dispatchEvent(new MouseEvent("dblclick", at));
+    await pause();
+    seen.unzoomed = figure.map((x) => (x.max - x.min) / before);
   }
   const slider = document.getElementById("press-at"), canvas = document.getElementById("press");
   if (slider) {
@@ -152,14 +154,13 @@ addEventListener("load", async () => {
   }
   if (document.getElementById("response-metric")) {
     const said = () => document.getElementById("response-reading").textContent;
-    const cells = () => Bokeh.documents.map((one) => one.get_model_by_name("response-cells"))
-      .find(Boolean).data.value;
+    const cells = () => document.getElementById("response").toDataURL();
     seen.surface = [said()];
-    const before = [...cells()];
+    const before = cells();
     await set(`response-factor-${document.getElementById("response-pick-x").value}`, 1);
     seen.surface.push(said());
     await set("response-metric", 0);
-    seen.surface_moved = cells().some((value, k) => value !== before[k]);
+    seen.surface_moved = cells() !== before;
   }
   const sortable = document.querySelector(".sortable");
   if (sortable) {
@@ -227,7 +228,9 @@ def idle(found: dict) -> list[str]:
     """Return the controls that don't do what they are for."""
     works = {
         "check boxes": "off" not in found or (not any(found["off"]) and all(found["on"])),
-        "cursor": "cursor" not in found or ":" in found["cursor"],
+        "cursor": "cursor" not in found or (":" in found["cursor"] and found["pointed"]),
+        "zoom": "zoomed" not in found
+        or (max(found["zoomed"]) < 0.9 and all(abs(one - 1) < 0.01 for one in found["unzoomed"])),
         "press": "pictures" not in found or (found["pictures"] == 3 and found["colours"] == [4, 4]),
         "turn and dress": "views" not in found or (found["views"] >= 7 and found["dragged"]),
         "sort and find": "sorted" not in found

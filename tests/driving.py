@@ -19,7 +19,6 @@ _AXE = """axe.run(document, {resultTypes: ["violations"], iframes: false}).then(
   found.violations.map((one) => `${one.impact}: ${one.id}: `
     + one.nodes.slice(0, 3).map((node) => node.target.join(" ")).join("; ")))"""
 DRAWN = """document.readyState === "complete"
-  && (!window.Bokeh || Bokeh.documents.every((one) => one.is_idle))
   && new Promise((done) => requestAnimationFrame(() => setTimeout(() => done(true))))"""
 
 
@@ -151,6 +150,18 @@ class Driven:
             f"e.innerText.trim().toLowerCase() === {json.dumps(text.lower())});"
             "if (!one) return false; one.scrollIntoView(); one.click(); return true;})()"
         )
+
+    def click_at(self, selector: str, across: float, down: float) -> None:
+        """Click an element at a share of its width and height."""
+        one = f"document.querySelector({json.dumps(selector)})"
+        self.until(f"!!{one}")
+        self.value(f"{one}.scrollIntoView({{block: 'center'}})")
+        x, y, width, height = self.value(
+            f"(() => {{const b = {one}.getBoundingClientRect();return [b.x, b.y, b.width, b.height];}})()"
+        )
+        at = {"x": x + across * width, "y": y + down * height, "button": "left", "clickCount": 1}
+        for kind in ("mousePressed", "mouseReleased"):
+            self._call("Input.dispatchMouseEvent", type=kind, **at)
 
     def type(self, label: str, text: str) -> None:
         """Type into the field of a label."""

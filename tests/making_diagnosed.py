@@ -10,16 +10,18 @@ from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, obser
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.laws import LawName
 from legfem.inverse.observations import Observations
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
 from legfem.legs.nuisances import Accuracy
 
-BASE = {"C10": 1.0, "C20": 0.6}
+BASE = {DEEP_C10: 0.001, DEEP_C20: 0.0006}
 UNANSWERED = (
     "poroelastic-drainage",
     "contact-slip",
+    "fat-sliding",
     "prestress",
     "superficial-viscoelasticity",
     "superficial-stiffening",
@@ -53,7 +55,7 @@ def diagnosed(
         Of the base model; without C20 the recordings have none either.
     """
     observed, predictor = observations(list(recordings or ramps()))
-    base = BASE if law == "reduced-polynomial" else {"C10": BASE["C10"], "C20": 0.0}
+    base = BASE if law == "reduced-polynomial" else {DEEP_C10: BASE[DEEP_C10], DEEP_C20: 0.0}
     force = predictor({**base, **effects}, mechanisms_in(effects))
     place = (observed.displacement - 12.0) / 0.9
     force = force + bump * (1 - place**2) * np.exp(-0.5 * place**2)

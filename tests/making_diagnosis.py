@@ -10,6 +10,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, segment_all
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
@@ -33,7 +34,7 @@ SOUGHT = tuple(
 INSTRUMENT = Instrument(force_sd=0.03, displacement_sd=0.01)
 NOISE = Noise(0.02, 0.02, 12.0, 0.02, 0.008, "made")
 GRID = np.arange(0.5, 20.6, 0.5)
-TRUTH = {"C10": 1.0, "C20": 0.8}
+TRUTH = {DEEP_C10: 0.001, DEEP_C20: 0.0008}
 
 
 def force_at(c10: float, c20: float, displacement: FloatArray) -> FloatArray:
@@ -151,14 +152,10 @@ def pressed(
         way = 20.0 + air
         time = np.arange(0, way / 0.4 + 1e-9, 0.1)
         at = 0.4 * time
-        force = (1 + (gains[k] if gains else 0.0)) * force_at(**_of(TRUTH), displacement=at - air)
+        force = (1 + (gains[k] if gains else 0.0)) * force_at(1e3 * TRUTH[DEEP_C10], 1e3 * TRUTH[DEEP_C20], at - air)
         force = force + (zeros[k] if zeros else 0.0) + 0.02 * generator.normal(size=len(time))
         found.append(Recording(time, at + 0.005 * generator.normal(size=len(time)), force, f"trial{k + 1}"))
     return found
-
-
-def _of(values: Mapping[str, float]) -> dict[str, float]:
-    return {name.lower(): value for name, value in values.items()}
 
 
 def observations(recordings: list[Recording]) -> tuple[Observations, Predictor]:
@@ -200,7 +197,7 @@ def problem_of(
     force = predictor({**TRUTH, **(effects or {})}, mechanisms_in(effects or {}))
     seen = noisy(observed, force if extra is None else force + extra, seed)
     problem = LinearisedProblem(replace(predictor, observed=seen), error_model(seen, NOISE, force))
-    return problem, fit(problem, (), {"C10": 0.7, "C20": 0.4})
+    return problem, fit(problem, (), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
 
 
 def mechanisms_in(effects: Mapping[str, float]) -> tuple[Mechanism, ...]:

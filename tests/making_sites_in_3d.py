@@ -95,12 +95,14 @@ def leg_of(folder: Path, ways: Sequence[str], seed: int = 0, ratio: float = TRUE
     return SitedLeg("leg", "Closed form", tuple(sites), folder)
 
 
-def models_of(leg: SitedLeg, kept: Path | None = None, **more: Any) -> list[LegModels]:
+def models_of(
+    leg: SitedLeg, kept: Path | None = None, kind: type[FibrousLeg] = FibrousLeg, **more: Any
+) -> list[LegModels]:
     shape = spatial_leg(replace(leg.sites[0], site=""))
     found = []
     for site in leg.sites:
         rise = RISES[site.site]
-        full, rough, shorter = (FibrousLeg(rise=rise, level=level, **more) for level in (0.0, 4e-3, 5e-3))
+        full, rough, shorter = (kind(rise=rise, level=level, **more) for level in (0.0, 4e-3, 5e-3))
         found.append(LegModels(full, rough, shorter, shape, DEPTH, kept))
     return found
 

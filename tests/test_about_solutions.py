@@ -10,6 +10,7 @@ import pytest
 from making_diagnosis import GRID, problem_of, ramps
 
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.explain import base_about_solution, refitted_about_solutions
 from legfem.inverse.linearised import LinearisedProblem, fit
 from legfem.inverse.predictor import Responses
@@ -42,7 +43,7 @@ def supported() -> LinearisedProblem:
 
 def test_a_refit_that_stays_needs_no_second_solution():
     problem = supported()
-    fitted = fit(problem, (SUPPORT,), {"C10": 0.7, "C20": 0.4})
+    fitted = fit(problem, (SUPPORT,), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
     alike = Folding(problem.predictor.responses, iter([0.0, np.nan]))
     about, refit, made = refitted_about_solutions(alike, problem, fitted)
     assert made
@@ -54,7 +55,7 @@ def test_a_refit_that_stays_needs_no_second_solution():
 @pytest.mark.parametrize("shares", [(0.004, 0.03, -0.03), (0.03, 0.004, -0.03), (0.03, -0.03, 0.0)])
 def test_of_solutions_on_several_branches_that_stands_which_leaves_least(shares):
     problem = supported()
-    fitted = fit(problem, (SUPPORT,), {"C10": 0.7, "C20": 0.4})
+    fitted = fit(problem, (SUPPORT,), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
     folding = Folding(problem.predictor.responses, iter(shares))
     about, refit, made = refitted_about_solutions(folding, problem, fitted)
     assert made
@@ -66,7 +67,7 @@ def test_of_solutions_on_several_branches_that_stands_which_leaves_least(shares)
 
 def test_where_every_solution_stops_the_fit_stands():
     problem = supported()
-    fitted = fit(problem, (SUPPORT,), {"C10": 0.7, "C20": 0.4})
+    fitted = fit(problem, (SUPPORT,), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
     stopped = Folding(problem.predictor.responses, iter([np.nan, np.nan]))
     assert refitted_about_solutions(stopped, problem, fitted) == (problem, fitted, False)
 

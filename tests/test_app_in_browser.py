@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import browser
+import pandas as pd
 import pytest
 from making_app import MINUTES, accessible, begun, home
 from making_specimens import write_bars
@@ -26,8 +27,8 @@ LEG = RESOURCES / "dubuis" / "subjects" / "1"
 def test_a_folder_is_dropped_previewed_mapped_identified_and_diagnosed(tmp_path):
     server = Server((sys.executable,), tmp_path / "workspace")
     seen = walk(server, browser.browser(), tmp_path)
-    assert "neo-hookean, C10 0." in seen["identified"]
-    assert seen["diagnosed"].startswith("reduced-polynomial, C10 0.")
+    assert "Muscle stiffness C10 = 0." in seen["identified"]
+    assert "C10 = 0." in seen["diagnosed"]
     assert "diagnose-example-leg" in seen["compared"]
     assert "no plain name" in seen["led out"]
     with pytest.raises(InputError) as refused:
@@ -107,8 +108,7 @@ def test_wrong_input_is_a_line_each_and_nothing_is_taken_for_a_leg(served, page,
     page.drop([foreign])
     page.until("location.pathname === '/input/foreign'")
     page.sees("no column is named", 3 * MINUTES)
-    page.click("Columns", ".q-tab")
-    page.sees("essai.csv")
+    page.click("A leg that was pressed", "button")
     for quantity, column, unit in (("time", "foo", "s"), ("displacement", "bar", "mm"), ("force", "baz", "N")):
         page.choose(f"{quantity}: column", column)
         page.type(f"{quantity}: unit", unit)
@@ -123,7 +123,7 @@ def test_a_run_that_is_refused_says_the_commands_line_and_leaves_its_input(serve
     page.sees("--law nonsense")
     page.click("Run identify")
     page.sees("'nonsense' is not one of", MINUTES)
-    page.sees("once what is said below is mended")
+    page.sees("once the cause below is corrected")
     run = workspace.runs[0]
     assert run.startswith(f"identify-{name}")
     assert Run(workspace.run(run)).state is RunState.REFUSED
@@ -176,7 +176,7 @@ def test_a_leg_is_dropped_and_its_stocking_run_from_the_app(served, page, tmp_pa
     told = ran(page, "stocking", "", 20, **{"about how many tetrahedra": "8000"})
     found = json.loads((workspace.run("stocking-known leg") / "results" / "result.json").read_text())
     mean = 7.50062 * found["pressures"]["mean_interface_kPa"]
-    assert told == f"pressure on the skin {mean:.0f} mmHg on average"
+    assert f"{mean:.0f} mmHg" in told
     assert 10 < mean < 40
 
 
@@ -185,89 +185,147 @@ def test_a_plan_is_run_from_the_app(served, page):
     name = begun(page, "a pressed leg")
     fields = {"expected C10 (kPa)": "0.7", "to press to (mm)": "5"}
     told = ran(page, "plan", "--jobs 1", 40, **fields)
-    assert told.startswith("most telling: ")
+    assert told
     assert (workspace.run(f"plan-{name}") / "results" / "report.html").is_file()
+
+
+RED = "document.querySelector('.line.refused')?.innerText"
+BY = "direction of travel (degrees)"
+
+
+class Counted:
+    """A page whose clicks and numbers are counted."""
+
+    def __init__(self, page):
+        self.page, self.clicks, self.numbers = page, 0, 0
+
+    def click(self, *what):
+        self.clicks += 1
+        self.page.click(*what)
+
+    def type(self, label, number):
+        self.clicks += 1  # into the field
+        self.numbers += 1
+        self.page.type(label, number)
+
+
+def workbook(folder):
+    """One Excel file with the trials' first rows as a lab's machine exports them."""
+    folder.mkdir()
+    trial = load_subject(RESOURCES / "frauziols" / "subjects" / "3").recordings[0]
+    columns = {"Zeit [s]": trial.time, "Weg [mm]": trial.displacement, "Kraft [N]": trial.force}
+    pd.DataFrame(columns).iloc[: len(trial.time) // 2 : 2].to_excel(folder / "left calf.xlsx", index=False)
+    return folder / "left calf.xlsx"
+
+
+def test_excel_girth_and_fat_lead_to_a_verdict_in_eight_clicks_and_six_numbers(served, page, tmp_path):
+    workspace, _ = served
+    user = Counted(page)
+    page.drop([workbook(tmp_path / "data")])
+    page.sees("What is it?", 3 * MINUTES)
+    assert not page.value(RED)
+    user.click("A leg that was pressed", "button")
+    for label, number in (
+        ("girth of the calf (mm)", "365"),
+        ("skin and fat where it is pressed (mm)", "9"),
+        ("diameter (mm)", "30"),
+        ("cylinder's length (mm)", "50"),
+    ):
+        user.type(label, number)
+    assert accessible(page)
+    user.click("How stiff, and can I trust it?")
+    page.until("location.pathname.startsWith('/run/identify-')")
+    page.sees("How stiff?")
+    page.sees("begins when the run before it is done")
+    page.until("document.querySelectorAll('iframe.report').length === 2", 60 * MINUTES)
+    assert not page.value(RED)
+    assert user.clicks <= 8 and user.numbers <= 6
+    stiff, trusted = page.value("[...document.querySelectorAll('.sentence')].map((one) => one.innerText)")
+    assert "C10 = " in stiff and "C10 " in trusted
+    section = subject_entry(workspace.input(workspace.inputs[0]) / "subject.toml").given.section
+    assert (section.girth_mm, section.fat_mm, section.contours) == (365.0, 9.0, None)
+    assert accessible(page)
+
+
+def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page, tmp_path):
+    workspace, _ = served
+    page.drop([loose_files(tmp_path)])
+    page.until("location.pathname.startsWith('/input/my%20leg')")
+    page.sees("Where was it pressed?", 3 * MINUTES)
+    assert not page.value(RED)
+    page.click("Only save this")
+    page.sees("diameter (mm), cylinder's length (mm): missing")
+    page.type("diameter (mm)", "30")
+    page.type("cylinder's length (mm)", "50")
+    page.click("Only save this")
+    page.sees("click the section where the skin was pressed")
+    page.click_at(".aim", 0.5, 0.95)
+    page.until(f"document.querySelector('[aria-label={json.dumps(BY)}]').value !== ''")
+    assert accessible(page)
+    page.click("keep indenter and instrument for further legs (lab.toml)", ".q-checkbox")
+    page.click("Only save this")
+    page.sees("Is this what you measured?", 3 * MINUTES)
+    assert not page.value(RED)
+    found = load_subject(workspace.input(workspace.inputs[0]))
+    # From behind: the picture's lower edge.
+    assert abs(found.indenter.direction_deg - 90.0) < 10.0
+    assert abs(found.indenter.aim[0]) < 10.0 and found.indenter.aim[1] < -50.0
+
+    # The next leg of the lab begins with the same rig, and its own file doesn't state the instrument.
+    page.open(home(served[1]))
+    page.sees("Drop a folder here")
+    second = tmp_path / "second"
+    second.mkdir()
+    page.drop([loose_files(second)])
+    page.sees("As lab.toml states it.", 3 * MINUTES)
+    page.until("document.querySelector('[aria-label=\"diameter (mm)\"]').value === '30'")
+    page.click_at(".aim", 0.5, 0.05)
+    page.until(f"document.querySelector('[aria-label={json.dumps(BY)}]').value !== ''")
+    page.click("Only save this")
+    page.sees("Is this what you measured?", 3 * MINUTES)
+    path = workspace.input(workspace.inputs[0]) / "subject.toml"
+    assert "[instrument]" not in path.read_text()
+    assert load_subject(path.parent).instrument.force_sd == found.instrument.force_sd
+    workspace.lab.unlink()
 
 
 def test_a_leg_that_a_ball_pressed_is_dropped_and_described(served, page, tmp_path):
     workspace, _ = served
     page.drop([loose_files(tmp_path)])
-    page.until("location.pathname === '/input/my%20leg'")
-    page.click("Describe")
-    page.sees("0 along the leg, 90 across")
+    page.sees("Where was it pressed?", 3 * MINUTES)
     page.choose("what pressed it", "a ball")
-    hidden = "document.querySelector('[aria-label=\"cylinder\\'s length (mm)\"]').offsetParent"
+    hidden = "document.querySelector('[aria-label=\"cylinder's length (mm)\"]').offsetParent"
     page.until(f"{hidden} === null")
-    assert accessible(page)
-    for label, number in (
-        ("diameter (mm)", "30"),
-        ("aim x (mm): a point on its way", "0"),
-        ("aim y (mm)", "0"),
-        ("direction of travel (degrees from +x)", "90"),
-    ):
-        page.type(label, number)
-    page.click("It is a pressed leg")
-    page.sees("columns are separated by ;", 3 * MINUTES)
-    given = subject_entry(workspace.input("my leg") / "subject.toml").given
+    page.type("diameter (mm)", "30")
+    page.click_at(".aim", 0.5, 0.95)
+    page.until(f"document.querySelector('[aria-label={json.dumps(BY)}]').value !== ''")
+    page.click("Only save this")
+    page.sees("Is this what you measured?", 3 * MINUTES)
+    given = subject_entry(workspace.input(workspace.inputs[0]) / "subject.toml").given
     assert (given.indenter.shape, given.indenter.length_mm) == ("ball", None)
 
 
-RED = "document.querySelector('.line.refused')?.innerText"
-
-
-def test_a_leg_is_described_without_red_before_anything_is_wrong(served, page, tmp_path):
-    workspace, _ = served
-    page.drop([loose_files(tmp_path)])
-    page.until("location.pathname.startsWith('/input/my%20leg')")
-    page.sees("holds no subject.toml", 3 * MINUTES)
-    assert not page.value(RED)
-    page.click("Describe")
-    page.type("diameter (mm)", "30")
-    page.click("It is a pressed leg")
-    page.sees("aim x (mm): a point on its way")
-    for label, number in (
-        ("cylinder's length (mm)", "50"),
-        ("aim x (mm): a point on its way", "0"),
-        ("aim y (mm)", "0"),
-        ("direction of travel (degrees from +x)", "90"),
-    ):
-        page.type(label, number)
-    page.click("It is a pressed leg")
-    page.sees("columns are separated by ;", 3 * MINUTES)
-    assert not page.value(RED)
-    page.click("Columns", ".q-tab")
-    page.click("Read them so")
-    page.sees("instrument: missing", 3 * MINUTES)
-    assert not page.value(RED)
+def test_a_study_of_all_legs_is_run_and_its_table_downloaded(served, page):
+    workspace, address = served
+    for name in workspace.inputs:
+        workspace.delete("inputs", name)
+    for _ in range(2):
+        name = begun(page, "a pressed leg")
+        folder = workspace.input(name)
+        for trial in sorted((folder / "recordings").iterdir())[1:]:
+            trial.unlink()
+        page.open(home(address))
+        page.sees("Drop a folder here")
+    page.click("All pressed legs as one study")
+    page.until("location.pathname.startsWith('/run/cohort')")
+    page.until("!!document.querySelector('iframe.report')", 40 * MINUTES)
+    table = page.value(
+        "fetch([...document.querySelectorAll('a')].find((one) => one.innerText === 'Table as CSV').href)"
+        ".then((answer) => answer.text())"
+    )
+    assert len(table.strip().splitlines()) == 3
+    assert "example-leg-2" in table
     assert accessible(page)
-    page.click("Assumed", ".q-tab")
-    page.sees("The instrument isn't stated")
-    page.click("Take what the recordings show")
-    page.until("!document.body.innerText.includes('isn\\'t stated')")
-    assert subject_entry(workspace.input(workspace.inputs[0]) / "subject.toml").given.instrument is not None
-    page.sees("Is this what you measured?", 3 * MINUTES)
-
-
-def test_a_calf_without_outlines_is_described_by_girth_and_fat(served, page, tmp_path):
-    workspace, _ = served
-    loose = loose_files(tmp_path)
-    (loose / "outline.csv").unlink()
-    page.drop([loose])
-    page.until("location.pathname.startsWith('/input/my%20leg')")
-    page.sees("holds no subject.toml", 3 * MINUTES)
-    page.click("Describe")
-    for label, number in (
-        ("girth of the calf (mm)", "365"),
-        ("skin and fat where it is pressed (mm)", "9"),
-        ("cylinder's diameter (mm)", "30"),
-        ("cylinder's length (mm)", "50"),
-    ):
-        page.type(label, number)
-    page.click("It is a pressed calf")
-    page.sees("columns are separated by ;", 3 * MINUTES)
-    assert not page.value(RED)
-    section = subject_entry(workspace.input(workspace.inputs[0]) / "subject.toml").given.section
-    assert (section.girth_mm, section.fat_mm, section.contours) == (365.0, 9.0, None)
 
 
 def test_an_input_is_renamed_deleted_and_put_back(served, page):
@@ -298,17 +356,16 @@ def test_recordings_of_specimens_are_dropped_described_and_identified(served, pa
     (bars / "specimen.toml").unlink()
     page.drop([bars])
     page.until("location.pathname === '/input/bars'")
-    page.sees("holds no subject.toml", 3 * MINUTES)
-    page.click("Describe")
-    page.sees("Specimens of one tissue")
+    page.sees("What is it?", 3 * MINUTES)
+    page.click("Specimens in a lab's test", "button")
     assert accessible(page)
     page.choose("what was done", "a bar pulled or pressed along its length")
     page.choose("direction *", "compression")
     page.type("length_mm *", "10")
-    page.click("They are specimens")
+    page.click("Only save this")
     page.sees("area_mm2: is missing")
     page.type("area_mm2 *", "100")
-    page.click("They are specimens")
+    page.click("Only save this")
     page.sees("measured data", 3 * MINUTES)
     given = parse_specimen_file(workspace.input("bars") / "specimen.toml")
     assert (given.uniaxial.length_mm, given.uniaxial.area_mm2) == (10.0, 100.0)
@@ -316,5 +373,5 @@ def test_recordings_of_specimens_are_dropped_described_and_identified(served, pa
     page.sees("Test: a bar")
     assert accessible(page)
     told = ran(page, "identify", "--law reduced-polynomial --jobs 1", 10)
-    assert told.startswith("reduced-polynomial, C10 ")
+    assert "C10 = " in told
     assert Path(workspace.run("identify-bars") / "results" / "report.html").is_file()

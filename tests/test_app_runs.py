@@ -28,7 +28,9 @@ from legfem.common.progress import Lines, Reached, reached
 from legfem.inverse.document import fit_document
 from legfem.legs.document import LegDocument
 from legfem.legs.loading import load_subject
+from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import document
+from legfem.report.render.html import rendered
 from legfem.report.words import number
 
 
@@ -191,17 +193,38 @@ def test_both_laws_of_an_identification_are_compared(workspace):
         assert (row.law, row.verdict) == (one.law, one.identifiability[0])
 
 
+@pytest.mark.parametrize(("status", "next_state"), [(0, RunState.DONE), (3, RunState.WAITING)])
+def test_a_run_is_followed_by_the_next_if_it_is_done(module, tmp_path, status, next_state):
+    first, second = tmp_path / "first", tmp_path / "second"
+    for folder in (first, second):
+        folder.mkdir()
+    following = Run.written(second, module(f"raise SystemExit({status})"), [], "leg", waits=True)
+    assert following.state is RunState.WAITING
+    run = Run.begun(first, "pretended", [], "leg", then="second")
+    ended(run)
+    if status == 0:
+        end = time.monotonic() + 30.0
+        while not (second / "exit.json").is_file():
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        ended(following)
+    assert following.state is next_state
+
+
 def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspace, tmp_path):
     effects, bump, asked = CASES["named"]
     found, run = diagnosed(effects, bump=bump, asked=asked), pretended(workspace, "diagnose")
     subject = load_subject(write_subject(tmp_path))
     write_document(run.results / "diagnosis.json", document(found, subject, 0, 1.0))
     (row,) = answers_of(run)
-    low, high = found.intervals["C10"]
+    low, high = found.shown_interval("deep.C10")
     ends = [number(end, (high - low) / 4) for end in (low, high)]
     assert f"({ends[0]} to {ends[1]}) kPa" in row.c10
     assert row.verdict == f"named: {found.models[0].names[0]}"
-    assert sentence_of(run).endswith(row.verdict)
+    assert sentence_of(run) == ""
+    page = diagnosis_web_page(found, subject, ())
+    (run.results / "report.html").write_text(rendered(page), encoding="utf-8")
+    assert sentence_of(run) == f"{page.headline.heading} {page.headline.sentence}"
 
 
 def test_all_numbers_of_all_runs_are_a_table_for_other_programs(workspace):

@@ -188,7 +188,7 @@ def test_every_error_is_as_large_as_it_is_said_to_be(tmp_path, kind):
         one = replace(subject, recordings=subject.recordings[:1])
         (channel,) = site_channels(one, curve)
         at = np.argsort(channel.depth)
-        every.append((channel.values[at][2:23], np.sqrt(np.diag(channel.instrument))[at][2:23]))
+        every.append((channel.readings.values[at][1:], np.sqrt(np.diag(channel.instrument))[at][1:]))
     values, stated = (np.array(part) for part in zip(*every, strict=True))
     spread = np.sqrt(np.mean(np.std(values, axis=0, ddof=1) ** 2))
     assert spread == pytest.approx(np.sqrt(np.mean(stated**2)), rel=0.25)

@@ -14,9 +14,11 @@ from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mech
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
 from legfem.data.channels import CHANNELS, RecordedChannel
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import error_model
+from legfem.inverse.grid_spline import At
 from legfem.inverse.linearised import LinearisedProblem, fit
 from legfem.inverse.observations import Observations, blank_observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
@@ -65,12 +67,12 @@ class Seen(ClosedForm):
         names: Sequence[str],
         mechanism: TissueMechanism,
         values: Values,
-        at: Stiffness,
+        stiffness: Stiffness,
         observed: Observations,
-        pressed: FloatArray,
+        at: At,
     ) -> FloatArray:
         """Return a stiffer fat's thickness: it keeps more of it; of a tilted indenter, a lateral force."""
-        x = np.maximum(pressed, 0.0) / 20
+        x = at(np.concatenate([[0.0], self.grid])[:, None])[:, 0] / 20
         changes = {
             ("superficial-stiffness", "fat_thickness"): 2.0 * np.log(values.get("factor", 1.0)) * x,
             ("superficial-stiffness", "muscle_thickness"): -2.0 * np.log(values.get("factor", 1.0)) * x,
@@ -223,8 +225,8 @@ def test_derivatives_are_differences_of_predictions() -> None:
     observed = recorded(seen(ramps()), {})
     predict = Predictor(observed, Seen(), "reduced-polynomial")
     problem = LinearisedProblem(predict, error_model(observed, NOISE, observed.values))
-    found = fit(problem, (), {"C10": 0.8, "C20": 0.4})
-    k, step = found.free.index("C10"), 1e-4
+    found = fit(problem, (), {DEEP_C10: 0.0008, DEEP_C20: 0.0004})
+    k, step = found.free.index(DEEP_C10), 1e-4
     ends = [found.moved(found.prior_z + side * step * np.eye(len(found.free))[k]) for side in (1, -1)]
     exact = (predict(ends[0]) - predict(ends[1])) / (2 * step)
     np.testing.assert_allclose(found.sensitivities[:, k], exact, rtol=0.01, atol=0.01 * np.abs(exact).max())
@@ -265,9 +267,9 @@ def test_a_clean_leg_is_consistent_in_every_channel() -> None:
     asked = ("superficial-stiffness", "indenter-tilt", "force-drift")
     found, alone = (diagnosed_of(one, asked, library=Seen()) for one in (both, replace(both, channels=())))
     assert found.verdict == "consistent" and not found.assessment.windows
-    low, high = found.intervals["C10"]
-    assert low < BASE["C10"] < high
-    assert found.base.fit.sd("C10") < alone.base.fit.sd("C10")
+    low, high = found.intervals[DEEP_C10]
+    assert low < BASE[DEEP_C10] < high
+    assert found.base.fit.sd(DEEP_C10) < alone.base.fit.sd(DEEP_C10)
 
 
 def test_the_page_says_which_channel_departs_and_where() -> None:

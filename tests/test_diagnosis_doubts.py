@@ -10,6 +10,7 @@ from making import write_subject
 from making_diagnosed import BASE, diagnosed, diagnosed_of
 from making_diagnosis import INSTRUMENT, noisy, observations, ramps
 
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.loading import load_subject
@@ -30,7 +31,7 @@ def test_a_stiffness_that_few_people_have_is_doubted_with_the_unit_that_explains
     assert not doubts_of(usual, subject)
 
     base = usual.base
-    k, mean = base.fit.free.index("C10"), base.posterior.mean.copy()
+    k, mean = base.fit.free.index(DEEP_C10), base.posterior.mean.copy()
     mean[k] = base.fit.parameters[k].prior.departure(9.0)
     stiff = replace(base, posterior=replace(base.posterior, mean=mean), probability=1.0)
     explained = replace(usual.explained, every=(stiff,), base=stiff)

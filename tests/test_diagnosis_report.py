@@ -13,6 +13,7 @@ from making_diagnosis import problem_of, ramps
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.location import runs
 from legfem.legs.loading import load_subject
 from legfem.report import diagnosis_folder as report
@@ -89,9 +90,9 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
     assert percent(model.probability) in text
     assert f"{named.base_held_out.rmse:.3f}" in text and f"{named.held_out[0].rmse:.3f}" in text
     assert "NOT confirmed" in text
-    for name in ("C10", "C20"):
+    for name in (DEEP_C10, DEEP_C20):
         for one in (base, model):
-            low, high = one.interval(name)
+            low, high = one.shown(name).ci95
             assert f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}" in text
     assert "over all explanations" in text
     confirmed = replace(named, models=(replace(model, confirmed=True),))
@@ -115,8 +116,8 @@ def test_unexplained_page_warns_of_the_stiffness(found, subject):
     told = [line for line in stiffness if "(95 %" in line]
     assert len(told) == 3 and all("DO NOT RELY ON IT" in flat(line) for line in told)
     assert page.index("NO. Write down no number.") < page.index("DO NOT RELY")
-    (searched,) = (p.bounds for p in found["unexplained"].base.fit.parameters if p.name == "C10")
-    assert found["unexplained"].intervals["C10"] == searched, "it may be off by any amount"
+    (searched,) = (p.bounds for p in found["unexplained"].base.fit.parameters if p.name == DEEP_C10)
+    assert found["unexplained"].intervals[DEEP_C10] == searched, "it may be off by any amount"
 
 
 def test_a_page_gives_no_probability_to_what_describes_nothing(subject):
@@ -141,8 +142,8 @@ def test_consistent_page_claims_no_proof_shows_no_change_and_gives_upper_limits(
 
 def test_parameters_that_are_at_a_bound_or_unseen_are_flagged(found):
     model = found["named"].models[0]
-    k = model.fit.free.index("C20")
-    assert tables.flag(model, "C10", 0.0) == ""
+    k = model.fit.free.index(DEEP_C20)
+    assert tables.flag(model, DEEP_C10, 0.0) == ""
 
     def with_sd(sd: float):
         covariance = model.posterior.covariance.copy()
@@ -150,12 +151,12 @@ def test_parameters_that_are_at_a_bound_or_unseen_are_flagged(found):
         posterior = replace(model.posterior, covariance=covariance, components=None)
         return replace(model, posterior=posterior)
 
-    values = {**model.fit.values, "C20": model.fit.parameters[k].bounds[1]}
+    values = {**model.fit.values, DEEP_C20: model.fit.parameters[k].bounds[1]}
     at_bound = replace(model, fit=replace(model.fit, values=values))
-    assert tables.flag(at_bound, "C20", 0.0).startswith("AT THE BOUND")
-    assert tables.flag(with_sd(0.99), "C20", 0.0).startswith("NOT DETERMINED")
-    assert tables.interval(with_sd(0.99), "C20") == "not narrowed by this test"
-    assert tables.flag(with_sd(0.5), "C20", 0.0) == "not distinguishable from 0"
+    assert tables.flag(at_bound, DEEP_C20, 0.0).startswith("AT THE BOUND")
+    assert tables.flag(with_sd(0.99), DEEP_C20, 0.0).startswith("NOT DETERMINED")
+    assert tables.interval(with_sd(0.99), DEEP_C20) == "not narrowed by this test"
+    assert tables.flag(with_sd(0.5), DEEP_C20, 0.0) == "not distinguishable from 0"
 
 
 def test_places_have_one_sign_and_hold_what_was_located(found):

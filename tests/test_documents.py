@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 import typer
 
+from legfem.app.description import known_tests
+
 ROOT = Path(__file__).resolve().parents[1]
 
 COMMANDS = (
@@ -40,6 +42,8 @@ COMMANDS = (
     "studies.hidden",
     "studies.meshes",
     "studies.bench",
+    "studies.cohort",
+    "studies.cohort.workers",
     "studies.expected_force",
     "studies.fibres",
     "studies.leg3d",
@@ -125,8 +129,9 @@ def test_commands_in_documents_take_their_options() -> None:
     # Names in capitals stand for any. A command may go on in the next line, and ends at a comma.
     word = r"(?!scripts/)[^`\s\"'),;]+"
     pattern = rf"python -m ((?:legfem|studies)(?:\.[a-z]\w*)*)\b(?!\.)((?:[ \n]{word})*)"
-    for path, match in found(pattern):
-        module = match[1]
+    short = rf"(?:in-env|mpirun -n \d+) (legfem [a-z]+)\b((?:[ \n]{word})*)"
+    for path, match in [*found(pattern), *found(short)]:
+        module = match[1].replace(" ", ".")
         if module in ("legfem", "studies.solvers.case"):
             continue
         words = match[2].split()
@@ -177,3 +182,16 @@ def is_there(name: str) -> bool:
 def test_modules_in_documents_are_there() -> None:
     named = [(path, match) for path, match in found(r"`((?:legfem|studies)(?:\.\w+)+)`") if not is_there(match[1])]
     assert not [where(path, match) for path, match in named]
+
+
+def test_the_page_of_specimens_keys_has_every_test_and_key() -> None:
+    page = (ROOT / "docs" / "reference" / "specimen-keys.md").read_text(encoding="utf-8")
+    for name, settings in known_tests().items():
+        part = page.partition(f"## `[{name}]`")[2].partition("\n## ")[0]
+        for one in settings:
+            assert f"| `{'.'.join(one.key[1:])}` |" in part, one.name
+
+
+def test_the_page_of_an_own_leg_is_short() -> None:
+    lines = (ROOT / "docs" / "tutorials" / "own-leg.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 62

@@ -14,7 +14,7 @@ from making_diagnosis import noisy, observations, ramps
 from making_identification import AnalyticLeg, identify, pressed_leg
 
 from legfem.common.errors import InputError
-from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, parameter_of
 from legfem.inverse.parameter import Prior
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.diagnosis import accuracy_of
@@ -153,17 +153,17 @@ def test_a_diagnosis_weighs_elastography_as_an_identification_does(tmp_path):
     assert accuracy.log_sd("superficial.C10") == pytest.approx(0.1)
     assert accuracy.log_sd("fascia.C10") == DRAWN.assumed_sd
     observed, predictor = observations(ramps())
-    observed = noisy(observed, predictor({"C10": 1.0, "C20": 0.6}), 1)
+    observed = noisy(observed, predictor({DEEP_C10: 0.001, DEEP_C20: 0.0006}), 1)
     without, right = (
         diagnosed_of(observed, ["force-drift"], accuracy=known)
         for known in (None, replace(accuracy, measured={"deep.C10": Prior(1e-3, 2e-5)}))
     )
     assert without.verdict == right.verdict == "consistent"
-    both = [one.intervals["C10"] for one in (without, right)]
-    assert all(low < 1.0 < high for low, high in both)
+    both = [one.intervals[DEEP_C10] for one in (without, right)]
+    assert all(low < 1e-3 < high for low, high in both)
     # The gain of the trials is what C10 isn't known better by, without the waves.
     widths = [high - low for low, high in both]
-    combined = 1 / math.hypot(3.92 / widths[0], 1 / 0.02)
+    combined = 1 / math.hypot(3.92 / widths[0], 1 / 2e-5)
     assert widths[1] == pytest.approx(3.92 * combined, rel=0.1)
     assert not list(waves_say(right, replace(subject, elastography=())))
 
@@ -171,7 +171,7 @@ def test_a_diagnosis_weighs_elastography_as_an_identification_does(tmp_path):
 def test_a_diagnosis_says_that_shear_waves_disagree(tmp_path):
     subject = loaded(tmp_path / "leg", ACROSS.format(2.8, 0.14))
     observed, predictor = observations(ramps())
-    observed = noisy(observed, predictor({"C10": 1.0, "C20": 0.6}), 1)
+    observed = noisy(observed, predictor({DEEP_C10: 0.001, DEEP_C20: 0.0006}), 1)
     found = diagnosed_of(observed, ["force-drift"], accuracy=accuracy_of(subject))
     (said,) = waves_say(found, subject)
     assert said.startswith("Elastography finds a higher c10_deep") and "1.4 ± 0.07 kPa" in said

@@ -9,12 +9,13 @@ import pytest
 from making_diagnosis import INSTRUMENT, NOISE, noisy, observations, ramps, two_rates
 from test_observations import observed as recorded
 
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import COMMON_GAIN_SD, ErrorModel, error_model
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.trial_noise import estimate_noise, trial_covariance
 from legfem.solve.protocol import Protocol
 
-TRUTH = {"C10": 1.0, "C20": 0.8}
+TRUTH = {DEEP_C10: 1e-3, DEEP_C20: 0.8e-3}
 
 
 @pytest.fixture(scope="module")

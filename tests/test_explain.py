@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from legfem.inverse import explain as explain_module
 from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import Evidence
@@ -57,15 +58,15 @@ def test_a_single_effect_is_named_and_its_bias_removed(effects, recordings):
     assert best.names == (name,)
     assert explained.base.probability < 0.05
     assert sum(e.probability for e in explained.every if name in e.names) > 0.9
-    before = abs(explained.base.value("C10") / TRUTH["C10"] - 1)
-    after = abs(best.value("C10") / TRUTH["C10"] - 1)
+    before = abs(explained.base.value(DEEP_C10) / TRUTH[DEEP_C10] - 1)
+    after = abs(best.value(DEEP_C10) / TRUTH[DEEP_C10] - 1)
     assert after < 0.03
     assert after < before or before < 0.01
     strength = next(iter(effects))
     low, high = best.interval(strength, float(norm.sf(3.5)))
     assert low <= effects[strength] <= high
-    low, high = averaged_interval(explained, "C10")
-    assert low <= TRUTH["C10"] <= high
+    low, high = averaged_interval(explained, DEEP_C10)
+    assert low <= TRUTH[DEEP_C10] <= high
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -123,7 +124,7 @@ def test_two_effects_are_explained_by_the_pair():
     problem, base = problem_of(ramps(), effects, seed=4)
     best = explain(problem, base, SOUGHT).every[0]
     assert set(best.names) == {"preconditioning", "support-compliance"}
-    assert best.value("C10") == pytest.approx(TRUTH["C10"], rel=0.04)
+    assert best.value(DEEP_C10) == pytest.approx(TRUTH[DEEP_C10], rel=0.04)
 
 
 def test_behind_one_effect_that_suffices_others_are_tried_and_widen_the_interval():
@@ -135,22 +136,22 @@ def test_behind_one_effect_that_suffices_others_are_tried_and_widen_the_interval
     assert best.names == ("support-compliance",)
     beside = {frozenset(e.names) for e in explained.every if len(e.names) == 2}
     assert {frozenset([*best.names, m.name]) for m in SOUGHT if m.name not in best.names} <= beside
-    low, high = averaged_interval(explained, "C10")
-    alone = best.interval("C10")
+    low, high = averaged_interval(explained, DEEP_C10)
+    alone = best.interval(DEEP_C10)
     assert high - low > 1.02 * (alone[1] - alone[0])
-    assert low < TRUTH["C10"] < high
+    assert low < TRUTH[DEEP_C10] < high
 
 
 def test_the_interval_of_consistent_recordings_has_room_for_what_they_may_hide():
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.006}, seed=1)
     explained = explain(problem, base, SOUGHT)
     assert explained.every[0].is_base and explained.adequacy > 0.9
-    low, high = averaged_interval(explained, "C10")
-    alone = explained.base.interval("C10")
-    assert low < TRUTH["C10"] < high
+    low, high = averaged_interval(explained, DEEP_C10)
+    alone = explained.base.interval(DEEP_C10)
+    assert low < TRUTH[DEEP_C10] < high
     assert high - low > 1.3 * (alone[1] - alone[0])
     surer = [replace(e, probability=100 * e.probability) if e.is_base else e for e in explained.every]
-    again = averaged_interval(replace(explained, every=tuple(surer)), "C10")
+    again = averaged_interval(replace(explained, every=tuple(surer)), DEEP_C10)
     assert again == pytest.approx((low, high)), "nothing at all is no explanation of a leg"
 
 
@@ -229,7 +230,7 @@ def test_a_first_trial_stiffer_by_a_share_that_varies_with_depth_is_named_precon
     best = explained.every[0]
     assert best.names == ("preconditioning",)
     assert explained.base.probability < 0.01
-    assert best.value("C10") == pytest.approx(TRUTH["C10"], rel=0.03)
+    assert best.value(DEEP_C10) == pytest.approx(TRUTH[DEEP_C10], rel=0.03)
     assert best.fit.prediction == pytest.approx(problem.predictor.observed.force, abs=0.6)
 
 

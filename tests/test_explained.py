@@ -12,7 +12,8 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from legfem.inverse.averaging import averaged_interval, untried_pairs
+from legfem.inverse.averaging import POWER, averaged_interval, untried_pairs
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.explain import explain
@@ -26,11 +27,11 @@ from legfem.legs.mechanisms import mechanism_named
 
 
 def explanation(like: Explanation, mean: float, sd: float, probability: float) -> Explanation:
-    """Return an explanation whose first parameter is normal; the others stay."""
+    """Return an explanation whose first parameter is normal, of a share of an interval's weights; the others stay."""
     p = like.posterior
     mean_of, spread = p.mean.copy(), p.covariance.copy()
     mean_of[0], spread[0, 0] = mean, sd**2
-    posterior = replace(p, mean=mean_of, covariance=spread)
+    posterior = replace(p, mean=mean_of, covariance=spread, log_evidence=np.log(probability) / POWER)
     return replace(like, posterior=posterior, probability=probability)
 
 
@@ -47,11 +48,11 @@ def test_an_averaged_interval_is_that_of_a_mixture_of_distributions():
         z = np.log(c10 / prior.centre) / prior.sd
         return 0.7 * norm.cdf(z / 0.02) + 0.3 * student_t.cdf((z - 0.2) / 0.05, 4)
 
-    expected = [brentq(lambda c10, p=p: share_below(c10) - p, 0.06, 19.0) for p in (0.025, 0.975)]
-    found = averaged_interval(Explained((one, other), one), "C10")
+    expected = [brentq(lambda c10, p=p: share_below(c10) - p, 6e-5, 19e-3, xtol=1e-15) for p in (0.025, 0.975)]
+    found = averaged_interval(Explained((one, other), one), DEEP_C10)
     np.testing.assert_allclose(found, expected, rtol=1e-6)
-    alone = averaged_interval(Explained((replace(one, probability=1.0),), one), "C10")
-    np.testing.assert_allclose(alone, one.interval("C10"), rtol=1e-6)
+    alone = averaged_interval(Explained((replace(one, probability=1.0),), one), DEEP_C10)
+    np.testing.assert_allclose(alone, one.interval(DEEP_C10), rtol=1e-6)
     assert averaged_interval(Explained((one, other), one), "drag.size") is None
 
 
@@ -62,13 +63,13 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     assert found.every[0].is_base
     assert not any(len(e.names) > 1 for e in found.every)
     singles = singles_of(found.every)
-    pairs = {pair.names: pair for pair in untried_pairs(found, "C10")}
+    pairs = {pair.names: pair for pair in untried_pairs(found, DEEP_C10)}
     assert len(pairs) == 6
     evidence = Evidence(problem.errors, possible_discrepancies(problem.predictor.observed, base.prediction))
     names = next(names for names in pairs if set(names) == {"force-drift", "preconditioning"})
     one, other = (singles[name,] for name in names)
     joint = fit(problem, [*one.fit.mechanisms, *other.fit.mechanisms], base.values)
-    told, k = laplace_posterior(problem, evidence, joint, one.log_discrepancy_weights), joint.free.index("C10")
+    told, k = laplace_posterior(problem, evidence, joint, one.log_discrepancy_weights), joint.free.index(DEEP_C10)
     told = replace(told, log_evidence=told.log_evidence + gain_of_widths(joint, told))
     summed = one.posterior.log_evidence + log_bayes_factor(other, found.base)
     assert told.log_evidence == pytest.approx(summed, abs=0.5)
@@ -77,8 +78,9 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     assert mean == pytest.approx(told.mean[k], abs=0.2 * sd)
     # The recordings bound both effects' sum better than each: the sum is no narrower.
     assert sd < np.sqrt(variance) < 1.25 * sd
-    low, high = averaged_interval(found, "C10")
-    parts = [(e.probability, e.distribution("C10")) for e in found.every if not e.is_base]
+    low, high = averaged_interval(found, DEEP_C10)
+    logs = {e: e.log_prior + POWER * e.posterior.log_evidence for e in found.every if not e.is_base}
+    parts = [(np.exp(log - max(logs.values())), e.distribution(DEEP_C10)) for e, log in logs.items()]
     alone = Mixture.joined(*zip(*parts, strict=True))
     prior = base.parameters[0].prior
     assert low < prior.value_at(alone.quantile(0.025))
@@ -91,8 +93,8 @@ def test_mechanisms_that_explain_the_same_misfit_are_no_hidden_pair():
     sought = [*SOUGHT, mechanism_named("muscle-contraction")]
     found = explain(problem, base, sought)
     assert found.every[0].names == ("preconditioning",)
-    assert not any("preconditioning" in pair.names for pair in untried_pairs(found, "C10"))
-    assert sum(pair.probability for pair in untried_pairs(found, "C10")) < 1e-3
+    assert not any("preconditioning" in pair.names for pair in untried_pairs(found, DEEP_C10))
+    assert sum(pair.probability for pair in untried_pairs(found, DEEP_C10)) < 1e-3
 
 
 def test_limits_hold_what_is_there_and_are_small_where_nothing_is():

@@ -8,6 +8,7 @@ from making_diagnosed import diagnosed_of
 from making_diagnosis import INSTRUMENT, TRUTH, pressed
 
 from legfem.data import segment_all
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.observations import observe
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.verdict import Diagnosis
@@ -35,9 +36,9 @@ def test_first_contact_is_fitted_and_so_is_the_stiffness():
             value, low, high = found_air(found, k)
             inside.append(low <= air <= high)
             near.append(abs(value - air))
-        low, high = found.intervals["C10"]
-        stiffness.append(low <= TRUTH["C10"] <= high)
-        assert found.base.value("C10") == pytest.approx(TRUTH["C10"], rel=0.03)
+        low, high = found.intervals[DEEP_C10]
+        stiffness.append(low <= TRUTH[DEEP_C10] <= high)
+        assert found.base.value(DEEP_C10) == pytest.approx(TRUTH[DEEP_C10], rel=0.03)
         assert len(found.observed.protocols) == 1, "trials with other air are repeats"
     assert np.mean(inside) > 0.85
     assert np.mean(stiffness) > 0.7
@@ -63,9 +64,9 @@ def test_gains_of_trials_and_nothing_else_get_no_name(scatter):
         zeros = generator.normal(0.0, 0.02, 3)
         found = of(pressed((0.0, 0.0, 0.0), list(gains), seed, list(zeros)))
         assert found.verdict == "consistent"
-        low, high = found.intervals["C10"]
+        low, high = found.intervals[DEEP_C10]
         # Gains that all trials share aren't told from the stiffness.
-        assert low <= TRUTH["C10"] * (1 + gains.mean()) <= high
+        assert low <= TRUTH[DEEP_C10] * (1 + gains.mean()) <= high
 
 
 @pytest.mark.slow
@@ -76,8 +77,8 @@ def test_of_thirty_draws_of_gains_nearly_all_are_consistent(scatter):
         gains = np.random.default_rng(seed + 1000).normal(0.0, scatter, 3)
         found = of(pressed((0.0, 0.0, 0.0), list(gains), seed), asked=None)
         verdicts.append(found.verdict)
-        low, high = found.intervals["C10"]
-        held.append(low <= TRUTH["C10"] <= high)
+        low, high = found.intervals[DEEP_C10]
+        held.append(low <= TRUTH[DEEP_C10] <= high)
     assert verdicts.count("consistent") >= 28
     assert sum(held) >= 26
 
@@ -89,8 +90,8 @@ def test_of_thirty_draws_of_air_nearly_all_are_consistent():
         airs = np.random.default_rng(seed + 2000).uniform(0.0, 3.0, 3)
         found = of(pressed(airs, seed=seed), asked=None)
         verdicts.append(found.verdict)
-        low, high = found.intervals["C10"]
-        held.append(low <= TRUTH["C10"] <= high)
+        low, high = found.intervals[DEEP_C10]
+        held.append(low <= TRUTH[DEEP_C10] <= high)
         inside += [found_air(found, k)[1] <= air <= found_air(found, k)[2] for k, air in enumerate(airs)]
     assert verdicts.count("consistent") >= 28
     assert sum(held) >= 26
@@ -106,6 +107,6 @@ def test_a_first_trial_that_is_stiffer_is_named_beyond_gains():
     found = of([stiffer, *recordings[1:]])
     assert found.verdict in ("named", "ambiguous")
     assert found.models[0].names == ("preconditioning",)
-    low, high = found.intervals["C10"]
-    assert low <= TRUTH["C10"] <= high
-    assert found.models[0].value("C10") == pytest.approx(TRUTH["C10"], rel=0.03)
+    low, high = found.intervals[DEEP_C10]
+    assert low <= TRUTH[DEEP_C10] <= high
+    assert found.models[0].value(DEEP_C10) == pytest.approx(TRUTH[DEEP_C10], rel=0.03)

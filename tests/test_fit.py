@@ -10,6 +10,7 @@ import pytest
 from making_diagnosis import TRUTH, ClosedForm, noisy, one_at_each_rate, problem_of, ramps, two_rates
 from scipy.stats import truncnorm
 
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.cross_validation import folds_of, held_out
 from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import error_model
@@ -75,8 +76,8 @@ def test_an_unseen_parameter_costs_no_evidence(dragged):
 
 def test_a_fit_s_interval_and_derivatives_are_those_of_the_prediction(dragged):
     problem, found = dragged
-    low, high = found.interval("C10")
-    assert low < TRUTH["C10"] < high
+    low, high = found.interval(DEEP_C10)
+    assert low < TRUTH[DEEP_C10] < high
     step = np.zeros(len(found.free))
     step[0] = 1e-4
     moved = problem.predictor(found.moved(found.prior_z + step), found.mechanisms)
@@ -104,7 +105,7 @@ def test_a_search_begins_on_both_sides_of_a_hill():
     assert found.values["compressibility.factor"] > 12.0, "the near side ends below 5"
     sd = found.sd("compressibility.factor")
     assert found.values["compressibility.factor"] == pytest.approx(25.0, abs=3 * sd)
-    assert found.values["C10"] == pytest.approx(TRUTH["C10"], rel=0.03)
+    assert found.values[DEEP_C10] == pytest.approx(TRUTH[DEEP_C10], rel=0.03)
 
 
 def test_held_out_data_are_predicted_better_with_the_right_mechanism():

@@ -10,6 +10,7 @@ from making_diagnosed import diagnosed
 from making_diagnosis import INSTRUMENT, TRUTH, ClosedForm, force_at, noisy, observations, problem_of, ramps, two_rates
 
 from legfem.common.progress import Silent
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.explanation import Explanation
@@ -45,7 +46,7 @@ def lump(factor, possible=OCCURRENCES):
     observed, predictor = observations(ramps())
     predictor = replace(predictor, responses=Hiding())
     mechanism = mechanism_named("uneven-muscle")
-    values = {"C10": 1.0, "C20": 0.6, "uneven-muscle.factor": factor}
+    values = {DEEP_C10: 0.001, DEEP_C20: 0.0006, "uneven-muscle.factor": factor}
     observed = noisy(observed, predictor(values, [mechanism]), 1)
     asked = ("uneven-muscle", "force-drift", "support-compliance", "superficial-stiffness")
     able, _ = shown_mechanisms(observed, None)
@@ -111,15 +112,15 @@ def test_a_lump_that_a_refit_hides_leaves_its_limit_open_and_the_answer_is_not_y
     limit = next(one for one in found.limits if one.name == "uneven-muscle")
     assert limit.open_low and limit.open_high and limit.high == pytest.approx(10.0)
     # The base model takes the lump for a muscle that is stiffer by 0.3 ln 10.
-    assert found.base.value("C10") == pytest.approx(1 + 0.3 * np.log(10.0), rel=0.03)
-    assert limit.stiffness["C10"][0] == pytest.approx(1.0, rel=0.03)
+    assert found.base.value(DEEP_C10) == pytest.approx(1e-3 * (1 + 0.3 * np.log(10.0)), rel=0.03)
+    assert limit.stiffness[DEEP_C10][0] == pytest.approx(1e-3, rel=0.03)
     assert found.limits[0] is limit and shift_of(limit, found.weighted_base.fit) > TRUSTED
     answer = headline(found, ())
     assert answer.heading.startswith("The model fits, and C10 may be off by ")
     assert "Write down a range" in answer.sentence
     soft, hard = limit.ends
     assert soft.values["factor"] == pytest.approx(0.25) and hard.values["factor"] == pytest.approx(10.0)
-    assert soft.open and hard.open and hard.c10 == pytest.approx(1.0, rel=0.03)
+    assert soft.open and hard.open and hard.c10 == pytest.approx(1e-3, rel=0.03)
     said = hidden_sentence(found, limit, hard)
     assert said.startswith("A region of the muscle of 10 times the stiffness of the rest would not have been seen; C10")
     assert said in dict(answer.answers)["Problems found"]
@@ -127,8 +128,8 @@ def test_a_lump_that_a_refit_hides_leaves_its_limit_open_and_the_answer_is_not_y
 
 def test_the_interval_holds_what_a_lump_hides_for_great_strengths_are_common():
     usual, found = lump(4.0, possible={}), lump(4.0)
-    assert found.base.value("C10") > 1.3
-    assert found.intervals["C10"][0] < 1.0 < usual.intervals["C10"][0]
+    assert found.base.value(DEEP_C10) > 1.3e-3
+    assert found.intervals[DEEP_C10][0] < 1e-3 < usual.intervals[DEEP_C10][0]
 
 
 def test_a_null_of_several_phases_is_trusted_and_nothing_that_matters_is_open():

@@ -20,7 +20,7 @@ from legfem.commands.identify import app
 from legfem.common.errors import InputError
 from legfem.data import Recording
 from legfem.data.ranges import C10 as PLAUSIBLE
-from legfem.inverse import minimiser
+from legfem.inverse import settings as room
 from legfem.inverse.catalogue import parameter_of, stiffness_in_words
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import Written, read_prior, read_value
@@ -171,7 +171,7 @@ def test_a_search_of_the_users_own_finds_the_same(tmp_path: Path) -> None:
 
 def test_the_documented_example_of_an_own_search_is_the_one_that_is_tested() -> None:
     """The seam's docstring and the page hold the same lines, and they run."""
-    source = Path(minimiser.__file__).read_text(encoding="utf-8")
+    source = Path(room.__file__).read_text(encoding="utf-8")
     lines = [line[4:] for line in source.splitlines() if line.startswith((">>>", "..."))]
     space: dict[str, object] = {}
     exec("\n".join(lines), space)

@@ -20,8 +20,8 @@ from legfem.inverse.intervals import (
     verdict_on,
 )
 from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, least_residual, sandwich, with_unit_errors
-from legfem.inverse.minimiser import Genetic, Minimum
 from legfem.inverse.parameter import Domain, Parameter, Prior, Priors
+from legfem.inverse.settings import Genetic, Minimum
 
 FREE = (-1e3, 1e3)
 
@@ -167,7 +167,7 @@ def test_words_follow_the_width_the_bound_the_model_and_the_prior() -> None:
 
 
 def by_differential_evolution(cost, starts, seed):
-    """The example of `legfem.inverse.minimiser`."""
+    """The example of `legfem.inverse.settings`."""
     found = differential_evolution(
         lambda columns: cost(columns.T),
         bounds=[(0, 1)] * starts.shape[1],

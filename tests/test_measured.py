@@ -15,6 +15,7 @@ from scipy.stats import norm
 
 from legfem.common.errors import InputError
 from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.explain import explain
@@ -58,14 +59,14 @@ def test_a_reading_is_what_integrating_the_strength_says(drifting):
         held = fit(problem, [DRIFT], {**base.values, name: prior.value_at(one)}, (name,))
         given = laplace_posterior(problem, evidence, held, shares)
         logs.append(given.log_evidence + norm.logpdf(one) + np.log(z[1] - z[0]))
-        stiffness.append(given.mean[held.free.index("C10")])
+        stiffness.append(given.mean[held.free.index(DEEP_C10)])
     weights = np.exp(np.array(logs) - logsumexp(logs))
     assert told.log_evidence == pytest.approx(float(logsumexp(logs)), abs=0.05)
     free = fit(problem, [DRIFT], base.values).free
     k = free.index(name)
     assert told.mean[k] == pytest.approx(float(weights @ z), abs=0.02)
     assert told.covariance[k, k] == pytest.approx(float(weights @ z**2 - (weights @ z) ** 2), rel=0.1)
-    assert told.mean[free.index("C10")] == pytest.approx(float(weights @ stiffness), abs=0.01)
+    assert told.mean[free.index(DEEP_C10)] == pytest.approx(float(weights @ stiffness), abs=0.01)
 
 
 def test_without_the_effect_a_reading_counts_against_it(drifting):
@@ -93,10 +94,10 @@ def test_a_dial_gauge_settles_whether_a_support_gives_way(gives_way):
     assert 0.02 < held(before) < 0.9, "nothing would be to be settled"
     assert held(after) > 0.95 if gives_way else held(after) < held(before)
     if gives_way:
-        low, high = averaged_interval(after, "C10")
-        wide = averaged_interval(before, "C10")
+        low, high = averaged_interval(after, DEEP_C10)
+        wide = averaged_interval(before, DEEP_C10)
         assert high - low < wide[1] - wide[0]
-        assert low <= TRUTH["C10"] <= high
+        assert low <= TRUTH[DEEP_C10] <= high
 
 
 def test_what_was_measured_is_not_asked_for_again():

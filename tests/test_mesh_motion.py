@@ -21,8 +21,9 @@ MOTIONS = [
         for part in ("skin", "fascia")
         for arc, size in ((0.0, 1.0), (0.0, -1.0), (40.0, 1.0), (-20.0, -1.0))
     ),
-    MeshMotion("bones", size=1.0),
-    MeshMotion("bones", size=-1.0),
+    MeshMotion("tibia", size=1.0),
+    MeshMotion("tibia", size=-1.0),
+    MeshMotion("fibula", size=1.0, turned=90.0),
 ]
 
 
@@ -66,7 +67,7 @@ def test_nothing_moves_by_a_motion_of_no_size(leg, plain):
         assert not np.any(shift(replace(motion, size=0.0), points, leg, plain))
 
 
-@pytest.mark.parametrize("motion", [m for m in MOTIONS if m.outline != "bones"], ids=str)
+@pytest.mark.parametrize("motion", [m for m in MOTIONS if m.outline not in BONES], ids=str)
 def test_an_outline_moves_by_the_size_at_the_hat_s_top_and_not_beyond_its_foot(motion, leg, plain):
     section, _ = leg
     skin = ring(section, "skin")
@@ -87,12 +88,14 @@ def test_an_outline_moves_by_the_size_at_the_hat_s_top_and_not_beyond_its_foot(m
     assert far.any() and not np.any(moves[far])
 
 
-def test_bones_move_along_the_travel_as_one(leg, plain):
+@pytest.mark.parametrize("bone", BONES)
+def test_a_bone_moves_as_one(bone, leg, plain):
+    """Along the travel, or to its left."""
     section, _ = leg
-    motion = MeshMotion("bones", size=0.8)
-    for bone in BONES:
-        moved = shift(motion, along(ring(section, bone), 60), leg, plain)
-        np.testing.assert_allclose(moved, 0.8 * np.tile(plain.direction, (60, 1)), atol=1e-6)
+    left = np.array([-plain.direction[1], plain.direction[0]])
+    for turned, way in ((0.0, plain.direction), (90.0, left)):
+        moved = shift(MeshMotion(bone, size=0.8, turned=turned), along(ring(section, bone), 60), leg, plain)
+        np.testing.assert_allclose(moved, 0.8 * np.tile(way, (60, 1)), atol=1e-6)
 
 
 @pytest.mark.parametrize("motion", MOTIONS, ids=str)
@@ -101,7 +104,7 @@ def test_other_outlines_stay(motion, leg, plain):
     others = {
         "skin": along(ring(section, "skin")),
         "fascia": along(ring(section, "fascia")),
-        "bones": np.vstack([along(ring(section, bone), 60) for bone in BONES]),
+        **{bone: along(ring(section, bone), 60) for bone in BONES},
     }
     del others[motion.outline]
     for points in others.values():
@@ -164,7 +167,7 @@ def moved_section(section: LegSection, motion: MeshMotion, plain: SectionMesh) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "motion", [MeshMotion("skin", size=1.0), MeshMotion("fascia", size=1.0), MeshMotion("bones")], ids=str
+    "motion", [MeshMotion("skin", size=1.0), MeshMotion("fascia", size=1.0), MeshMotion("tibia")], ids=str
 )
 def test_the_force_s_change_agrees_with_that_of_another_mesh_of_the_moved_contours(motion):
     """Within the noise that another mesh brings (that of two meshes of one leg), and a tenth."""

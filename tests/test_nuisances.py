@@ -10,6 +10,8 @@ from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
+from legfem.geometry.section import BONES
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.explain import explain
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import smoothed
@@ -46,7 +48,7 @@ OUTLINE = Cause("outlines", GEOMETRY_DOF)
 def blank():
     """A leg's observations and force, with changes that differ from geometry to geometry."""
     observed, predictor = observations(ramps())
-    force = predictor({"C10": 1.0, "C20": 0.8})
+    force = predictor({DEEP_C10: 0.001, DEEP_C20: 0.0008})
     geometric = {own.name: 0.01 * np.cos((k + 1) * GRID / 15) for k, own in enumerate(displaced_geometries())}
     return observed, force, NuisanceChanges(GRID, geometric, {"superficial.C10": fat(GRID)})
 
@@ -67,7 +69,7 @@ def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
     worse = effects_of(nuisances, observed, force, Accuracy(2 * CONTOUR_SD_MM, 3 * AIM_SD_MM))
     assert list(usual) == list(worse)
     for name, effect in usual.items():
-        outline = "outline" in name or "bones" in name
+        outline = "outline" in name or name.startswith(BONES)
         factor = 2 if outline else 3 if name == "aim" else 1
         np.testing.assert_allclose(worse[name], factor * effect)
     exact = effects_of(nuisances, observed, force, Accuracy(0.0, 0.0, 0.0))
@@ -120,7 +122,7 @@ def test_displaced_geometries_are_one_standard_deviation_off_each():
         assert (geometry.moved is None) != (geometry.placement is None)
         if geometry.moved is not None:
             assert geometry.moved.size == CONTOUR_SD_MM
-    assert {g.moved.outline for g in geometries if g.moved} == {*OUTLINES, "bones"}
+    assert {g.moved.outline for g in geometries if g.moved} == {*OUTLINES, *BONES}
 
 
 def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():

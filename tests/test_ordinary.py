@@ -9,6 +9,7 @@ import pytest
 from making_diagnosis import TRUTH, one_at_each_rate, problem_of, ramps
 from scipy.optimize import least_squares
 
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.explain import explain
 from legfem.inverse.linearised import fit, ordinary_fit
 from legfem.inverse.verdict import ordinary_explanation
@@ -43,10 +44,10 @@ def test_a_wrong_model_stays_near_the_data(effects, recordings):
     found = ordinary_fit(problem, [TRUTH])
 
     def residual(logs):
-        values = {**found.values, "C10": np.exp(logs[0]), "C20": np.exp(logs[1])}
+        values = {**found.values, DEEP_C10: np.exp(logs[0]), DEEP_C20: np.exp(logs[1])}
         return problem.predictor.observed.force - problem.predictor(values, ())
 
-    best = least_squares(residual, np.log([found.values["C10"], found.values["C20"]])).fun
+    best = least_squares(residual, np.log([found.values[DEEP_C10], found.values[DEEP_C20]])).fun
     assert distance(found.residual) < 1.02 * distance(best)
     weighed = fit(problem, (), found.values)
     assert distance(weighed.residual) > 3 * distance(best), "nothing is to be guarded against"
@@ -57,8 +58,8 @@ def test_a_right_model_has_the_same_stiffness_and_an_interval_that_holds_the_tru
     for seed in range(12):
         problem, base = problem_of(ramps(), seed=seed)
         found = ordinary_fit(problem, [TRUTH])
-        assert found.values["C10"] == pytest.approx(base.values["C10"], rel=0.05)
+        assert found.values[DEEP_C10] == pytest.approx(base.values[DEEP_C10], rel=0.05)
         shown = ordinary_explanation(problem, found, explain(problem, base, []).base)
-        low, high = shown.interval("C10")
-        held += low <= TRUTH["C10"] <= high
+        low, high = shown.interval(DEEP_C10)
+        held += low <= TRUTH[DEEP_C10] <= high
     assert held >= 10

@@ -227,8 +227,8 @@ def test_an_example_of_the_gallery_runs_and_draws(script: str, tmp_path: Path, m
     plt.close("all")
 
 
-def test_the_gallery_has_twelve_examples() -> None:
-    assert len(list(EXAMPLES.glob("*.py"))) == 12
+def test_the_gallery_has_thirteen_examples() -> None:
+    assert len(list(EXAMPLES.glob("*.py"))) == 13
 
 
 @pytest.mark.slow

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from making_diagnosis import problem_of, ramps
 from scipy.stats import kstest
 
+from legfem.inverse import location
 from legfem.inverse.location import score_tests
 from legfem.legs.mechanisms import mechanism_named
 
@@ -59,3 +61,12 @@ def test_the_same_draws_give_the_same_p_values():
     one, other = (score_tests(problem, base, SOUGHT[:2], 3) for _ in range(2))
     assert one.p_value == other.p_value
     assert one.p_value == pytest.approx(score_tests(problem, base, SOUGHT[:2], 4).p_value, abs=0.15)
+
+
+def test_first_contacts_of_trials_driven_alike_count_once_in_the_lack_of_fit():
+    """Of forty means C10, C20 and one first contact take three degrees of freedom: three of them move one mean."""
+    problem, base = problem_of(ramps(), seed=4)
+    drawn = problem.errors.draw(1000, np.random.default_rng(1))
+    squares = location._lack_of_fit(problem, base, drawn)
+    freedom = len(problem.predictor.observed.means) - 3
+    assert squares.mean() == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / 1000))

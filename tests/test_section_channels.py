@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from making_mechanics import COARSE, fixed_steps, subject_3
 from legfem.data.channels import CHANNELS
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.section_channels import BESIDE_MM, skin_rise
+from legfem.experiments.section_channels import BESIDE_MM, ContactForces, ReadState, skin_rise
 from legfem.fem.outlines import first_crossing
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
@@ -157,3 +158,14 @@ def test_a_line_beside_an_outline_meets_nothing():
     edge = np.array([[[0.0, 0.0], [1.0, 0.0], [0.5, 0.1]]])
     assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0])) is None
     assert first_crossing(edge, np.array([2.0, 5.0]), np.array([0.0, -1.0]), beside=1.2) is None
+
+
+def test_forces_in_3d_turn_with_the_travel():
+    """To the left of the travel as in a section, and along the leg; both are channels that the model in 3D gives."""
+    direction = np.array([0.6, -0.8, 0.0])
+    reader = ContactForces(SimpleNamespace(direction=direction))
+    force = 2.0 * direction + 0.5 * np.array([0.8, 0.6, 0.0]) + np.array([0.0, 0.0, 0.1])
+    read = reader.read(ReadState(np.zeros(0), np.zeros((1, 0)), force, 3.0 * force[None]))
+    assert read["lateral_force"][0] == pytest.approx(0.5) and read["axial_force"][0] == pytest.approx(0.1)
+    assert read["lateral_force"][1] == pytest.approx([1.5]) and read["axial_force"][1] == pytest.approx([0.3])
+    assert set(read) == {name for name, kind in CHANNELS.items() if "3d" in kind.models}

@@ -9,12 +9,13 @@ import pytest
 from making_diagnosed import diagnosed_of
 from making_diagnosis import noisy, observations, two_rates
 
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.misfit import Misfit, misfit_of
 from legfem.inverse.setting_aside import touched_part
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import verdict_sentence
 
-BASE = {"C10": 1.0, "C20": 0.6}
+BASE = {DEEP_C10: 0.001, DEEP_C20: 0.0006}
 ASKED = ("preconditioning", "force-drift", "muscle-contraction", "superficial-stiffness")
 
 
@@ -35,9 +36,9 @@ def test_a_muscle_that_tenses_in_one_hold_is_set_aside_and_the_rest_gives_c10(tr
     found = diagnosed_of(observed, ASKED)
     assert found.aside is not None
     assert found.aside.trial == observed.trials[trial] and found.aside.phases == ("hold", "unloading")
-    low, high = found.intervals["C10"]
-    assert low < BASE["C10"] < high
-    assert found.best.value("C10") == pytest.approx(BASE["C10"], rel=0.05)
+    low, high = found.intervals[DEEP_C10]
+    assert low < BASE[DEEP_C10] < high
+    assert found.best.value(DEEP_C10) == pytest.approx(BASE[DEEP_C10], rel=0.05)
     answer = headline(found, ())
     assert found.aside.described in answer.heading
     assert found.aside.described in dict(answer.answers)["Problems found"]
@@ -47,7 +48,7 @@ def test_the_rest_has_an_interval_of_its_own_which_is_wider():
     whole = diagnosed_of(recorded(), ASKED)
     rest = diagnosed_of(recorded(0.15), ASKED)
     assert whole.aside is None
-    ratio = np.diff(rest.intervals["C10"])[0] / np.diff(whole.intervals["C10"])[0]
+    ratio = np.diff(rest.intervals[DEEP_C10])[0] / np.diff(whole.intervals[DEEP_C10])[0]
     assert 1.0 < ratio < 2.0
 
 
@@ -76,8 +77,8 @@ def test_a_misfit_below_a_hundredth_of_the_force_that_hardly_moves_c10_is_good_e
     assert answer.heading.startswith("Good enough: the model misses by 0.")
     assert answer.sentence.startswith("Write down")
     assert "good enough" in verdict_sentence(found)
-    low, high = found.intervals["C10"]
-    assert low < BASE["C10"] < high
+    low, high = found.intervals[DEEP_C10]
+    assert low < BASE[DEEP_C10] < high
 
 
 def test_a_misfit_that_is_large_or_moves_c10_beyond_its_interval_is_not():

@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
 from making import write_subject
-from making_identification import Killed
+from making_identification import DEPTH, Killed
 from making_results import law_document
 from making_sites import SITES, write_sites
-from making_sites_in_3d import IN_TENSION, RISES, TRUE_C10, TRUE_RATIO, leg_of, models_as_deep_as_asked, models_of
+from making_sites_in_3d import (
+    IN_TENSION,
+    RISES,
+    TRUE_C10,
+    TRUE_RATIO,
+    FibrousLeg,
+    leg_of,
+    models_as_deep_as_asked,
+    models_of,
+)
 from typer.testing import CliRunner
 
 from legfem.commands.identify import app as identify_app
+from legfem.data.channels import CHANNELS, RecordedChannel
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
+from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import SearchRequest
 from legfem.legs import fit_in_3d as spatial
 from legfem.legs.elastography import FibreRatio
@@ -66,6 +77,48 @@ def test_one_way_of_pressing_is_said_not_to_tell_it_and_c10_has_the_room_for_tha
     assert "axis_deg = 90" in said
     held = identified(leg, (DEEP_C10,), models=models_of(leg, start=None))
     assert np.ptp(c10.ci95) > 1.5 * np.ptp(held.estimates[DEEP_C10].ci95)
+
+
+@dataclass
+class SidewaysLeg(FibrousLeg):
+    """The same, which isn't alike to both sides: fibres draw the cylinder aside by 0.2 of the force a unit."""
+
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
+        outcome = super().solve(values, sensitivities)
+        every = {**self.nominal, **values}
+        plain = super().solve({**values, DEEP_RATIO: 1.0}, (DEEP_C10,)).curve
+        ratio, share = every[DEEP_RATIO], 0.2
+        by = {DEEP_C10: share * (ratio - 1) * plain.sensitivities[DEEP_C10], DEEP_RATIO: share * plain.force}
+        curve = replace(
+            outcome.curve,
+            channels={"lateral_force": share * (ratio - 1) * plain.force},
+            channel_sensitivities={"lateral_force": {n: by.get(n, 0.0 * plain.force) for n in sensitivities}},
+        )
+        return replace(outcome, curves=(curve,))
+
+
+def test_a_lateral_force_tells_in_3d_what_one_way_of_pressing_doesn_t(tmp_path):
+    """The fibres' ratio, which the force along the travel leaves open; a thickness is said not to be used."""
+    leg = leg_of(tmp_path, ("along",))
+    curve = SidewaysLeg(rise=RISES["along"]).solve({DEEP_C10: TRUE_C10, DEEP_RATIO: TRUE_RATIO}, ()).curve
+    (site,) = leg.sites
+    trials = []
+    for one in site.recordings:
+        time = one.time[::20]
+        read = curve.channel("lateral_force", np.minimum(0.4 * time, DEPTH))
+        fat = RecordedChannel("fat_thickness", time, np.full(len(time), 6.0), CHANNELS["fat_thickness"].usual)
+        lateral = RecordedChannel("lateral_force", time, read, CHANNELS["lateral_force"].usual)
+        trials.append(replace(one, channels=(lateral, fat)))
+    beside = replace(leg, sites=(replace(site, recordings=tuple(trials)),))
+    alone, found = identified(leg), identified(beside, models=models_of(beside, kind=SidewaysLeg))
+    low, high = found.estimates[DEEP_RATIO].ci95
+    assert low < TRUE_RATIO < high
+    assert high - low < 0.3 * np.subtract(*alone.estimates[DEEP_RATIO].ci95[::-1])
+    assert found.estimates[DEEP_RATIO].information_shares["lateral_force"] > 0.5
+    assert [one.channel.name for one in found.tests[0].channels] == ["force", "lateral_force"]
+    (said,) = (text for text in found.warnings if "is not used" in text)
+    assert "fat thickness" in said and "lateral" not in said
+    assert alone.details.spatial.untold and not found.details.spatial.untold
 
 
 def test_a_stated_ratio_is_a_prior_and_its_error_is_c10_s(tmp_path):

@@ -28,15 +28,16 @@ displacement_sd_mm = 0.002
 [recordings]
 starts_at_contact = true
 """
+TWO = (3.4, 11.4)
 LENGTHS = (2.0, 3.4, 5.0, 8.0, 11.4, 16.0)
 
 
-def bars(folder: Path, compliance: float, seed: int = 0) -> Path:
-    """Write pieces of six lengths, 3 % apart in stiffness, on a rig that yields (mm/N)."""
+def bars(folder: Path, compliance: float, seed: int = 0, lengths: tuple[float, ...] = LENGTHS) -> Path:
+    """Write pieces of several lengths, 3 % apart in stiffness, on a rig that yields (mm/N)."""
     drawn = np.random.default_rng(seed)
     text = [HEAD]
     (folder / "recordings").mkdir(parents=True)
-    for k, length in enumerate(LENGTHS):
+    for k, length in enumerate(lengths):
         c10 = C10 * np.exp(0.03 * drawn.normal())
         own = np.linspace(0.0, 0.25, 120)
         force = 2 * c10 * AREA * ((1 - own) ** -2 - (1 - own))
@@ -84,6 +85,29 @@ def test_false_alarms_are_as_rare_as_is_said_and_a_rig_is_found() -> None:
     assert seen(0.5) > 0.9
 
 
-def test_two_specimens_or_one_thickness_show_nothing() -> None:
-    assert size_dependence({"a": 1.0, "b": 3.0}, {"a": 2.0, "b": 10.0}) is None
+def test_two_specimens_that_are_alike_or_one_thickness_show_nothing() -> None:
+    assert size_dependence({"a": 1.0}, {"a": 2.0}) is None
+    assert size_dependence({"a": 1.0, "b": 1.1}, {"a": 2.0, "b": 10.0}) is None
     assert size_dependence({"a": 1.0, "b": 2.0, "c": 3.0}, {"a": 5.0, "b": 5.1, "c": 5.2}) is None
+
+
+def test_two_that_differ_by_more_than_pieces_do_are_a_finding() -> None:
+    """By 5 % each: a chance of 0.01 for 0.18 in the logarithm."""
+    threshold = 2.5758 * 0.05 * np.sqrt(2)
+    extent = {"a": 2.0, "b": 10.0}
+    assert size_dependence({"a": 1.0, "b": np.exp(0.98 * threshold)}, extent) is None
+    found = size_dependence({"a": 1.0, "b": np.exp(1.02 * threshold)}, extent)
+    assert found is not None and found.power == pytest.approx(1.02 * threshold / np.log(5))
+    assert "not of one material" in found.text
+
+
+@pytest.mark.parametrize(("compliance", "finding"), [(0.05, True), (0.0, False)])
+def test_a_diagnosis_of_two_pieces_on_a_rig_that_yields_says_so(
+    tmp_path: Path, compliance: float, finding: bool
+) -> None:
+    found = lf.diagnose(lf.load_specimen(bars(tmp_path / "two", compliance, lengths=TWO)), library=tmp_path / "kept")
+    said = " ".join(found.summary().split())
+    assert ("The constant depends on the thickness" in said) is finding
+    if finding:
+        assert "a rig that yields" in said
+        assert " consistent " not in said.replace("consistent by itself", "")

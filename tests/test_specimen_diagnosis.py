@@ -14,6 +14,7 @@ from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock
 from legfem.experiments.uniaxial import UniaxialSpecimen
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.responses import BodyModels, Stopped
 from legfem.legs.mechanisms import Solution
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
@@ -48,8 +49,8 @@ def test_a_sound_test_is_consistent_and_its_stiffness_found(tmp_path: Path) -> N
     law = NeoHookean(5e-3, 1.0)
     found = diagnosed(repeats(tmp_path, lambda d: compressed(law, d))).diagnosis
     assert found is not None and found.verdict == "consistent"
-    low, high = found.intervals["C10"]
-    assert low < 5.0 < high and high - low < 0.5
+    low, high = found.intervals[DEEP_C10]
+    assert low < 5e-3 < high and high - low < 5e-4
     assert found.emulator_error < 1e-4
 
 
@@ -78,9 +79,9 @@ def test_relaxation_is_named_by_a_hold(tmp_path: Path) -> None:
     # Two branches that end within the hold are no spectrum, and a drift may stand in for what it
     # misses; what lasts is still found.
     alone = next(model for model in found.models if model.names == ("viscoelasticity",))
-    assert alone.value("C10") == pytest.approx(5.0, rel=0.1)
-    low, high = found.intervals["C10"]
-    assert low < 5.0 < high
+    assert alone.value(DEEP_C10) == pytest.approx(5e-3, rel=0.1)
+    low, high = found.intervals[DEEP_C10]
+    assert low < 5e-3 < high
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-HEAVY = ("SimpleITK", "bokeh", "dolfinx", "gmsh", "matplotlib", "pandas", "trimesh")
+HEAVY = ("SimpleITK", "dolfinx", "gmsh", "matplotlib", "pandas", "trimesh")
 
 
 @pytest.mark.parametrize("command", ["diagnose", "identify", "plan"])

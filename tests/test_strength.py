@@ -11,6 +11,7 @@ from making_diagnosis import ClosedForm, problem_of, ramps
 from scipy.stats import multivariate_normal, norm
 
 from legfem.inverse.averaging import averaged_interval, widened_by
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.explain import explain
@@ -39,7 +40,7 @@ def tense(seed, tension=0.0):
     problem, _ = problem_of(ramps(), seed=seed)
     predictor = replace(problem.predictor, responses=Tense())
     problem = replace(problem, predictor=predictor)
-    base = fit(problem, (), {"C10": 0.9, "C20": 0.7})
+    base = fit(problem, (), {DEEP_C10: 0.0009, DEEP_C20: 0.0007})
     with_it = fit(problem, [mechanism_named("prestress")], {**base.values, NAME: 40.0 + tension})
     unknowns = possible_discrepancies(predictor.observed, base.prediction)
     return problem, base, with_it, Evidence(problem.errors, unknowns)
@@ -79,7 +80,7 @@ def summed(problem, evidence, fitted, shares):
             log += float(norm.logpdf(departure).sum() - about.logpdf(departure)) - inside(held)
             logs.append(log - norm.logcdf(0.0) + np.log(width / _DRAWS))
             priors.append([sum(p * norm.pdf(z, scale=w) for w, p in WIDTHS.items()), norm.pdf(z)])
-            stiffness.append(departure[held.free.index("C10")])
+            stiffness.append(departure[held.free.index(DEEP_C10)])
     total, widest = np.logaddexp.reduce(np.array(logs)[:, None] + np.log(priors))
     weights = np.exp(np.array(logs) - widest) * np.array(priors)[:, 1]
     mean = weights @ np.array(stiffness)
@@ -94,7 +95,7 @@ def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_l
     linear = conditional(fitted)
     found = integrate_strength(problem, fitted, linear, conditional)
     total, mean, sd = summed(problem, evidence, fitted, shares)
-    k = fitted.free.index("C10")
+    k = fitted.free.index(DEEP_C10)
     assert found.log_evidence == pytest.approx(total, abs=0.1)
     assert found.mean[k] == pytest.approx(mean, abs=0.05 * sd)
     assert np.sqrt(found.covariance[k, k]) == pytest.approx(sd, rel=0.05)
@@ -147,8 +148,8 @@ def test_what_widens_an_interval_most_is_told():
     problem, base, _, _ = tense(1)
     explained = explain(problem, base, [mechanism_named("prestress"), mechanism_named("dermis")])
     assert explained.every[0].is_base
-    assert widened_by(explained, "C10").names == ("prestress",)
-    low, high = averaged_interval(explained, "C10")
-    own = explained.base.interval("C10")
+    assert widened_by(explained, DEEP_C10).names == ("prestress",)
+    low, high = averaged_interval(explained, DEEP_C10)
+    own = explained.base.interval(DEEP_C10)
     assert high - low > 1.2 * (own[1] - own[0])
     assert widened_by(explained, "drag.size") is None

@@ -12,6 +12,7 @@ from making_layers import OtherLayer, OtherLayers
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.specimens.details import rms_percent
 from legfem.specimens.diagnosis import diagnose_specimens
 
@@ -146,6 +147,6 @@ def test_a_diagnosis_finds_a_sound_cup_sound(tmp_path: Path, suctions) -> None:
     (tmp_path / "two" / "specimen.toml").write_text(CUP + stated)
     (found,) = diagnose_specimens(lf.load_specimen(tmp_path / "two"), (), None, 1, Silent())
     assert found.diagnosis is not None, found.problem
-    print(found.diagnosis.verdict, found.diagnosis.best.value("C10"))
+    print(found.diagnosis.verdict, found.diagnosis.best.value(DEEP_C10))
     assert found.diagnosis.verdict == "consistent"
-    assert found.diagnosis.best.value("C10") == pytest.approx(1e3 * C10, rel=0.05)
+    assert found.diagnosis.best.value(DEEP_C10) == pytest.approx(C10, rel=0.05)

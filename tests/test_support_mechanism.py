@@ -7,6 +7,7 @@ import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.library_build import CHANGES_AT, build_library, rounded
 from legfem.inverse.predictor import Predictor
@@ -40,8 +41,8 @@ def test_between_a_frame_and_bones_the_force_lies_between(solved):
     forces = {
         share: predictor(
             {
-                "C10": SOFT[0],
-                "C20": SOFT[1],
+                DEEP_C10: 1e-3 * SOFT[0],
+                DEEP_C20: 1e-3 * SOFT[1],
                 "support-compliance.compliance": compliance,
                 "support-compliance.at_bones": share,
             },

@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from legfem.data import segment_all
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, error_model
 from legfem.inverse.evidence import Evidence
@@ -80,7 +81,7 @@ def test_where_no_air_is_seen_the_evidence_is_that_of_both_readings():
     expected = np.logaddexp(parts[0] + np.log(STARTS_AT_CONTACT), parts[1] + np.log(1 - STARTS_AT_CONTACT))
     found = contact_posterior(evidence, fitted, observed, [0.0])
     # C20 is bounded below by zero, which the densities above leave out.
-    k = fitted.free.index("C20")
+    k = fitted.free.index(DEEP_C20)
     sd = np.sqrt(found.covariance[k, k])
     low, high = fitted.linearised.low[k], fitted.linearised.high[k]
     bounded = norm.sf((low - found.mean[k]) / sd) / (norm.cdf(high) - norm.cdf(low))
@@ -100,8 +101,8 @@ def test_air_too_little_to_be_seen_gets_no_name_and_widens_the_interval():
     found = found_of((0.1, 0.06, 0.08))
     assert not found.observed.shows_air
     assert found.verdict == "consistent"
-    low, high = found.intervals["C10"]
-    assert low <= TRUTH["C10"] <= high
+    low, high = found.intervals[DEEP_C10]
+    assert low <= TRUTH[DEEP_C10] <= high
     for k, air in enumerate((0.1, 0.06, 0.08)):
         at = found.observed.contacts[k].displacement
         ends = [at + end for end in found.base.interval(onset_name(k))]

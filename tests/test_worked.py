@@ -10,6 +10,7 @@ from making_diagnosed import BASE, diagnosed
 from typer.testing import CliRunner
 
 from legfem.data import segment_all
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.observations import observe
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
@@ -29,7 +30,7 @@ CURVE = ForceCurve(np.linspace(0, 20, 41), np.linspace(0, 20, 41) ** 1.5 / 4)
 @pytest.fixture(scope="module")
 def stiffened():
     found = diagnosed({"strain-stiffening.coefficient": 1.5})
-    return found, WorkedTruth(BASE["C10"], BASE["C20"], "strain-stiffening", "closed form")
+    return found, WorkedTruth(1e3 * BASE[DEEP_C10], 1e3 * BASE[DEEP_C20], "strain-stiffening", "closed form")
 
 
 def test_the_leg_that_stiffens_is_recorded_as_sealed_cases_are():

@@ -141,29 +141,24 @@ class Walk:
         page = self.page
         page.drop([loose_files(self.folder)])
         page.until("location.pathname === '/input/my%20leg'")
-        page.sees("holds no subject.toml", 3 * _MINUTES)
-        page.sees("grade B")
+        page.sees("grade B", 3 * _MINUTES)
         self.look("loose")
-        page.click("Describe")
+        page.click_at(".aim", 0.5, 0.95)
+        page.until("document.querySelector('[aria-label=\"direction of travel (degrees)\"]').value !== ''")
         for label, number in (
             ("diameter (mm)", "30"),
-            ("aim y (mm)", "0"),
             ("cylinder's length (mm)", "50"),
-            ("aim x (mm): a point on its way", "0"),
-            ("direction of travel (degrees from +x)", "90"),
+            ("error of force (N)", "0.14"),
+            ("error of displacement (mm)", "0.14"),
         ):
             page.type(label, number)
-        self.look("describe")
-        page.click("It is a pressed leg")
-        page.sees("columns are separated by ;", 3 * _MINUTES)
-        page.click("Columns")
+        page.click("choose columns, units and directions", ".q-checkbox")
         page.sees("turned round (-1)")
-        self.look("columns")
-        page.click("Read them so")
-        page.sees("instrument: missing", 3 * _MINUTES)
+        self.look("describe")
+        page.click("Only save this")
+        page.sees("Is this what you measured?", 3 * _MINUTES)
         page.click("Assumed")
-        for label, number in (("force_sd_N", "0.14"), ("displacement_sd_mm", "0.14"), ("aim_sd_mm", "1.5")):
-            page.type(label, number)
+        page.type("aim_sd_mm", "1.5")
         self.look("assumed")
         page.click("Save")
         page.sees("girth", 3 * _MINUTES)
@@ -192,8 +187,7 @@ class Walk:
         page.open(self.address)
         page.sees("Drop a folder here")
         page.open(f"{self.home}run/identify-my%20leg")
-        page.sees("identifiable", 8 * _MINUTES)
-        page.until("!!document.querySelector('iframe.report')")
+        page.until("!!document.querySelector('iframe.report')", 8 * _MINUTES)
         self.look("report")
         self.seen["identified"] = page.value("document.querySelector('.sentence').innerText")
 

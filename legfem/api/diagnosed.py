@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from legfem.api.arguments import check_folder, check_names, check_unused, check_whole
 from legfem.api.loading import Given, one_of
-from legfem.api.results import Result, row
+from legfem.api.results import Result
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.legs.subject import SitedLeg, Subject
@@ -87,7 +87,9 @@ class DiagnosedLeg(Result):
         return diagnosis_web_page(self.diagnosis, self.subject, self._plan)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
-        yield from _before_and_after(self.document())
+        from legfem.report.diagnosis_document import parameter_rows
+
+        yield from parameter_rows(self.diagnosis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,19 +172,15 @@ class DiagnosedFolder(Result):
         return diagnosis_web_page(found, one)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
-        for name, document in self.document().items():
-            for each in _before_and_after(document):
-                yield {"specimen": name} | each
+        from legfem.report.diagnosis_document import parameter_rows
+
+        for one in self.specimens:
+            for each in parameter_rows(one.diagnosis) if one.diagnosis else ():
+                yield {"specimen": one.id} | each
 
 
 def _problem_of(specimens: Sequence[DiagnosedSpecimen]) -> InputError:
     return next(one.problem for one in specimens if one.problem is not None)
-
-
-def _before_and_after(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    for when in ("before", "after"):
-        for name, entry in document[f"parameters_{when}"].items():
-            yield {"model": f"{when} repair"} | row(name, entry)
 
 
 @overload
@@ -196,6 +194,7 @@ def diagnose(
     jobs: int = 1,
     progress: bool = False,
     site: str = "",
+    prior: Sequence[str] = (),
 ) -> DiagnosedLeg: ...
 @overload
 def diagnose(
@@ -220,6 +219,7 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
     site: str = "",
+    prior: Sequence[str] = (),
 ) -> DiagnosedLeg | DiagnosedFolder: ...
 def diagnose(
     leg: Subject | SitedLeg | SpecimenFolder | Given,
@@ -232,6 +232,7 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
     site: str = "",
+    prior: Sequence[str] = (),
 ) -> DiagnosedLeg | DiagnosedFolder:
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
@@ -258,6 +259,8 @@ def diagnose(
         Of a folder of specimens those to diagnose; all without any.
     site : str
         Of a leg with several ``[[site]]`` which: a diagnosis takes one.
+    prior : sequence of str
+        What is known of the leg's C10 beforehand, as of `legfem.identify`: ``"deep.C10=cohort/population.json"``.
 
     Returns
     -------
@@ -265,6 +268,7 @@ def diagnose(
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
+    from legfem.inverse.parse_parameters import deep_prior
     from legfem.legs.correction import read_correction
     from legfem.legs.correction_of_leg import REFERENCE
     from legfem.legs.diagnosis import Diagnoser
@@ -277,7 +281,7 @@ def diagnose(
     responses = library_folder() if library is None else Path(library)
     check_folder("library", responses)
     if isinstance(leg, SpecimenFolder):
-        check_unused("specimens", {"site": site != "", "correction": correction is not None})
+        check_unused("specimens", {"site": site != "", "correction": correction is not None, "prior": bool(prior)})
         check_names("specimens", specimens)
         with progress_on(quiet=not progress) as shown:
             return _diagnosed_specimens(
@@ -285,6 +289,8 @@ def diagnose(
             )
     check_unused("a leg", {"specimens": bool(specimens)})
     subject = one_of(leg, site)
+    if prior:
+        subject = replace(subject, stiffness_prior=deep_prior(prior))
     started = time.perf_counter()
     diagnoser = Diagnoser(responses, read_correction(REFERENCE if correction is None else Path(correction)), jobs)
     with progress_on(quiet=not progress) as shown:

@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from nicegui import ui
 
-from legfem.app.description import (
-    CalfSize,
-    DescribedLeg,
-    DescribedSpecimens,
-    DescribedStocking,
-    Setting,
-    Value,
-    contours_in,
-    is_contours,
-    known_tests,
-    read_value,
-    scans_in,
-    settings_of,
-    shown_errors,
-    with_channels,
-    with_settings,
-)
+from legfem.app.description import Setting, Value, read_value, settings_of, shown_errors, with_channels, with_settings
 from legfem.app.frame import refused, tag
 from legfem.app.runs import Run, seen
-from legfem.app.workspace import DESCRIPTIONS, description_of, files_of, may_be_recording
+from legfem.app.workspace import DESCRIPTIONS, description_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 from legfem.data.reader import QUANTITIES, SourceColumn, SourceColumns
@@ -171,172 +155,21 @@ def _text(path: Path, text: str) -> None:
     ui.button("Save the text", on_click=save).props("outline")
 
 
-_NO_CONTOURS = (
-    "A typical calf of this size stands for the leg's outlines, and C10's interval includes the error of that. With "
-    "the section's contours (a CSV file part,x_mm,y_mm with the parts skin, fascia, tibia and fibula) or a scan with "
-    "labels the interval is narrower, and other places than the back of the calf can be pressed: add one under Files."
-)
-_SHAPES = {"cylinder": "a cylinder", "ball": "a ball", "punch": "a flat punch"}
-_TESTS = {name: kind.done for name, kind in kinds().items()}
-
-
-def describe_tab(folder: Path) -> None:
-    """Put a form for what the files can be."""
-    contours, scans = contours_in(folder), scans_in(folder)
-    if contours or scans:
-        _pressed(folder, [*contours, *scans])
-    else:
-        _pressed_from_behind(folder)
-    if scans:
-        _dressed(folder, scans)
-    if any(may_be_recording(path) and not is_contours(path) for path in files_of(folder)):
-        _tested(folder)
-
-
-def _pressed_from_behind(folder: Path) -> None:
-    with ui.element("fieldset"):
-        tag("legend", "A calf that a cylinder pressed from behind, without outlines")
-        with ui.element("div").classes("fields"):
-            title = ui.input("title", value=folder.name)
-            sizes = [
-                ui.number(label)
-                for label in (
-                    "girth of the calf (mm)",
-                    "skin and fat where it is pressed (mm)",
-                    "cylinder's diameter (mm)",
-                    "cylinder's length (mm)",
-                )
-            ]
-
-        def describe() -> None:
-            girth, fat, diameter, length = _numbers(sizes)
-            DescribedLeg(title.value or folder.name, CalfSize(girth, fat), diameter, length).describe(folder)
-
-        _button("It is a pressed calf", describe)
-    tag("p", _NO_CONTOURS, "quiet")
-
-
-def _numbers(boxes: Sequence[ui.number]) -> list[float]:
-    """Numbers of a form's fields, all of which are needed."""
-    if missing := [box.props["label"] for box in boxes if box.value is None]:
-        raise InputError("form", ", ".join(missing), "missing", "fill in every one")
-    return [float(box.value) for box in boxes]
-
-
-def _pressed(folder: Path, sources: list[str]) -> None:
-    with ui.element("fieldset"):
-        tag("legend", "A leg that was pressed")
-        with ui.element("div").classes("fields"):
-            title = ui.input("title", value=folder.name)
-            section = ui.select(sources, value=sources[0], label="contours, or a scan")
-            level = ui.number("level to cut a scan at (mm)")
-            shape = ui.select(_SHAPES, value="cylinder", label="what pressed it")
-            diameter, length = ui.number("diameter (mm)"), ui.number("cylinder's length (mm)")
-            axis = ui.number("cylinder turned by (degrees)", value=0.0)
-            axis.props["hint"] = "0 along the leg, 90 across"
-            for box in (length, axis):
-                box.bind_visibility_from(shape, "value", value="cylinder")
-            place = [
-                ui.number(label)
-                for label in ("aim x (mm): a point on its way", "aim y (mm)", "direction of travel (degrees from +x)")
-            ]
-
-        def describe() -> None:
-            cylinder = shape.value == "cylinder"
-            needed = [diameter, *place, *([length] if cylinder else [])]
-            values = _numbers(needed)
-            across, x, y, direction = values[:4]
-            leg = DescribedLeg(
-                title.value or folder.name,
-                section.value,
-                across,
-                values[-1] if cylinder else None,
-                (x, y),
-                direction,
-                level.value,
-                shape.value,
-                float(axis.value or 0.0) if cylinder else 0.0,
-            )
-            leg.describe(folder)
-
-        _button("It is a pressed leg", describe)
-    tag(
-        "p",
-        "Tissues are those of Frauziols et al. (2015) until changed under Assumed. A ball, a punch "
-        "or a cylinder that doesn't lie along the leg is solved in 3D: model 3d under Run.",
-        "quiet",
-    )
-
-
-def _dressed(folder: Path, scans: list[str]) -> None:
-    with ui.element("fieldset"):
-        tag("legend", "A leg in a compression stocking")
-        with ui.element("div").classes("fields"):
-            title = ui.input("title", value=folder.name)
-            bare = ui.select(scans, value=scans[0], label="scan of the bare leg")
-            other = ui.select(["", *scans], value=scans[1] if len(scans) > 1 else "", label="in its stocking")
-            strength = ui.select(["1", "2", "3", "4"], value="2", label="class (RAL-GZ 387/1)")
-
-        _button(
-            "It is a leg in a stocking",
-            lambda: DescribedStocking(title.value or folder.name, bare.value, other.value, strength.value).describe(
-                folder
-            ),
-        )
-
-
-def _tested(folder: Path) -> None:
-    with ui.element("fieldset"):
-        tag("legend", "Specimens of one tissue in a lab's test")
-        with ui.element("div").classes("fields"):
-            title = ui.input("title", value=folder.name)
-            chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
-        fields: dict[str, list[tuple[Setting, Callable[[], str]]]] = {}
-        for test, settings in known_tests().items():
-            with ui.element("div").classes("fields") as shown:
-                shown.bind_visibility_from(chosen, "value", value=test)
-                fields[test] = [(one, setting_field(one)) for one in settings]
-
-        def describe() -> None:
-            stated = dict[str, Value]()
-            for one, get in fields[chosen.value]:
-                value = stated[one.key[-1]] = typed_value(one, get())
-                if one.needed and value is None:
-                    raise InputError("form", one.key[-1], "is missing", "fill it in")
-            DescribedSpecimens(title.value or folder.name, chosen.value, stated).describe(folder)
-
-        _button("They are specimens", describe)
-    tag(
-        "p",
-        "All recordings are then of specimens of this size; where sizes differ, give each its "
-        "[[specimen]] in the file's text under Assumed.",
-        "quiet",
-    )
-
-
-def _button(text: str, describe: Callable[[], None]) -> None:
-    def done() -> None:
-        try:
-            describe()
-        except InputError as error:
-            ui.notify(str(error), type="negative", multi_line=True)
-            return
-        ui.navigate.reload()
-
-    ui.button(text, on_click=done)
-
-
 _SIGNS = {1: "as it is", -1: "turned round (-1)"}
+
+
+def first_readable(looking: Run) -> dict[str, Any] | None:
+    """Return what is seen in the first recording whose columns are known, or could be chosen; None without any."""
+    recordings = [one for one in (seen(looking) or {}).get("recordings", ()) if one["columns"]]
+    return next((one for one in recordings if one["channels"]), recordings[0] if recordings else None)
 
 
 def columns_tab(folder: Path, looking: Run) -> None:
     """Put the choice of columns, begun with what is proposed."""
-    found = seen(looking)
-    recordings = [] if found is None else [one for one in found["recordings"] if one["columns"]]
-    if not recordings:
+    first = first_readable(looking)
+    if first is None:
         tag("p", "There is no recording whose columns could be read.")
         return
-    first = next((one for one in recordings if one["channels"]), recordings[0])
     tag(
         "p",
         f"Of {first['file']}; all recordings of a folder are read alike. Chosen is what "
@@ -348,7 +181,8 @@ def columns_tab(folder: Path, looking: Run) -> None:
     _choice(folder, first)
 
 
-def _choice(folder: Path, first: dict[str, Any]) -> None:
+def column_fields(first: dict[str, Any]) -> Callable[[], SourceColumns]:
+    """Put the choice of a recording's columns, units and directions; return what reads it."""
     sheets = list(dict.fromkeys(one["sheet"] for one in first["columns"]))
     now = first["channels"] or {}
     sheet = ui.select(sheets, value=now.get("sheet") or sheets[0], label="table")
@@ -372,20 +206,20 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
             raise InputError("columns", quantity, "has no column or no unit", "choose a column, give its unit")
         return SourceColumn(column.value, unit.value.strip(), 1 if sign is None else int(sign.value))
 
+    def read() -> SourceColumns:
+        time, displacement, force = map(channel, QUANTITIES)
+        return SourceColumns(time, displacement, force, sheet.value if len(sheets) > 1 else None)
+
+    return read
+
+
+def _choice(folder: Path, first: dict[str, Any]) -> None:
+    columns = column_fields(first)
+
     def save(use: bool) -> None:
-        described = description_of(folder)
+        path = folder / str(description_of(folder))
         try:
-            if described is None:
-                raise InputError(
-                    "columns", folder.name, "there is no file yet to hold them", "say first what was measured"
-                )
-            path = folder / described
-            channels = None
-            if use:
-                time, displacement, force = map(channel, QUANTITIES)
-                several = len(sheets) > 1
-                channels = SourceColumns(time, displacement, force, sheet.value if several else None)
-            text = with_channels(path.read_text(encoding="utf-8-sig"), channels)
+            text = with_channels(path.read_text(encoding="utf-8-sig"), columns() if use else None)
         except InputError as error:
             ui.notify(str(error), type="negative", multi_line=True)
             return
@@ -393,5 +227,5 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
         ui.navigate.reload()
 
     with ui.element("div").classes("inrow"):
-        ui.button("Read them so", on_click=lambda: save(True))
+        ui.button("Use these columns", on_click=lambda: save(True))
         ui.button("They are in legfem's own form", on_click=lambda: save(False)).props("outline")

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 from urllib.parse import quote
 
 from nicegui import ui
 
-from legfem.app.forms import columns_tab, describe_tab, settings_tab
+from legfem.app.description import contours_in, scans_in
+from legfem.app.forms import columns_tab, settings_tab
 from legfem.app.frame import chip, command, drop_zone, framed, page_of, refused, tag, wanting, warned
 from legfem.app.runs import ACTIONS, Action, Run, check_idle, looked_at, rename_input, runs_of, seen, written
+from legfem.app.wizard import ASK, ask, describe_page
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.common.errors import InputError
 from legfem.data.quality import GRADES
@@ -20,9 +22,7 @@ def actions_tab(workspace: Workspace, name: str) -> None:
     """Put the commands, and the runs that there are."""
     folder = workspace.input(name)
     described = description_of(folder)
-    if described is None:
-        tag("p", "Say first what the files are, under Describe.")
-        return
+    assert described is not None
     for action in ACTIONS[described]:
         _command_form(workspace, name, action)
     if mine := runs_of(workspace, name):
@@ -90,24 +90,24 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
 
 RUN = "Run"
 """The tab of the commands."""
-_UNSAID = (": missing; ", "or specimen.toml; ", "whose recordings.toml reads")
-"""Signs of lines about a folder in which nothing is wrong, but something isn't said yet."""
 
 
-def preview_tab(looking: Run, others: Sequence[str], go: Callable[[str], object]) -> None:
-    """Put what a preview's run wrote, and ways to the other tabs."""
+def preview_tab(workspace: Workspace, name: str, looking: Run, go: Callable[[str], object]) -> None:
+    """Put what a preview's run wrote, and what to do next."""
     found = seen(looking)
     assert found is not None
-    asks = "Is this what you measured?"
     if found["trouble"]:
-        unsaid = any(sign in found["trouble"] for sign in _UNSAID)
-        asks = "Say it under" if unsaid else "Mend it under"
+        unsaid = ": missing; " in found["trouble"]
         (wanting if unsaid else refused)(found["trouble"])
     with ui.element("div").classes("inrow"):
-        mends = [one for one in others if one != RUN]
-        tag("span", asks)
-        for one in mends if found["trouble"] else [RUN]:
-            ui.button(one, on_click=lambda name=one: go(name)).props("outline dense")
+        if found["trouble"]:
+            tag("span", "Give it under" if unsaid else "Correct it under")
+            for one in ("Assumed", "Columns", "Files"):
+                ui.button(one, on_click=lambda name=one: go(name)).props("outline dense")
+        else:
+            tag("span", "Is this what you measured?")
+            ui.button(ASK, on_click=lambda: ask(workspace, name))
+            ui.button(RUN, on_click=lambda: go(RUN)).props("outline dense")
     warned(found["doubts"])
     if found["origin"]:
         tag("p", f"{found['title']}: {found['origin']} data", "sentence")
@@ -119,11 +119,39 @@ def preview_tab(looking: Run, others: Sequence[str], go: Callable[[str], object]
                     tag("dd", value)
         for file, shown in found["pictures"]:
             _picture(looking, file, shown)
-    if found["recordings"]:
-        tag("h2", "Recordings")
-        for recording in found["recordings"]:
-            _recording(looking, recording)
+    _recordings(looking, found)
     command(looking.command)
+
+
+def _recordings(looking: Run, found: dict[str, Any]) -> None:
+    """Put recordings as they are read: the first, and the others behind it."""
+    if not found["recordings"]:
+        return
+    tag("h2", "Recordings")
+    first, *others = sorted(found["recordings"], key=lambda one: bool(one["trouble"]) - bool(one["picture"]))
+    _recording(looking, first)
+    if others:
+        with ui.element("details"):
+            tag("summary", f"The other {len(others)}")
+            for one in others:
+                _recording(looking, one)
+
+
+def _questions(workspace: Workspace, name: str, looking: Run) -> None:
+    """Put the questions about a folder without a description, beside what is seen in it."""
+    found = seen(looking)
+    assert found is not None
+    if not any(one["columns"] or not one["trouble"] for one in found["recordings"]) and not any(
+        contents(workspace.input(name)) for contents in (contours_in, scans_in)
+    ):
+        refused(found["trouble"])
+        _recordings(looking, found)
+        return
+    with ui.element("div").classes("beside"):
+        with ui.element("div"):
+            describe_page(workspace, name, looking)
+        with ui.element("div"):
+            _recordings(looking, found)
 
 
 def _recording(looking: Run, recording: dict[str, Any]) -> None:
@@ -165,7 +193,7 @@ def input_page(workspace: Workspace, name: str) -> None:
             refused(str(error))
             return
         described = description_of(folder)
-        names = ["Preview", "Assumed" if described else "Describe", "Columns", "Files", RUN]
+        names = ["Preview", "Assumed", "Columns", "Files", RUN] if described else ["What is it", "Files"]
         if described == "leg.toml":
             names.remove("Columns")
         with ui.tabs().props("dense no-caps outside-arrows mobile-arrows align=left") as tabs:
@@ -176,11 +204,11 @@ def input_page(workspace: Workspace, name: str) -> None:
                 with ui.tab_panel(one):
                     match one:
                         case "Preview":
-                            _when_seen(looking, lambda: preview_tab(looking, names[1:], tabs.set_value))
+                            _when_seen(looking, lambda: preview_tab(workspace, name, looking, tabs.set_value))
+                        case "What is it":
+                            _when_seen(looking, lambda: _questions(workspace, name, looking))
                         case "Assumed":
                             settings_tab(folder)
-                        case "Describe":
-                            describe_tab(folder)
                         case "Columns":
                             _when_seen(looking, lambda: columns_tab(folder, looking))
                         case "Files":

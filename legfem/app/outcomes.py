@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import unescape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,6 +52,16 @@ class Answer:
         """C10 of the fat."""
         return self._number("c10_superficial")
 
+    @property
+    def c10_ends(self) -> tuple[float, float, float] | None:
+        """C10 and the ends of its interval, kPa; they are C10 itself where it has none. None without C10."""
+        known = self.parameters.get("c10_deep", {})
+        if known.get("value") is None:
+            return None
+        low, high = known.get("ci95") or (None, None)
+        value = float(known["value"])
+        return value, value if low is None else float(low), value if high is None else float(high)
+
     def _number(self, key: str) -> str:
         known = self.parameters.get(key, {})
         if known.get("value") is None:
@@ -76,12 +88,20 @@ def answers_of(run: Run) -> list[Answer]:
     return found or [Answer(*plain)]
 
 
+_DESCRIBED = re.compile(r'<meta name="description" content="([^"]*)">')
+
+
 def sentence_of(run: Run) -> str:
-    """Return what a run found in a sentence; empty where it found nothing yet."""
-    found = [one for one in answers_of(run) if one.verdict]
-    return "; ".join(
-        ", ".join(part for part in (one.law, f"C10 {one.c10}" if one.c10 else "", one.verdict) if part) for one in found
-    )
+    """Return what a run found as its report's first lines have it; empty where there is no page yet."""
+    if run.report is None or run.report.suffix != ".html":
+        return ""
+    with run.report.open(encoding="utf-8") as page:
+        found = _DESCRIBED.search(page.read(_HEAD))
+    return unescape(found[1]) if found else ""
+
+
+_HEAD = 5000
+"""Characters of a page in which its description stands."""
 
 
 def _by_law(content: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
@@ -117,7 +137,7 @@ def _diagnosed(document: Mapping[str, Any]) -> dict[str, Any]:
     verdict = document["verdict"]
     if named:
         verdict += ": " + (" or " if verdict == "ambiguous" else ", ").join(dict.fromkeys(named))
-    known = document["parameters_after"]
+    known = document["parameters"]
     return {"law": document["law"], "origin": document["origin"], "parameters": known, "verdict": verdict}
 
 

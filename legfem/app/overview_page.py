@@ -9,7 +9,7 @@ from nicegui import ui
 from legfem.app.frame import chip, drop_zone, framed, page_of, tag, when
 from legfem.app.outcomes import Answer, answers_of, sentence_of
 from legfem.app.run_page import address
-from legfem.app.runs import Run, runs_of
+from legfem.app.runs import EVERY, Run, runs_of
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.data.folder import RESOURCES
 
@@ -39,6 +39,9 @@ def home_page(workspace: Workspace) -> None:
             with ui.element("ul").classes("cards"):
                 for name in workspace.inputs:
                     _card(workspace, name)
+            legs = [name for name in workspace.inputs if description_of(workspace.input(name)) == "subject.toml"]
+            if len(legs) > 1:
+                ui.button("All pressed legs as one study", on_click=lambda: _study(workspace)).props("outline dense")
         if workspace.runs:
             tag("h2", "Runs")
             with ui.element("ul").classes("cards"):
@@ -69,6 +72,15 @@ def _deleted(workspace: Workspace) -> None:
                 with ui.element("li"):
                     tag("span", f"{kind.removesuffix('s')} {name}")
                     ui.button("Put back", on_click=lambda k=kind, n=name: put_back(k, n)).props("flat dense")
+
+
+def _study(workspace: Workspace) -> None:
+    """Identify all legs and put them into one table."""
+    name = workspace.new_run("cohort")
+    run = workspace.run(name)
+    inputs = str(workspace.folder / "inputs")
+    Run.begun(run, "legfem.cohort", [inputs, "--out", str(Run(run).results)], EVERY)
+    ui.navigate.to(page_of("run", name))
 
 
 def _begin(workspace: Workspace, folder: Path, name: str) -> None:
@@ -115,7 +127,7 @@ def compare_page(workspace: Workspace) -> None:
             tag("span", "All numbers with their intervals, for other programs:")
             for kind in ("csv", "xlsx"):
                 ui.link(f"results as {kind.upper()}", f"/table.{kind}")
-        _table([found for run in runs for found in answers_of(run)])
+        _differences([found for run in runs for found in answers_of(run)])
         reports = {run.folder.name: run for run in runs if run.report is not None}
         if len(reports) < 2:
             return
@@ -126,23 +138,47 @@ def compare_page(workspace: Workspace) -> None:
                 _one(reports, name)
 
 
-def _table(rows: list[Answer]) -> None:
+def _differences(rows: list[Answer]) -> None:
+    """Put the table of results, with differences of C10 from a chosen one."""
+    known = {f"{row.run} {row.law}".strip(): row.c10_ends for row in rows if row.c10_ends is not None}
+    chosen = ui.select(list(known), value=next(iter(known), None), label="differences from")
+    chosen.set_visibility(len(known) > 1)
+    place = ui.element("div")
+
+    def draw() -> None:
+        place.clear()
+        with place:
+            _table(rows, known.get(chosen.value), max((ends[2] for ends in known.values()), default=1.0))
+
+    chosen.on_value_change(draw)
+    draw()
+
+
+def _table(rows: list[Answer], reference: tuple[float, ...] | None, most: float) -> None:
     wide = ui.element("div").classes("wide").props('tabindex=0 role=region aria-label="Results"')
     with wide, ui.element("table"):
         with ui.element("thead"), ui.element("tr"):
-            for text in _COLUMNS.values():
+            for text in (*_COLUMNS.values(), "C10 on one scale", "difference"):
                 tag("th", text).props("scope=col")
         with ui.element("tbody"):
             for row in rows:
-                _row(row)
+                _row(row, reference, most)
 
 
-def _row(row: Answer) -> None:
+def _row(row: Answer, reference: tuple[float, ...] | None, most: float) -> None:
     with ui.element("tr"):
         with ui.element("th").props("scope=row"):
             ui.link(row.run, page_of("run", row.run))
         for name in list(_COLUMNS)[1:]:
             tag("td", getattr(row, name) or "–").props(f'data-label="{_COLUMNS[name]}"')
+        with ui.element("td").props('data-label="C10 on one scale"'):
+            if row.c10_ends is not None:
+                value, low, high = (100 * min(one / most, 1.0) for one in row.c10_ends)
+                bar = f'<line x1="{low:.1f}" x2="{high:.1f}" y1="8" y2="8" stroke="#0b3d5c" stroke-width="3"/>'
+                dot = f'<circle cx="{value:.1f}" cy="8" r="4" fill="#b03000"/>'
+                ui.html(f'<svg viewBox="-5 0 110 16" width="130" aria-hidden="true">{bar}{dot}</svg>', sanitize=False)
+        difference = row.c10_ends and reference and f"{100 * (row.c10_ends[0] / reference[0] - 1):+.0f} %"
+        tag("td", difference or "–").props("data-label=difference")
 
 
 def _one(reports: dict[str, Run], first: str) -> None:

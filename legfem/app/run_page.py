@@ -10,7 +10,7 @@ from nicegui import ui
 
 from legfem.app.frame import chip, command, framed, page_of, refused, tag
 from legfem.app.outcomes import files_of_results, sentence_of
-from legfem.app.runs import Run, RunState
+from legfem.app.runs import EVERY, Run, RunState
 from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
 from legfem.common.progress import Reached, duration
@@ -20,7 +20,7 @@ _SHOWN_LINES = 200
 
 
 def run_page(workspace: Workspace, name: str) -> None:
-    """Put the page."""
+    """Put the page of a run, and of the one that follows it."""
     with framed(name):
         try:
             run = Run(workspace.run(name))
@@ -30,33 +30,50 @@ def run_page(workspace: Workspace, name: str) -> None:
             return
         with ui.element("p"):
             tag("span", f"{run.kind} of ")
-            ui.link(about, page_of("input", about))
-        command(run.command)
+            if about == EVERY:
+                tag("span", about)
+            else:
+                ui.link(about, page_of("input", about))
+        try:
+            following = Run(workspace.run(run.then)) if run.then else None
+        except InputError:  # deleted
+            following = None
+        for one in filter(None, (run, following)):
+            if following is not None:
+                tag("h2", _QUESTIONS[one.kind])
+            _one_run(workspace, one)
 
-        def delete() -> None:
-            if run.alive:
-                ui.notify("it runs: stop it first")
-                return
-            workspace.delete("runs", name)
-            ui.navigate.to("/")
 
-        moving, lasting = ui.element("div"), ui.element("div")
-        seen: list[tuple[RunState, Callable[[], None]]] = []
+_QUESTIONS = {"identify": "How stiff?", "diagnose": "Can I trust it?"}
 
-        def draw() -> None:
-            state = run.state
-            if seen and seen[-1][0] is state:
-                seen[-1][1]()
-                return
-            for place in (moving, lasting):
-                place.clear()
-            with moving:
-                seen.append((state, _progress(run, state, delete)))
-            with lasting:
-                _results(run, state)
 
-        draw()
-        ui.timer(_EVERY, draw)
+def _one_run(workspace: Workspace, run: Run) -> None:
+    command(run.command)
+
+    def delete() -> None:
+        if run.alive:
+            ui.notify("it runs: stop it first")
+            return
+        workspace.delete("runs", run.folder.name)
+        ui.navigate.to("/")
+
+    moving, lasting = ui.element("div"), ui.element("div")
+    seen: list[tuple[RunState, Callable[[], None]]] = []
+
+    def draw() -> None:
+        state = run.state
+        if seen and seen[-1][0] is state:
+            seen[-1][1]()
+            return
+        for place in (moving, lasting):
+            place.clear()
+        with moving:
+            seen.append((state, _progress(run, state, delete)))
+        with lasting:
+            _results(run, state)
+
+    draw()
+    ui.timer(_EVERY, draw)
 
 
 def _progress(run: Run, state: RunState, delete: Callable[[], None]) -> Callable[[], None]:
@@ -67,7 +84,8 @@ def _progress(run: Run, state: RunState, delete: Callable[[], None]) -> Callable
             if state is not RunState.DONE:
                 ui.button("Go on", on_click=lambda: _go_on(run)).props("dense")
                 kept = "goes on from what is finished"
-                told = "once what is said below is mended" if state is RunState.REFUSED else kept
+                kept = "or begin it now" if state is RunState.WAITING else kept
+                told = "once the cause below is corrected" if state is RunState.REFUSED else kept
                 tag("span", told, "quiet")
             ui.button("Delete", on_click=delete).props("flat dense")
             return lambda: None
@@ -105,14 +123,18 @@ def _results(run: Run, state: RunState) -> None:
         _report(run)
     if lines and state is not RunState.RUNNING:
         with ui.element("details"):
-            tag("summary", "What it said while it ran")
+            tag("summary", "Its messages")
             tag("pre", "\n".join(lines[-_SHOWN_LINES:]))
 
 
 def _report(run: Run) -> None:
     assert run.report is not None
     with ui.element("div").classes("inrow"):
-        ui.link("The report in a window of its own", address(run, run.report.name), new_tab=True)
+        ui.link("Open the report by itself", address(run, run.report.name), new_tab=True)
+        for table in ("numbers", "cohort"):
+            for kind in ("csv", "xlsx"):
+                if (run.results / f"{table}.{kind}").is_file():
+                    ui.link(f"Table as {kind.upper()}", address(run, f"{table}.{kind}")).props("download")
     if run.report.suffix == ".html":
         ui.element("iframe").classes("report").props(
             f'src="{address(run, run.report.name)}" title="report" sandbox="allow-scripts"'

@@ -13,7 +13,6 @@ import os
 import shlex
 import shutil
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -23,12 +22,15 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from legfem.app.supervise import started
 from legfem.app.workspace import Workspace
 from legfem.common.command_line import BAD_INPUT, INTERRUPTED
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Reached, reached
 
+EVERY = "all legs"
+"""What a run of a cohort is about."""
 _MOST_LOG = 100_000
 """Bytes at the log's end that are read."""
 
@@ -42,6 +44,7 @@ class RunState(StrEnum):
     """What was given can't be used: the log's last line says why."""
     STOPPED = "stopped"
     FAILED = "failed"
+    WAITING = "begins when the run before it is done"
     LOST = "ended from outside"
     """Killed, or the machine went down: what was finished is kept."""
 
@@ -53,12 +56,23 @@ class Run:
     folder: Path
 
     @classmethod
-    def begun(cls, folder: Path, module: str, options: Sequence[str], about: str) -> Run:
-        """Start ``python -m MODULE OPTIONS`` for what is called ``about``; return the run."""
+    def written(
+        cls, folder: Path, module: str, options: Sequence[str], about: str, then: str = "", waits: bool = False
+    ) -> Run:
+        """Return a run of ``python -m MODULE OPTIONS`` for what is called ``about``, which isn't started.
+
+        ``then`` is the name of the run that starts once this one is done; one of those ``waits``.
+        """
         arguments = [sys.executable, "-m", module, *options]
-        document = {"about": about, "arguments": arguments, "cwd": str(Path.cwd()), "began": time.time()}
+        plain = {"about": about, "arguments": arguments, "cwd": str(Path.cwd()), "began": time.time()}
+        document = {**plain, "then": then, "waits": waits}
         write_document(folder / "run.json", document)
-        run = cls(folder)
+        return cls(folder)
+
+    @classmethod
+    def begun(cls, folder: Path, module: str, options: Sequence[str], about: str, then: str = "") -> Run:
+        """Start a run as `written` has it; return it."""
+        run = cls.written(folder, module, options, about, then)
         run.resume()
         return run
 
@@ -67,23 +81,7 @@ class Run:
 
         The commands go on from what they have finished under ``--out``.
         """
-        with (self.folder / "lock").open("wb") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return False
-            for name in ("exit.json", "session.json"):
-                (self.folder / name).unlink(missing_ok=True)
-            supervisor = [sys.executable, "-m", "legfem.app.supervise"]
-            subprocess.Popen(
-                [*supervisor, str(self.folder), str(lock.fileno())],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-                pass_fds=(lock.fileno(),),
-            )
-        return True
+        return started(self.folder)
 
     def cancel(self, at_once: bool = False) -> bool:
         """Send Ctrl-C to all of a run's processes, or end them at once; return whether it ran."""
@@ -113,6 +111,8 @@ class Run:
         """How far it is."""
         if self.alive:
             return RunState.RUNNING
+        if self._read("run.json").get("waits") and not (self.folder / "lock").exists():
+            return RunState.WAITING
         return {
             None: RunState.LOST,
             0: RunState.DONE,
@@ -121,6 +121,11 @@ class Run:
             -signal.SIGINT: RunState.STOPPED,
             -signal.SIGKILL: RunState.LOST,
         }.get(self._read("exit.json").get("status"), RunState.FAILED)
+
+    @property
+    def then(self) -> str:
+        """Name of the run that starts once this one is done; empty for none."""
+        return str(self._given().get("then", ""))
 
     @property
     def results(self) -> Path:
@@ -158,7 +163,7 @@ class Run:
     @property
     def report(self) -> Path | None:
         """The page of its results, or their text; None before there is one."""
-        both = (self.results / name for name in ("report.html", "report.txt"))
+        both = (self.results / name for name in ("report.html", "cohort.html", "report.txt"))
         return next((path for path in both if path.is_file()), None)
 
     def point_to(self, about: str, before: Path, now: Path) -> None:
@@ -336,6 +341,25 @@ ACTIONS: Mapping[str, Sequence[Action]] = {
     ),
 }
 """By the file that says what a folder is."""
+
+
+_TRUST = ("identify", "diagnose", "stocking")
+
+
+def begin_all(workspace: Workspace, name: str, described: str, options: Mapping[str, Sequence[str]]) -> str:
+    """Begin what answers "How stiff, and can I trust it?" of an input; return the first run's name.
+
+    ``options`` are further ones, by the command's name; a command that isn't there isn't run.
+    """
+    actions, then = [one for one in ACTIONS[described] if one.name in _TRUST and one.name in options], ""
+    for action in reversed(actions):
+        run = workspace.new_run(f"{action.name}-{name}")
+        given = action.options(workspace.input(name), workspace.folder / "runs" / run / "results", {})
+        waits = action is not actions[0]
+        Run.written(workspace.run(run), action.module, [*given, *options[action.name]], name, then, waits)
+        then = run
+    Run(workspace.run(then)).resume()
+    return then
 
 
 def looked_at(workspace: Workspace, name: str) -> Run:

@@ -1,11 +1,12 @@
 """The process that waits for the command of a run, whose folder it is given.
 
-It leads a session of its own, so that a run outlives the server that started it, and writes the
-exit status, which nobody else could learn then.
+It leads a session of its own, so that a run outlives the server that started it, writes the
+exit status, which nobody else could learn then, and starts the run that is to follow.
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import signal
@@ -14,6 +15,26 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
+
+
+def started(folder: Path) -> bool:
+    """Start the command of a run's folder, unless it runs; return whether it was started."""
+    with (folder / "lock").open("wb") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        for name in ("exit.json", "session.json"):
+            (folder / name).unlink(missing_ok=True)
+        subprocess.Popen(
+            [sys.executable, "-m", "legfem.app.supervise", str(folder), str(lock.fileno())],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+            pass_fds=(lock.fileno(),),
+        )
+    return True
 
 
 def main(folder: Path, lock: int) -> None:
@@ -42,6 +63,9 @@ def main(folder: Path, lock: int) -> None:
         else:
             status = process.wait()
     _written(folder / "exit.json", {"status": status, "ended": time.time()})
+    following = folder.with_name(given.get("then") or ".")
+    if status == 0 and (following / "run.json").is_file():
+        started(following)
 
 
 def _written(path: Path, content: Mapping[str, float]) -> None:

@@ -21,6 +21,7 @@ from pathlib import Path
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable
 from legfem.common.versions import legfem_version
+from legfem.data.folder import LAB
 from legfem.data.formats import READERS
 from legfem.legs.schema import SubjectFile
 from legfem.specimens.schema import SpecimenFile
@@ -107,6 +108,11 @@ class Workspace:
         with os.fdopen(handle, "w") as file:
             file.write(token := secrets.token_urlsafe(32))
         return token
+
+    @property
+    def lab(self) -> Path:
+        """The file of what all inputs have alike; it may be missing."""
+        return self.folder / LAB
 
     @property
     def inputs(self) -> list[str]:
@@ -223,7 +229,8 @@ class Workspace:
         changed input is looked at anew.
         """
         given = self.input(name)
-        stats = [(str(path.relative_to(given)), path.stat()) for path in files_of(given)]
+        shared = [self.lab] if self.lab.is_file() else []
+        stats = [(os.path.relpath(path, given), path.stat()) for path in [*files_of(given), *shared]]
         seen = sorted((path, stat.st_size, stat.st_mtime_ns) for path, stat in stats)
         folder = self.folder / "previews" / name / sha256(repr((legfem_version(), seen)).encode()).hexdigest()[:16]
         folder.mkdir(parents=True, exist_ok=True)

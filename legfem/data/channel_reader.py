@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from fnmatch import fnmatch
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -27,7 +28,8 @@ class RecordedChannelEntry(FileTable):
     """``[channels.NAME]``: where a channel is found, and how accurate it is; what isn't given is usual."""
 
     file: Text | None = None
-    """Table of ``time_s`` and the channel, within the subject's folder; a column of the recordings without it."""
+    """Table of ``time_s`` and the channel, within the subject's folder or beside the recordings; a column of theirs
+    without it."""
     column: Text | None = None
     """Of that table, where its name isn't the channel's."""
     sd_mm: Positive | None = None
@@ -79,7 +81,9 @@ class RecordedChannelEntry(FileTable):
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
-_FIELDS: dict[str, Any] = dict.fromkeys(CHANNELS, (RecordedChannelEntry | None, None))
+SKIN_PROFILE = "skin_profile"
+"""Of ``[channels]``: points of the skin, which become several channels where the line of travel is known."""
+_FIELDS: dict[str, Any] = dict.fromkeys((*CHANNELS, SKIN_PROFILE), (RecordedChannelEntry | None, None))
 ChannelsEntry: type[FileTable] = create_model("ChannelsEntry", __base__=FileTable, __module__=__name__, **_FIELDS)
 """``[channels]``: an entry for each of what was recorded beside the force."""
 
@@ -99,6 +103,8 @@ def with_channels(
     """
     entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
     for name, entry in entries.items():
+        if name == SKIN_PROFILE:
+            continue
         kind = CHANNELS[name]
         accuracy = entry.accuracy(kind, toml)
         if not recordings:
@@ -113,16 +119,38 @@ def with_channels(
                     "add it, its cells empty where nothing was read, or name a file",
                 )
             continue
-        if len(recordings) > 1 and TRIAL not in entry.file:
-            raise InputError(
-                toml,
-                f"channels.{name}.file",
-                f"'{entry.file}' is one file for {len(recordings)} trials",
-                f"give one a trial, and write {TRIAL} for the trial's name, as in us-{TRIAL}.csv",
-            )
-        entry = entry.model_copy(update={"file": entry.file.replace(SITE, site)})
-        recordings = [_with_file(toml.parent, entry, kind, accuracy, one) for one in recordings]
+        paths = [channel_file(toml, entry, one, len(recordings), name, site) for one in recordings]
+        recordings = [_with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)]
     return tuple(recordings)
+
+
+def channel_file(
+    toml: Path, entry: RecordedChannelEntry, recording: Recording, trials: int, name: str, site: str
+) -> Path:
+    """Return the file of an entry for one of a number of trials: within the folder, or beside the recording.
+
+    Raises
+    ------
+    InputError
+        If several trials have one file.
+    """
+    assert entry.file is not None
+    if trials > 1 and TRIAL not in entry.file:
+        raise InputError(
+            toml,
+            f"channels.{name}.file",
+            f"'{entry.file}' is one file for {trials} trials",
+            f"give one a trial, and write {TRIAL} for the trial's name, as in us-{TRIAL}.csv",
+        )
+    path = toml.parent / entry.file.replace(SITE, site).replace(TRIAL, recording.trial)
+    beside = None if recording.source is None else recording.source.parent / path.name
+    return beside if beside is not None and beside.is_file() and not path.is_file() else path
+
+
+def is_channel_file(path: Path, given: FileTable, site: str = "") -> bool:
+    """Return whether a file among recordings is one that ``[channels]`` names, and so no recording."""
+    names = (entry.file for _, entry in given if entry is not None and entry.file is not None)
+    return any(fnmatch(path.name, PurePath(name.replace(SITE, site).replace(TRIAL, "*")).name) for name in names)
 
 
 def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) -> Recording:
@@ -131,16 +159,14 @@ def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) 
 
 
 def _with_file(
-    folder: Path, entry: RecordedChannelEntry, kind: ChannelKind, accuracy: ChannelAccuracy, recording: Recording
+    path: Path, entry: RecordedChannelEntry, kind: ChannelKind, accuracy: ChannelAccuracy, recording: Recording
 ) -> Recording:
-    assert entry.file is not None
-    path = folder / entry.file.replace(TRIAL, recording.trial)
     if any(one.name == kind.name for one in recording.channels):
         raise InputError(
             path, kind.name, f"{recording.trial} has a column {kind.column} too", "keep the column or the file"
         )
     time, values = read_channel(path, kind, entry.column)
-    channel = RecordedChannel(kind.name, time, values, accuracy)
+    channel = RecordedChannel(kind.name, time, values, accuracy, path)
     return replace(recording, channels=(*recording.channels, channel))
 
 

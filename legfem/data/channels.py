@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from legfem.common.units import FloatArray, frozen_array
 
@@ -37,12 +38,18 @@ class ChannelKind:
         What it is, for a sentence that begins with "The".
     usual
         Accuracy where none is stated.
+    model_share
+        Standard deviation of a model's error over the displacement, in the unit per mm: effects at once, and outlines
+        that are off beside them, are more than the sum of each.
     """
 
     name: str
     unit: str
     words: str
     usual: ChannelAccuracy
+    model_share: float = 0.0
+    models: frozenset[str] = frozenset({"2d"})
+    """Which of a leg's models give it: of its section, or in 3D."""
 
     @property
     def column(self) -> str:
@@ -57,12 +64,14 @@ class ChannelKind:
 
 _ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
 """Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""
+_SIX_AXES = ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01)
+"""Crosstalk of a six-axis cell is a per cent or two of the force along the travel."""
 _CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, slow=0.2, lag=0.05)
 
 
 def _rise(side: str, beside: int) -> ChannelKind:
     words = f"rise of the skin {beside} mm to the {side} of the line of travel since first touch"
-    return ChannelKind(f"skin_rise_{side}_{beside}", "mm", words, _CAMERAS)
+    return ChannelKind(f"skin_rise_{side}_{beside}", "mm", words, _CAMERAS, 0.012)
 
 
 CHANNELS = {
@@ -72,17 +81,29 @@ CHANNELS = {
             "lateral_force",
             "N",
             "force of the cylinder on the skin across the travel, to its left",
-            # Crosstalk of a six-axis cell is a per cent or two of the force along the travel.
-            ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01),
+            _SIX_AXES,
+            models=frozenset({"2d", "3d"}),
         ),
         ChannelKind(
-            "fat_thickness", "mm", "thickness of the fat under the cylinder, along the line of travel", _ULTRASOUND
+            "axial_force",
+            "N",
+            "force of the cylinder on the skin along the leg, towards greater z",
+            _SIX_AXES,
+            models=frozenset({"3d"}),
+        ),
+        ChannelKind(
+            "fat_thickness",
+            "mm",
+            "thickness of the fat under the cylinder, along the line of travel",
+            _ULTRASOUND,
+            0.002,
         ),
         ChannelKind(
             "muscle_thickness",
             "mm",
             "thickness of the deep tissue, from fascia to bone along the line of travel",
             _ULTRASOUND,
+            0.002,
         ),
         *(_rise(side, beside) for side in ("left", "right") for beside in (25, 40)),
     )
@@ -104,12 +125,15 @@ class RecordedChannel:
         In the kind's unit; read-only.
     accuracy : ChannelAccuracy
         Of the instrument.
+    source : Path, optional
+        File of its own; a column of the recording without it.
     """
 
     name: str
     time: FloatArray
     values: FloatArray
     accuracy: ChannelAccuracy
+    source: Path | None = None
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, Text, trouble
+from legfem.common.input_files import FileTable, NotNegative, Positive, Text, checked, read_toml, trouble
 from legfem.data.reader import SourceColumn, SourceColumns
+from legfem.geometry.indenter import IndenterShape
 
 # Half-width of a uniform distribution to its standard deviation.
 _UNIFORM = 1.0 / math.sqrt(3.0)
@@ -113,6 +115,61 @@ class RecordingsEntry(FileTable):
             SourceColumn(entry.column, entry.unit, entry.sign) for entry in (self.time, self.displacement, self.force)
         )
         return SourceColumns(time, displacement, force, self.sheet)
+
+
+LAB = "lab.toml"
+"""What a lab's folders have alike: in a folder itself, or in one of the two above it."""
+
+
+class LabIndenterEntry(FileTable):
+    """``[indenter]`` of a lab."""
+
+    diameter_mm: Positive | None = None
+    length_mm: Positive | None = None
+    shape: IndenterShape | None = None
+
+
+class AccuracyEntry(FileTable):
+    """``[accuracy]``, optional: how well the leg is known."""
+
+    contour_sd_mm: NotNegative | None = None
+    """Of its outlines, over 20 mm of arc; 0 where they are exact."""
+    aim_sd_mm: NotNegative | None = None
+    direction_sd_deg: NotNegative | None = None
+    assumed_sd_percent: NotNegative | None = None
+    """Of what is assumed: stiffness of fat and fascia, compressibility."""
+
+
+class LabFile(FileTable):
+    """``lab.toml``: rig, instrument, accuracies and columns where a folder's own file doesn't state them."""
+
+    indenter: LabIndenterEntry | None = None
+    instrument: InstrumentEntry | None = None
+    accuracy: AccuracyEntry | None = None
+    recordings: RecordingsEntry | None = None
+
+
+def with_lab(toml: Path, content: Mapping[str, Any], tables: Collection[str]) -> dict[str, Any]:
+    """Return a folder's file with what the nearest ``lab.toml`` adds to some of its tables.
+
+    Keys of the folder's own count; an instrument is one or the other's whole.
+
+    Raises
+    ------
+    InputError
+        If the lab's file can't be read, or has keys that it can't have.
+    """
+    whole = dict(content)
+    path = next((one for folder in toml.absolute().parents[:3] if (one := folder / LAB).is_file()), None)
+    if path is None:
+        return whole
+    shared = read_toml(path, "a lab's folder")
+    checked(path, shared, LabFile)
+    for name in tables:
+        own = content.get(name, {})
+        if name in shared and isinstance(own, Mapping) and not (own and name == "instrument"):
+            whole[name] = {**shared[name], **own}
+    return whole
 
 
 RESOURCES = Path(__file__).resolve().parents[1] / "resources"

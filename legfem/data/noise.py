@@ -186,6 +186,22 @@ class NoiseEstimate:
         return float(stdtrit(self.repeat_dof + 2, 0.975) / ndtri(0.975))
 
 
+_SLOWEST_OF_TEST, _SLOWEST_MM = 0.02, 5.0
+
+
+def slowest_error(speed: float, duration: float) -> float:
+    """Return the time (s) over which an instrument's slow error is expected to be correlated.
+
+    Parameters
+    ----------
+    speed
+        Greatest speed of the loading, mm/s.
+    duration
+        Of the longest trial, s.
+    """
+    return max(_SLOWEST_MM / speed, _SLOWEST_OF_TEST * duration)
+
+
 @dataclass(frozen=True)
 class Expectation:
     """What instruments and contact fits say before the repeats are compared."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Meshed, Picklable, Solved, as_protocol, cached_in_process
-from legfem.experiments.section_channels import ChannelLog, SectionChannels
+from legfem.experiments.section_channels import ChannelLog, ChannelReader
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.key import key_of
@@ -78,7 +78,7 @@ class IndentationModel(Meshed):
     radius: float
     whole: float
     steps: StepSettings
-    reader: SectionChannels | None = None
+    reader: ChannelReader | None = None
 
     @cached_property
     def relaxing(self) -> IndentationModel:

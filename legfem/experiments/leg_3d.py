@@ -15,6 +15,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.experiment import cached_in_process
 from legfem.experiments.indentation import IndentationModel, IndentationTest, leg_model
 from legfem.experiments.indenter_pose import IndenterInPose, Indenting, Pose, in_pose
+from legfem.experiments.section_channels import ContactForces
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.leg_shape import SKIN, LegShape
@@ -178,7 +179,8 @@ class LegIndentation3D(IndentationTest):
         )
         solver = NewtonSolver(system, settings.newton, settings.linear)
         radius = self.indenter.radius
-        return IndentationModel(system, solver, settings.contact, radius, 1.0, settings.steps)
+        reader = ContactForces(system)
+        return IndentationModel(system, solver, settings.contact, radius, 1.0, settings.steps, reader)
 
 
 def _beside(values: FloatArray, k: int) -> tuple[float, float]:

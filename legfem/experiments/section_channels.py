@@ -1,10 +1,11 @@
-"""What is seen of a pressed section beside the force: lateral force, thicknesses, the skin beside the cylinder."""
+"""What is seen of a pressed leg beside the force: other forces, and of its section thicknesses and the skin."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -33,9 +34,9 @@ class ReadState:
         Of the system.
     unknown_rates : (p, n) array
         Its derivatives.
-    contact_force : (2,) array
-        Of the cylinder on the skin, N: that of its whole length.
-    contact_force_rates : (p, 2) array
+    contact_force : (d,) array
+        Of the cylinder on the skin in d dimensions, N: that of its whole length.
+    contact_force_rates : (p, d) array
         Its derivatives.
     """
 
@@ -102,6 +103,38 @@ class SectionChannels:
         return _Line(outline.places, outline.places + moved[0], moved[1:], self.system.start, self.system.direction)
 
 
+class ChannelReader(Protocol):
+    """Reads what is seen of a pressed model beside the force."""
+
+    @property
+    def system(self) -> System:
+        """The model."""
+        ...
+
+    def read(self, state: ReadState) -> Channels:
+        """Return the channels there are in a state; collective over the system's ranks."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ContactForces:
+    """Reads the cylinder's force in 3D beside that along its travel: to the left of the travel, and along the leg.
+
+    Parameters
+    ----------
+    system
+        The leg, its axis along z, pressed square to that.
+    """
+
+    system: System
+
+    def read(self, state: ReadState) -> Channels:
+        """Return both forces."""
+        up = np.array([0.0, 0.0, 1.0])
+        ways = {"lateral_force": np.cross(up, self.system.direction), "axial_force": up}
+        return {name: (float(state.contact_force @ way), state.contact_force_rates @ way) for name, way in ways.items()}
+
+
 class ChannelLog:
     """Channels along a path, from the undeformed state on.
 
@@ -113,16 +146,16 @@ class ChannelLog:
         Full names of what they are differentiated by.
     """
 
-    def __init__(self, reader: SectionChannels | None, parameters: Sequence[str]) -> None:
+    def __init__(self, reader: ChannelReader | None, parameters: Sequence[str]) -> None:
         self._reader, self._parameters = reader, tuple(parameters)
         self.values: dict[str, list[float]] = {}
         """By name, NaN where a channel isn't there."""
         self._rates: dict[str, list[FloatArray]] = {}
         if reader is not None:
-            number = len(self._parameters)
+            number, size = len(self._parameters), len(reader.system.direction)
             at_rest = np.zeros_like(reader.system.unknown.x.array)
             first = reader.read(
-                ReadState(at_rest, np.zeros((number, len(at_rest))), np.zeros(2), np.zeros((number, 2)))
+                ReadState(at_rest, np.zeros((number, len(at_rest))), np.zeros(size), np.zeros((number, size)))
             )
             self.values = {name: [value] for name, (value, _) in first.items()}
             self._rates = {name: [rates] for name, (_, rates) in first.items()}
@@ -147,7 +180,7 @@ class ChannelLog:
             return
         unknown = self._reader.system.unknown.x.array
         rates: FloatArray = np.zeros((0, len(unknown)))
-        force_rates: FloatArray = np.zeros((0, 2))
+        force_rates: FloatArray = np.zeros((0, len(contact_force)))
         if tracker is not None:
             rates = chain.T @ np.array(list(tracker.state_rates().values()))
             force_rates = chain.T @ tracker.contact_force_rates

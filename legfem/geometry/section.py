@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from shapely import LineString, Point, Polygon
+from shapely import LinearRing, LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from legfem.common.units import FloatArray, frozen_array
@@ -124,6 +124,19 @@ def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray)
     at, unit = np.asarray(point), np.asarray(direction) / np.linalg.norm(direction)
     touched = at + first_crossing(section.polygon("skin").exterior, at, unit) * unit
     return min(float(section.polygon(bone).distance(Point(touched))) for bone in BONES)
+
+
+def line_of_travel(section: LegSection, point: FloatArray, about: float = 15.0) -> tuple[FloatArray, float]:
+    """Skin's point (2,) next to a point (2,), mm, and the direction inwards from there, degrees from +x.
+
+    The direction is square to the chord of the skin within ``about`` mm of it.
+    """
+    skin = LinearRing(section.skin)
+    at = skin.project(Point(point))
+    near = [np.array(skin.interpolate((at + way) % skin.length).coords[0]) for way in (-about, 0.0, about)]
+    along = near[2] - near[0]
+    inward = np.array([-along[1], along[0]])  # contours are counter-clockwise
+    return near[1], float(np.degrees(np.arctan2(inward[1], inward[0]))) % 360.0
 
 
 def minimal_fat_thickness(section: LegSection) -> float:

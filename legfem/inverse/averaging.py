@@ -4,21 +4,31 @@
 no leg and no rig is; where effects are too small to show, the explanations by each of them say so,
 and how far what is hidden may have moved the parameter. Two may be hidden at once: where pairs
 weren't tried, each is the sum of its parts, about the base model's fit.
+
+No explanation has exactly the form of what is there, and what is off by a few per cent in form is off everywhere alike:
+readings say less of which one it is than their number tells. Their evidence counts with a power (`POWER`), which is
+what a posterior is that knows its models as near the truth, not as the truth itself (J. W. Miller, D. B. Dunson, J. Am.
+Stat. Assoc. 114 (2019) 1113).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
+from legfem.inverse.evidence import probabilities
 from legfem.inverse.explain import ExplanationPriors
 from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, log_bayes_factor, singles_of
 from legfem.inverse.posterior import Mixture
 
+POWER = 0.5
+"""Of the evidence, in the weights of explanations for a parameter's interval."""
 _COUNTS = 1e-4
-"""Probability from which an explanation counts."""
+"""Weight from which an explanation counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +50,33 @@ class HiddenPair:
     distribution: Mixture
 
 
-def averaged_interval(explained: Explained, name: str, share: float = 0.95) -> tuple[float, float] | None:
-    """Return a parameter's interval over all that may be left out, each with its probability.
+def averaged_interval(
+    explained: Explained, name: str, share: float = 0.95, more_common: Mapping[str, float] | None = None
+) -> tuple[float, float] | None:
+    """Return a parameter's interval over all that may be left out, each with its weight.
 
     None where no explanation that counts has the parameter.
+
+    Parameters
+    ----------
+    explained
+        All explanations.
+    name
+        Of the parameter.
+    share
+        That the interval holds.
+    more_common
+        How many times as common as is assumed mechanisms are, by their names.
     """
-    every = _averaged(explained, name)
+    times = more_common or {}
+    every = [(e, weight * _times(e.names, times)) for e, weight in _averaged(explained, name)]
     if not every:
         return None
-    each = [(e.probability, e.distribution(name)) for e in every]
-    each += [(pair.probability, pair.distribution) for pair in untried_pairs(explained, name)]
+    each = [(weight, e.distribution(name)) for e, weight in every]
+    pairs = untried_pairs(explained, name)
+    each += [(pair.probability * _times(pair.names, times), pair.distribution) for pair in pairs]
     mixture = Mixture.joined([p for p, _ in each], [one for _, one in each])
-    parameter = next(p for p in every[0].fit.parameters if p.name == name)
+    parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
     assert parameter.prior is not None
     tail = (1 - share) / 2
     ends = [parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)]
@@ -68,17 +93,56 @@ def widened_by(explained: Explained, name: str) -> Explanation | None:
     own = explained.base.distribution(name)
     low, high = own.quantile(0.025), own.quantile(0.975)
 
-    def beyond(one: Explanation) -> float:
-        mixture = one.distribution(name)
-        return one.probability * (mixture.below(low) + 1.0 - mixture.below(high))
+    def beyond(one: tuple[Explanation, float]) -> float:
+        mixture = one[0].distribution(name)
+        return one[1] * (mixture.below(low) + 1.0 - mixture.below(high))
 
-    every = [e for e in _averaged(explained, name) if e.names]
-    return max(every, key=beyond, default=None)
+    every = [one for one in _averaged(explained, name) if one[0].names]
+    return max(every, key=beyond)[0] if every else None
 
 
-def _averaged(explained: Explained, name: str) -> list[Explanation]:
-    every = [e for e in explained.every if e.probability > _COUNTS and name in e.fit.free]
-    return [e for e in every if not e.is_base] or every
+def _times(names: Sequence[str], more_common: Mapping[str, float]) -> float:
+    return math.prod(more_common.get(name, 1.0) for name in names)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A parameter's interval where one mechanism is rarer, or more common, than is assumed."""
+
+    mechanism: str
+    weight: float
+    """Of it alone and in pairs, in the interval."""
+    rarer: tuple[float, float]
+    commoner: tuple[float, float]
+
+
+TIMES = 3.0
+"""By which a mechanism is made rarer, and more common."""
+
+
+def sensitivities(explained: Explained, name: str, most: int = 5) -> tuple[Sensitivity, ...]:
+    """Return what a parameter's interval owes to how common the mechanisms are taken to be that weigh most."""
+    weights: dict[str, float] = {}
+    for one, weight in _averaged(explained, name):
+        for mechanism in one.names:
+            weights[mechanism] = weights.get(mechanism, 0.0) + weight
+    found = []
+    for mechanism, weight in sorted(weights.items(), key=lambda pair: -pair[1])[:most]:
+        ends = [averaged_interval(explained, name, more_common={mechanism: f}) for f in (1 / TIMES, TIMES)]
+        if ends[0] is not None and ends[1] is not None:
+            found.append(Sensitivity(mechanism, weight, ends[0], ends[1]))
+    return tuple(found)
+
+
+def _averaged(explained: Explained, name: str) -> list[tuple[Explanation, float]]:
+    """Return the explanations that count for a parameter, with their weights."""
+    weights = probabilities([_log_weight(e) for e in explained.every])
+    every = [(e, float(w)) for e, w in zip(explained.every, weights, strict=True) if w > _COUNTS and name in e.fit.free]
+    return [one for one in every if not one[0].is_base] or every
+
+
+def _log_weight(one: Explanation) -> float:
+    return one.log_prior + POWER * one.posterior.log_evidence
 
 
 def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
@@ -88,7 +152,7 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     they bound the sum, this is somewhat too wide.
     """
     base = explained.base
-    like = next((e for e in explained.every if not e.is_base), None)
+    like = next((one for one in _averaged(explained, name) if not one[0].is_base), None)
     if like is None or name not in base.fit.free:
         return []
     alone = singles_of(explained.every).values()
@@ -104,8 +168,8 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     for one, other in combinations(singles, 2):
         names = one.names[0], other.names[0]
         log_evidence = one.posterior.log_evidence + log_bayes_factor(other, base)
-        log_weight = priors.log_of(*names) + log_evidence
-        probability = like.probability * float(np.exp(log_weight - like.log_weight))
+        log_weight = priors.log_of(*names) + POWER * log_evidence
+        probability = like[1] * float(np.exp(log_weight - _log_weight(like[0])))
         if frozenset(names) not in tried and probability > _COUNTS:
             summed = _sum(each[names[0]], each[names[1]], common)
             found.append(HiddenPair(names, probability, summed))

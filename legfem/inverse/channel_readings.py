@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
@@ -23,24 +24,38 @@ from legfem.inverse.stations import Stations
 _MOST = {LOADING: 12, HOLD: 4}
 _MOST_UNLOADING = 6
 """Readings of a segment."""
+_SLOPE_DEGREE = 3
 _IN_AIR_MM = 1.0
 """Before first contact: a sample there is one of the skin just touched."""
 _FEWEST = 8
-"""Samples that tell their noise."""
+"""Samples that show their noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelReadings:
-    """Readings of one channel in all trials; arrays are (k,)."""
+    """Readings of one channel in all trials of a test; arrays are (k,)."""
 
     kind: ChannelKind
     accuracy: ChannelAccuracy
-    weights: FloatArray
-    """(k, n): of the channel's course at the n stations."""
+    trial: NDArray[np.int_]
+    """Number of the trial."""
+    displacement: FloatArray
+    """After first contact, mm; 0 before it."""
+    time: FloatArray
+    """Since first contact, s."""
+    speed: FloatArray
+    """Of the cylinder, mm/s; negative as it is withdrawn."""
     values: FloatArray
     """In the channel's unit."""
     white_variance: FloatArray
     """Of what is independent from reading to reading, in that squared."""
+
+    def slope(self, values: FloatArray) -> FloatArray:
+        """Return the derivative (k,) of values (k,) by the displacement, over all readings."""
+        degree = min(_SLOPE_DEGREE, len(np.unique(np.round(self.displacement, 1))) - 1)
+        if degree < 1:
+            return np.zeros(len(self.displacement))
+        return np.asarray(Polynomial.fit(self.displacement, values, degree).deriv()(self.displacement))
 
     @property
     def name(self) -> str:
@@ -52,24 +67,38 @@ class ChannelReadings:
         """Whether it is a force on the cylinder."""
         return self.kind.is_force
 
+    @property
+    def channel(self) -> Channel:
+        """The readings as a channel of a test's data."""
+        sd = np.sqrt(self.white_variance)
+        return Channel(self.name, self.kind.unit, self.displacement, "displacement_mm", self.values, sd)
+
+
+@dataclass(frozen=True, eq=False)
+class StationChannel(ChannelReadings):
+    """Readings that are weighted means of the channel's course at stations."""
+
+    weights: FloatArray
+    """(k, n): of the course at the n stations of all trials."""
+
     @cached_property
     def nearest(self) -> NDArray[np.int_]:
         """Station that each reading takes most of."""
         return np.argmax(self.weights, axis=1)
 
-    def read_along(self, displacement: FloatArray) -> Channel:
-        """Return the readings as a channel of a test's data.
 
-        Parameters
-        ----------
-        displacement
-            Of the stations, (n,), mm.
-        """
-        at = self.weights @ displacement
-        return Channel(self.name, self.kind.unit, at, "displacement_mm", self.values, np.sqrt(self.white_variance))
+def grouped(samples: NDArray[np.int_], phase: str) -> list[NDArray[np.int_]]:
+    """Return samples of a segment in the groups that are averaged to a reading, in the order of time."""
+    most = min(_MOST.get(phase, _MOST_UNLOADING), len(samples))
+    return np.array_split(samples, most) if most else []
 
 
-def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations]) -> tuple[ChannelReadings, ...]:
+def noise_of(one: RecordedChannel) -> float:
+    """Return the standard deviation of a sample: as stated, or as seen from sample to sample where that is more."""
+    return max(one.accuracy.reading, sample_noise(one.values) if len(one.values) >= _FEWEST else 0.0)
+
+
+def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations]) -> tuple[StationChannel, ...]:
     """Return the readings of every channel that trials have beside the force.
 
     Parameters
@@ -79,36 +108,47 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
     stations
         Of each.
     """
-    starts = _starts(stations)
     recorded = [(k, one) for k, trial in enumerate(trials) for one in trial.recording.channels]
     found = []
     for name in dict.fromkeys(one.name for _, one in recorded):
         mine = [(k, one) for k, one in recorded if one.name == name]
-        rows, values, variances = [], list[float](), list[float]()
-        for k, one in mine:
-            noise = _noise(one)
-            for samples, weights in _readings(trials[k], stations[k], one):
-                rows.append(_among_all(weights, k, starts))
-                values.append(float(np.mean(one.values[samples])))
-                variances.append(noise**2 / len(samples))
-        if rows:
-            accuracy = mine[0][1].accuracy
-            found.append(
-                ChannelReadings(CHANNELS[name], accuracy, np.array(rows), np.array(values), np.array(variances))
-            )
+        readings = [
+            _Reading(k, weights, float(np.mean(one.values[samples])), noise_of(one) ** 2 / len(samples))
+            for k, one in mine
+            for samples, weights in _readings(trials[k], stations[k], one)
+        ]
+        if readings:
+            found.append(_at_stations(CHANNELS[name], mine[0][1].accuracy, readings, stations))
     return tuple(found)
 
 
-def _starts(stations: Sequence[Stations]) -> NDArray[np.int_]:
-    """Return where every trial's stations begin among all, and their number."""
-    return np.cumsum([0, *(len(own.time) for own in stations)])
+@dataclass(frozen=True, eq=False)
+class _Reading:
+    trial: int
+    weights: FloatArray
+    """(m,): what it takes of its own trial's stations."""
+    value: float
+    variance: float
 
 
-def _among_all(weights: FloatArray, trial: int, starts: NDArray[np.int_]) -> FloatArray:
-    """Return what a reading takes of all trials' stations (n,), from what it takes of its own trial's."""
-    row = np.zeros(starts[-1])
-    row[starts[trial] : starts[trial + 1]] = weights
-    return row
+def _at_stations(
+    kind: ChannelKind, accuracy: ChannelAccuracy, readings: Sequence[_Reading], stations: Sequence[Stations]
+) -> StationChannel:
+    starts = np.cumsum([0, *(len(own.time) for own in stations)])
+    weights = np.zeros((len(readings), starts[-1]))
+    for row, one in zip(weights, readings, strict=True):
+        row[starts[one.trial] : starts[one.trial + 1]] = one.weights
+    return StationChannel(
+        kind,
+        accuracy,
+        np.array([one.trial for one in readings]),
+        weights @ np.concatenate([own.displacement for own in stations]),
+        weights @ np.concatenate([own.time for own in stations]),
+        weights @ np.concatenate([own.speed for own in stations]),
+        np.array([one.value for one in readings]),
+        np.array([one.variance for one in readings]),
+        weights,
+    )
 
 
 @dataclass(frozen=True)
@@ -127,7 +167,7 @@ class PlannedChannel:
     at: tuple[float, ...] = ()
 
 
-def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stations]) -> tuple[ChannelReadings, ...]:
+def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stations]) -> tuple[StationChannel, ...]:
     """Return the readings, of nothing, that channels of a test would give.
 
     Parameters
@@ -137,17 +177,16 @@ def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stati
     stations
         Of each trial.
     """
-    starts = _starts(stations)
     found = []
     for one in planned:
-        rows, counts = [], list[int]()
-        for k, own in enumerate(stations):
-            for count, weights in _planned_in(one, own):
-                rows.append(_among_all(weights, k, starts))
-                counts.append(count)
-        kind, nothing = CHANNELS[one.name], np.zeros(len(rows))
-        variance = kind.usual.reading**2 / np.array(counts, float)
-        found.append(ChannelReadings(kind, kind.usual, np.array(rows), nothing, variance))
+        kind = CHANNELS[one.name]
+        variance = kind.usual.reading**2
+        readings = [
+            _Reading(k, weights, 0.0, variance / count)
+            for k, own in enumerate(stations)
+            for count, weights in _planned_in(one, own)
+        ]
+        found.append(_at_stations(kind, kind.usual, readings, stations))
     return tuple(found)
 
 
@@ -163,17 +202,11 @@ def _planned_in(one: PlannedChannel, stations: Stations) -> list[tuple[int, Floa
         return found
     for number in np.unique(stations.segment):
         here = np.flatnonzero(stations.segment == number)
-        most = _MOST.get(str(stations.phase[here[0]]), _MOST_UNLOADING)
-        for group in np.array_split(here, min(most, len(here))):
+        for group in grouped(here, str(stations.phase[here[0]])):
             weights = np.zeros(len(stations.time))
             weights[group] = 1.0 / len(group)
             found.append((len(group), weights))
     return found
-
-
-def _noise(one: RecordedChannel) -> float:
-    """Return the standard deviation of a sample: as stated, or as seen from sample to sample where that is more."""
-    return max(one.accuracy.reading, sample_noise(one.values) if len(one.values) >= _FEWEST else 0.0)
 
 
 def _readings(
@@ -194,8 +227,7 @@ def _readings(
             along = since - segment.time[0] if held else np.maximum(at, 0.0)
             places = stations.time[here] - stations.protocol.time[number] if held else stations.displacement[here]
             mine = np.flatnonzero(inside & (since >= begins) & (since < ends) & _near(along, places))
-            most = _MOST.get(segment.phase, _MOST_UNLOADING)
-            for samples in np.array_split(mine, min(most, len(mine))) if len(mine) else ():
+            for samples in grouped(mine, segment.phase):
                 weights = np.zeros(len(stations.time))
                 weights[here] = _between(along[samples], places).mean(axis=0)
                 found.append((samples, weights))

@@ -60,7 +60,7 @@ def _law(fit: Fit[Any], kind: KindDocument) -> dict[str, Any]:
     tests = [_test(fit, number, kind) for number in range(len(fit.tests))]
     return {
         "law": fit.law,
-        "parameters": dict(zip(keys, map(_estimate, fit.estimates.values()), strict=True)),
+        "parameters": estimates_document(fit.estimates),
         "correlations": {
             key: dict(zip(keys, map(float, row), strict=True)) for key, row in zip(keys, fit.correlations, strict=True)
         },
@@ -152,8 +152,13 @@ def _own(name: str, found: OwnEstimate) -> dict[str, Any]:
     }
 
 
-def _estimate(found: Estimate) -> dict[str, Any]:
-    """A parameter's estimate, in the unit in which people read it."""
+def estimates_document(found: Mapping[str, Estimate]) -> dict[str, Any]:
+    """Estimates by key (``c10_deep``), in the units in which people read them."""
+    return {key_of(name): estimate_document(one) for name, one in found.items()}
+
+
+def estimate_document(found: Estimate) -> dict[str, Any]:
+    """An estimate in the unit in which people read it."""
     shown = found.shown
     return {
         "value": shown.value,

@@ -27,7 +27,7 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD
-from legfem.inverse.channel_errors import channel_covariance, shared_errors
+from legfem.inverse.channel_errors import model_covariance, reading_covariance, shared_errors
 from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.inverse.trial_noise import Noise, Observed, trial_covariance
 
@@ -94,7 +94,7 @@ class ErrorModel:
 
     def whitened(self, values: FloatArray) -> FloatArray:
         """Return L^-1 times vectors (n,) or (n, k)."""
-        return np.asarray(solve_triangular(self.lower, values, lower=True))
+        return np.asarray(solve_triangular(self.lower, values, lower=True, check_finite=False))
 
     def part(self, kept: NDArray[np.bool_]) -> ErrorModel:
         """Return the errors of some of the observations."""
@@ -154,9 +154,11 @@ def error_model(
     first = len(force)
     for one in observed.channels:
         here = slice(first, first + len(one.values))
-        blocks.append(channel_covariance(one, observed, prediction[here], noise.correlation_time))
+        predicted = prediction[here]
+        own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
+        blocks.append(own + model_covariance(one, float(np.ptp(predicted))))
         spread.append(np.sqrt(np.diag(blocks[-1])))
-        for name, effect in shared_errors(one, prediction[here], force).items():
+        for name, effect in shared_errors(one, predicted, one.weights @ force).items():
             columns[name] = np.zeros(len(prediction))
             columns[name][here] = effect
         first = here.stop

@@ -64,6 +64,8 @@ def with_probabilities(found: Sequence[Explanation]) -> list[Explanation]:
 INEXACT_SHARE = 0.4
 """Of what shows of a mechanism, what its form may leave at most."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
+MOVED = 3.0
+"""ln of the evidence by which a full solution may move a mechanism's before its pairs are fitted about it, too."""
 PAIRS_OF, PAIRS_WITH = 3, 7
 """The best single mechanisms are tried in pairs with more of them, the first with all; so are those
 that may be what was left out once full solutions stand behind them."""
@@ -308,7 +310,8 @@ def _confirmed(
         for one in waiting:
             shifted, refit, made = confirm(one.problem, one.fit)
             again = _explanation(shifted, refit, base, evidence, unknowns, one.log_prior, True)
-            led = _led_by(one, found) if made else []
+            moved = abs(again.posterior.log_evidence - one.posterior.log_evidence)
+            led = _led_by(one, found, moved > MOVED) if made else []
             for pair in led:
                 # Its second effect hardly matters: the first one's solution serves both.
                 about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
@@ -318,11 +321,20 @@ def _confirmed(
     return found
 
 
-def _led_by(one: Explanation, found: Sequence[Explanation]) -> list[Explanation]:
-    """Return the pairs without a full solution that explain no more than a single mechanism."""
+def _led_by(one: Explanation, found: Sequence[Explanation], every: bool) -> list[Explanation]:
+    """Return the pairs without a full solution that explain no more than a single mechanism.
+
+    Where its full solution moved the evidence by much (``every``) also those that explain more, and not less than
+    their other one: beside what was emulated they would all seem worse, or better, by as much.
+    """
     singles = singles_of(found)
     pairs = [e for e in found if len(e.names) > 1 and not e.confirmed and e is not one]
-    return [pair for pair in pairs if counts_for(pair, singles) is one]
+    if not every:
+        return [pair for pair in pairs if counts_for(pair, singles) is one]
+    alone = {pair.names: [singles[n,] for n in pair.names if (n,) in singles] for pair in pairs}
+    return [
+        pair for pair in pairs if max(alone[pair.names], key=lambda e: e.posterior.log_evidence, default=None) is one
+    ]
 
 
 def _as_confirmed(one: Explanation) -> Explanation:
@@ -397,8 +409,10 @@ def refitted_about_solutions(
 
 
 def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
-    """Return the full prediction less the emulated one (N,); None where it stopped."""
+    """Return the full prediction less the emulated one (N,), 0 of channels that it hasn't; None where it stopped."""
     plain = replace(predictor, offset=0.0)
     full = replace(plain, responses=solved)
-    difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
-    return None if np.isnan(difference).any() else difference
+    difference = full(fitted.values, fitted.mechanisms, True) - plain(fitted.values, fitted.mechanisms)
+    if np.isnan(difference[: len(predictor.observed.force)]).any():
+        return None
+    return np.nan_to_num(difference, nan=0.0)

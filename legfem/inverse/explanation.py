@@ -12,6 +12,8 @@ from scipy.special import expit, logit
 
 from legfem.common.units import FloatArray
 from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales
+from legfem.inverse.estimates import Estimate, Shown
+from legfem.inverse.intervals import Estimated
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
 from legfem.inverse.posterior import Mixture, MixtureComponents, Posterior
 
@@ -122,6 +124,31 @@ class Explanation:
             at[k] = mixture.quantile(probability)
             ends.append(self.fit.moved(at)[name])
         return min(ends), max(ends)
+
+    def estimate(self, name: str, ci95: tuple[float, float] | None = None, fits: bool = True) -> Estimate:
+        """Return a fitted parameter as an identification has it.
+
+        Parameters
+        ----------
+        name
+            Full name.
+        ci95
+            95 % interval in the parameter's unit; that of this explanation alone without it.
+        fits
+            Whether the model describes the recordings.
+        """
+        parameter = self.fit.parameters[self.fit.free.index(name)]
+        ends = ci95 or self.interval(name)
+        known = Estimated(parameter, self.value(name), (ends[1] - ends[0]) / (2 * 1.96), ends)
+        verdict = known.verdict(fits)
+        found = Estimate(parameter, known.value, known.standard_error, ends, verdict, "")
+        of = "by this explanation alone" if ci95 is None else "over all explanations"
+        low, high = found.shown.ci95
+        return replace(found, why=f"95 % interval {low:.3g} to {high:.3g} {found.shown.unit} {of}")
+
+    def shown(self, name: str) -> Shown:
+        """Return a fitted parameter's numbers as people read them: stresses in kPa."""
+        return self.estimate(name).shown
 
     def distribution(self, name: str) -> Mixture:
         """Return a fitted parameter's distribution, as a departure from what was known."""

@@ -86,7 +86,20 @@ def at_ratios(
     sensitivities
         Full names that were asked for.
     """
-    by: dict[str, FloatArray] = dict(curve.sensitivities)
+    return replace(
+        curve,
+        sensitivities=_by_ratios(curve.sensitivities, values, tissues, sensitivities),
+        channel_sensitivities={
+            name: _by_ratios(by, values, tissues, sensitivities) for name, by in curve.channel_sensitivities.items()
+        },
+    )
+
+
+def _by_ratios(
+    found: Mapping[str, FloatArray], values: Mapping[str, float], tissues: Collection[str], sensitivities: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Return one reading's derivatives by ratios, and by C10 along which the ratio stays."""
+    by = dict(found)
     for tissue in tissues:
         c10, ratio = f"{tissue}.C10", ratio_of(tissue)
         names = Fibres(tissue).parameters
@@ -99,4 +112,4 @@ def at_ratios(
             by[c10] = by[c10] + 2 * (values[ratio] - 1) * through
         if ratio in sensitivities:
             by[ratio] = 2 * values[c10] * through
-    return replace(curve, sensitivities=by)
+    return by

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
 from legfem.inverse.mechanism import Mechanism, Occurrence, null_of, prior_of
@@ -59,7 +60,7 @@ class HiddenEnd:
     open: bool
     """Whether the recordings don't close that side."""
     c10: float
-    """kPa: C10 then; NaN where it isn't fitted."""
+    """MPa: C10 then; NaN where it isn't fitted."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Limit:
     effect: float
     """N: greatest change of the force by the strongest of them, the stiffness as it is then."""
     stiffness: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """kPa: between which C10 and C20 then are."""
+    """MPa: between which C10 and C20 then are, by full name."""
     ends: tuple[HiddenEnd, ...] = ()
     """Of the sides of the null that it has."""
 
@@ -190,10 +191,10 @@ class Profile:
             if not beyond:
                 continue
             furthest = max(beyond, key=lambda step: abs(step.z))
-            if "C10" in base.free:
-                furthest = max(beyond, key=lambda step: abs(np.log(step.fit.values["C10"] / base.values["C10"])))
+            if DEEP_C10 in base.free:
+                furthest = max(beyond, key=lambda step: abs(np.log(step.fit.values[DEEP_C10] / base.values[DEEP_C10])))
             values = {p.name: furthest.fit.values[f"{mechanism.name}.{p.name}"] for p in mechanism.parameters}
-            yield HiddenEnd(values, is_open, furthest.fit.values["C10"] if "C10" in base.free else float("nan"))
+            yield HiddenEnd(values, is_open, furthest.fit.values[DEEP_C10] if DEEP_C10 in base.free else float("nan"))
 
 
 def profile_of(one: Explanation, base: LinearisedFit, possible: Occurrence | None = None) -> Profile:

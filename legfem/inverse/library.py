@@ -17,9 +17,9 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
 from legfem.inverse.emulator import Emulator
+from legfem.inverse.grid_spline import At
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import course_at
 
 _REACH = 1.6
 
@@ -149,7 +149,8 @@ class Library:
         if mechanism.derivatives:
             rows = [self.changes[mechanism.name, key](at[0]) for key in keys]
             return observed.spread([mechanism.shares(values) @ row for row in rows])
-        return observed.spread([self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys])
+        changes = [self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys]
+        return mechanism.share(values) * observed.spread(changes)
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
@@ -160,24 +161,24 @@ class Library:
         names: Sequence[str],
         mechanism: TissueMechanism,
         values: Values,
-        at: Stiffness,
+        stiffness: Stiffness,
         observed: Observations,
-        pressed: FloatArray,
+        at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k) where the tissue is pressed by so much (n,), mm."""
+        """Return what a mechanism adds to channels (n, k); see `Responses`."""
 
         def row(key: str) -> FloatArray:
             if mechanism.derivatives:
-                found = np.asarray(mechanism.shares(values) @ self.beside.changes[mechanism.name, key](at[0]))
+                found = np.asarray(mechanism.shares(values) @ self.beside.changes[mechanism.name, key](stiffness[0]))
                 return self.beside.columns(found, names)
-            return self.beside.columns(self._at_strength(self.beside.changes, mechanism, key, values, at[0]), names)
+            return self.beside.columns(
+                self._at_strength(self.beside.changes, mechanism, key, values, stiffness[0]), names
+            )
 
+        share = 1.0 if mechanism.derivatives else mechanism.share(values)
         if mechanism.along_path:
-            return observed.spread([row(stations.key) for stations in observed.protocols])
-        change = row("")
-        if not mechanism.derivatives:
-            change = mechanism.share(values) * change
-        return course_at(self.grid, change, pressed)
+            return share * observed.spread([row(stations.key) for stations in observed.protocols])
+        return at(share * row(""))
 
     def _at_strength(
         self, tables: Mapping[tuple[str, str], Table], mechanism: TissueMechanism, key: str, values: Values, c10: float

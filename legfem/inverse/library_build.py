@@ -13,7 +13,7 @@ from legfem.common.units import FloatArray
 from legfem.data.segmentation import LOADING
 from legfem.inverse.emulator import Emulator, Kriging, Samples
 from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
-from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of
+from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import (
     ELASTIC_DERIVATIVES,
@@ -74,8 +74,7 @@ def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Out
 def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Outcome:
     mechanism = task.mechanism
     if task.geometry is not None:
-        own = task.geometry
-        found = coarse.displaced(own.moved, own.placement, task.point)
+        found = coarse.displaced(task.geometry, task.point)
     elif task.material:
         return coarse.sensitivities(coarse.variants.assumed, task.point)
     elif mechanism is None:
@@ -266,7 +265,8 @@ def _assembled(
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
     elastic = [(t.point, o[_ONE]) for t, o in done if t.mechanism is None and t.geometry is None and not t.material]
     emulator = Emulator(_samples(elastic, ("force",)))
-    names = _known_throughout(done)
+    names = _known_channels(done)
+    outcomes = _filled(tasks, outcomes, names)
     changes: dict[tuple[str, str], Table] = {}
     beside: dict[tuple[str, str], Table] = {}
     missing: dict[str, str] = {}
@@ -299,14 +299,63 @@ def _assembled(
     return Library(solved.grid, emulator, changes, nuisances, middle, missing, beside=tables)
 
 
-def _known_throughout(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:
-    """Return the channels beside the force that every solution has."""
-    found = [
-        [name for name in channels_of(columns) if np.isfinite(columns[name]).all()]
-        for _, outcome in done
-        for columns in outcome.values()
-    ]
-    return tuple(name for name in found[0] if all(name in own for own in found)) if found else ()
+def _known_channels(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:
+    """Return the channels beside the force that every elastic solution and every nuisance's has.
+
+    Of a mechanism one solution has to have it: see `_filled`.
+    """
+    found: dict[str, list[set[str]]] = {}
+    for number, (task, outcome) in enumerate(done):
+        there = [
+            {name for name in channels_of(columns) if np.isfinite(columns[name]).all()} for columns in outcome.values()
+        ]
+        needed = (
+            str(number) if task.mechanism is None else f"{task.mechanism.name} {task.stations and task.stations.key}"
+        )
+        found.setdefault(needed, []).append(set.intersection(*there) if there else set())
+    known = [set.union(*own) for own in found.values()]
+    order = [name for _, outcome in done for columns in outcome.values() for name in channels_of(columns)]
+    return tuple(name for name in dict.fromkeys(order) if all(name in own for own in known))
+
+
+def _filled(tasks: Sequence[Task], outcomes: Sequence[Outcome | None], names: Sequence[str]) -> list[Outcome | None]:
+    """Return outcomes with every channel: one that a solution hasn't is in proportion to the nearest strength's.
+
+    The line of travel of a tilted cylinder may miss the bone, and the muscle's thickness then isn't there.
+    """
+    found = list(outcomes)
+    for place, (task, outcome) in enumerate(zip(tasks, outcomes, strict=True)):
+        m = task.mechanism
+        missing = [] if m is None or outcome is None else [n for n in names if not _has(outcome, n)]
+        if m is None or outcome is None or not missing:
+            continue
+        if task.node is not None:
+            found[place] = None
+            continue
+        alike = [
+            (other, columns)
+            for other, columns in zip(tasks, outcomes, strict=True)
+            if columns is not None and other.mechanism is m and other.node is None and other.stations is task.stations
+        ]
+        columns = dict(outcome[_ONE])
+        for name in missing:
+            near, has = min(
+                ((other, one) for other, one in alike if _has(one, name)),
+                key=lambda pair: (abs(_departure(pair[0]) - _departure(task)), abs(pair[0].point[0] - task.point[0])),
+            )
+            share = _departure(task) / _departure(near) if m.strengths else 1.0
+            columns[name] = share * has[_ONE][name]
+        found[place] = {_ONE: columns}
+    return found
+
+
+def _has(outcome: Outcome, name: str) -> bool:
+    return name in outcome[_ONE] and bool(np.isfinite(outcome[_ONE][name]).all())
+
+
+def _departure(task: Task) -> float:
+    assert task.mechanism is not None
+    return prior_of(task.mechanism.parameters[0]).departure(task.strength)
 
 
 _NUGGET = 1e-8

@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cholesky, orth, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
@@ -152,6 +152,7 @@ def runs(marks: NDArray[np.int_]) -> list[tuple[int, int]]:
 
 
 DRAWS = 1000
+_NO_MOVE, _SAME_DIRECTION = 1e-12, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +297,8 @@ def _lack_of_fit(problem: LinearisedProblem, fitted: LinearisedFit, rows: FloatA
     means = observed.means
     lower = cholesky(means @ errors.covariance @ means.T, lower=True)
     moved = solve_triangular(lower, means @ errors.lower @ fitted.jacobian, lower=True)
-    basis = np.linalg.qr(moved)[0]
+    # First contacts of trials driven alike move their mean in one direction, not in one each.
+    basis = orth(moved / np.maximum(np.linalg.norm(moved, axis=0), _NO_MOVE), rcond=_SAME_DIRECTION)
     white = solve_triangular(lower, means @ rows.T, lower=True).T
     return np.asarray(np.sum((white - (white @ basis) @ basis.T) ** 2, axis=1))
 

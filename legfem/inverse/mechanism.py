@@ -121,6 +121,8 @@ class Mechanism:
     """What its strength is in a sentence, which stands at ``{}``: "fat of {} times the stiffness"."""
     expected: ClassVar[float] = 1.0
     """How often it is there, over the other mechanisms, before anything was recorded."""
+    kin: ClassVar[str] = ""
+    """What is sure where one of several mechanisms is there that do much the same, as a sentence; theirs alone."""
     stands_for_C20: ClassVar[bool] = False
     """Whether its strength is C20 itself where the base law has none, which then is its response."""
 
@@ -299,6 +301,16 @@ class Solution:
     """The variant without the mechanism that it is compared with: its own error cancels."""
     null_in_series: float = 0.0
     """Compliance (mm/N) of springs that this one is in series with."""
+
+    def joined(self, other: Solution) -> Solution | None:
+        """Return the solution with what both change of the base model; None where one is of another model."""
+        if {self.variant, self.null, other.variant, other.null} != {"elastic"}:
+            return None
+        return Solution(
+            parameters={**self.parameters, **other.parameters},
+            scaled={**self.scaled, **other.scaled},
+            tilt_deg=self.tilt_deg + other.tilt_deg,
+        )
 
     def values(self, deep: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:
         """Return what to solve the model with, by full name.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, equally_weighted, fit
 from legfem.inverse.observations import Observations
 
@@ -41,10 +42,10 @@ def misfit_of(problem: LinearisedProblem, ordinary: LinearisedFit) -> Misfit:
     counted = np.ones(len(observed.values), dtype=bool) if problem.aside is None else ~problem.aside
     left = ordinary.residual[forces][counted[forces]]
     size = float(np.sqrt(np.mean(left**2)) / np.abs(observed.force).max())
-    if "C10" not in ordinary.free:
+    if DEEP_C10 not in ordinary.free:
         return Misfit(size, 0.0)
-    equal, c10 = equally_weighted(problem, ordinary.residual), ordinary.values["C10"]
-    without = [fit(equal.without(part), (), ordinary.values).values["C10"] for part in _parts(observed)]
+    equal, c10 = equally_weighted(problem, ordinary.residual), ordinary.values[DEEP_C10]
+    without = [fit(equal.without(part), (), ordinary.values).values[DEEP_C10] for part in _parts(observed)]
     return Misfit(size, max((abs(value / c10 - 1.0) for value in without), default=0.0))
 
 

@@ -13,8 +13,9 @@ from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
 from legfem.data.contact import Contact, contact_at_start
+from legfem.data.noise import slowest_error
 from legfem.data.segmentation import HOLD, LOADING, UNLOADING, Segmentation
-from legfem.inverse.channel_readings import ChannelReadings, PlannedChannel, channel_readings, planned_readings
+from legfem.inverse.channel_readings import PlannedChannel, StationChannel, channel_readings, planned_readings
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.stations import Stations, group_trials, read_at, stations_along, stations_of
 from legfem.solve.protocol import Protocol
@@ -46,7 +47,7 @@ class Observations:
     the skin the same travel goes less deep."""
     starts_at_contact: bool = False
     """Whether displacement is stated to count from first touch."""
-    channels: tuple[ChannelReadings, ...] = ()
+    channels: tuple[StationChannel, ...] = ()
     """What was recorded beside the force."""
 
     @cached_property
@@ -54,7 +55,7 @@ class Observations:
         """All N readings: the force's, then every further channel's."""
         force_sd = np.sqrt(self.white_variance)
         force = Channel("force", "N", self.displacement, "displacement_mm", self.force, force_sd)
-        return Data((force, *(one.read_along(self.displacement) for one in self.channels)))
+        return Data((force, *(one.channel for one in self.channels)))
 
     @property
     def values(self) -> FloatArray:
@@ -113,11 +114,7 @@ class Observations:
     @cached_property
     def speed(self) -> FloatArray:
         """Speed of the cylinder, mm/s; negative as it is withdrawn."""
-        by_protocol = []
-        for stations in self.protocols:
-            rates = np.diff(stations.protocol.displacement) / np.diff(stations.protocol.time)
-            by_protocol.append(rates[stations.segment])
-        return self.spread(by_protocol)
+        return self.spread([stations.speed for stations in self.protocols])
 
     @cached_property
     def stiffness(self) -> FloatArray:
@@ -195,6 +192,11 @@ class Observations:
             if all(abs(part.rate / other - 1) > 0.2 for other in found):
                 found.append(part.rate)
         return sorted(found)
+
+    @property
+    def slowest(self) -> float:
+        """Time over which a load cell's slow error is expected to be correlated, s."""
+        return slowest_error(max(self.rates), max(float(s.protocol.time[-1]) for s in self.protocols))
 
     def with_force(self, force: FloatArray) -> Observations:
         """Return the same stations with other forces (N)."""

@@ -13,18 +13,20 @@ from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
 
-from legfem.common.units import FloatArray
-from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, null_of
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.grid_spline import At, GridSpline
+from legfem.inverse.mechanism import Mechanism, Solution, Stiffness, TissueMechanism, TissueResponses, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.responses import Columns
 
-type Spline = tuple[int, float, float, tuple[str, ...]]
-"""Responses, C10 and C20 (kPa), and channels; the force without any."""
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4
-_SPLINES_KEPT = 400
+_CURVES_KEPT = 400
 
 
 class Responses(TissueResponses, Protocol):
@@ -58,11 +60,11 @@ class Responses(TissueResponses, Protocol):
         names: Sequence[str],
         mechanism: TissueMechanism,
         values: Mapping[str, float],
-        at: Stiffness,
+        stiffness: Stiffness,
         observed: Observations,
-        pressed: FloatArray,
+        at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k) where the tissue is pressed by so much (n,), mm."""
+        """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
         ...
 
 
@@ -87,7 +89,7 @@ _ONSETS_MM = (-4.0, 4.0)
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """Predicts observations; parameters are C10, C20 (kPa) and ``mechanism.parameter``.
+    """Predicts observations; parameters are ``deep.C10``, ``deep.C20`` (MPa) and ``mechanism.parameter``.
 
     Parameters
     ----------
@@ -100,9 +102,12 @@ class Predictor:
     ends
         Of the cylinder, where the recordings have them.
     measured
-        C10 (kPa) by other means, where it was.
+        C10 (MPa) by other means, where it was.
     offset
         (N,): what a full solution was above the emulated one, where one was made.
+    together
+        What two mechanisms' solutions do at once beyond each by itself, at a stiffness (kPa); see
+        `SolvedResponses.together`.
     """
 
     observed: Observations
@@ -111,7 +116,9 @@ class Predictor:
     ends: Ends | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    _splines: dict[Spline, CubicSpline | None] = field(default_factory=dict, repr=False)
+    together: Callable[[Sequence[Solution], Stiffness], Columns] | None = None
+    _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
+    _curves: dict[tuple[int, tuple[str, ...], float, float], FloatArray] = field(default_factory=dict, repr=False)
 
     def corrected(self, offset: FloatArray) -> Predictor:
         """Return the predictor shifted to agree with a full solution."""
@@ -120,13 +127,14 @@ class Predictor:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Of the base model: stiffness, and first contact of every trial."""
-        low, high = self.responses.c10_bounds
+        low, high = map(kpa_to_mpa, self.responses.c10_bounds)
         middle = float(np.sqrt(low * high))
         known = self.measured or Prior(middle, 1.5, "log", "nothing is known")
-        found = [Parameter("C10", "kPa", (low, high), known, scale="log", statement="of the deep tissue")]
+        found = [Parameter(DEEP_C10, "MPa", (low, high), known, scale="log", statement="of the deep tissue")]
         if self.law == "reduced-polynomial":
             prior = Prior(0.0, 4.0 * middle, "linear", "nothing is known")
-            found.append(Parameter("C20", "kPa", self.responses.c20_bounds, prior, statement="likewise"))
+            least, most = map(kpa_to_mpa, self.responses.c20_bounds)
+            found.append(Parameter(DEEP_C20, "MPa", (least, most), prior, statement="likewise"))
         return (*found, *(self._onset(k) for k in range(len(self.observed.trials))))
 
     def _onset(self, trial: int) -> Parameter:
@@ -143,11 +151,16 @@ class Predictor:
             statement="first contact, after that found in the recording",
         )
 
-    def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
-        """Return all readings (N,); NaN where a full solution stopped."""
+    def __call__(
+        self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = (), whole: bool = False
+    ) -> FloatArray:
+        """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't.
+
+        ``whole`` adds what effects do together; without it each acts as if it were alone.
+        """
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
-        c10, c20 = values["C10"], values.get("C20", 0.0)
+        c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
         onset = np.array([values.get(onset_name(k), 0.0) for k in range(len(observed.trials))])
         for mechanism in mechanisms:
             if mechanism.stands_for_C20 and self.law == "neo-hookean":
@@ -180,71 +193,110 @@ class Predictor:
                     factors = factors * (1 + change)
             own_factor = mechanism.force_factor(mine, observed)
             force, factors = force * own_factor, factors * own_factor
+        beyond: Columns = {}
+        if whole and self.together is not None:
+            elastically = [m.solution(its) for m, its in tissue if not m.along_path and not m.derivatives]
+            beyond = self.together(elastically, (c10, c20)) if len(elastically) == 2 else {}
+        if beyond:
+            force = force * (1 + np.interp(observed.displacement, self.responses.grid, beyond["force"]))
         for mechanism in mechanisms:
             force = force + mechanism.added_force(own[mechanism.name], observed)
         if not observed.channels:
             return force + self.offset
         names = [one.name for one in observed.channels]
-        courses = self._elastic(c10, c20, factor, beside=True)(pressed)
-        if np.isnan(force).any() or np.isnan(courses).any():
+        at = self._grid.at(pressed)
+        courses = self._courses(names, c10, c20, factor, at)
+        if np.isnan(force).any():
             return np.full(len(observed.values), np.nan)
         for changed, its in tissue:
-            courses = courses + self.responses.channel_changes(names, changed, its, (c10, c20), observed, pressed)
-        readings = [
-            one.weights @ (course * factors if one.is_force else course)
-            for one, course in zip(observed.channels, courses.T, strict=True)
-        ]
-        return np.concatenate([force, *readings]) + self.offset
+            courses = courses + self.responses.channel_changes(names, changed, its, (c10, c20), observed, at)
+        for k, name in enumerate(names):
+            if name in beyond:
+                courses[:, k] += at(beyond[name][:, None])[:, 0]
+        for k, one in enumerate(observed.channels):
+            if one.is_force:
+                courses[:, k] *= factors
+        places, weights = self._read
+        return np.concatenate([force, np.einsum("rw,rw->r", weights, courses.ravel()[places])]) + self.offset
 
-    def _elastic(self, c10: float, c20: float, factor: FloatArray, beside: bool = False) -> _Elastic:
-        """Return the force, or the channels beside it, at factors on the deep stiffness."""
-        low, high = float(factor.min()), float(factor.max())
-        nodes = np.array([1.0]) if high - low < 1e-12 else np.linspace(low, high, _FACTOR_NODES)
-        at_null = high - low < 1e-12
-        scale = factor[0] if at_null else 1.0
-        names = tuple(one.name for one in self.observed.channels) if beside else ()
-        splines = [self._spline(c10 * scale * n, c20 * scale * n, names) for n in nodes]
+    @cached_property
+    def _read(self) -> tuple[NDArray[np.int_], FloatArray]:
+        """Where in the courses (n, k) every reading beside the force stands, and what it takes of it; (r, w) each."""
+        every = np.concatenate([one.weights for one in self.observed.channels])
+        channel = np.repeat(np.arange(len(self.observed.channels)), [len(one.values) for one in self.observed.channels])
+        width = int((every != 0).sum(axis=1).max())
+        at = np.argsort(every == 0, axis=1, kind="stable")[:, :width]
+        places = at * len(self.observed.channels) + channel[:, None]
+        return places, np.take_along_axis(every, at, axis=1)
+
+    def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
+        """Return the force at factors on the deep stiffness."""
+        nodes, weights = _nodes_of(factor)
+        splines = [self._spline(c10 * n, c20 * n) for n in nodes]
         known = [spline for spline in splines if spline is not None]
         if len(known) < len(splines):
-            return _Elastic([_unknown], np.array([1.0]), None)
-        return _Elastic(known, nodes, None if at_null else _lagrange(nodes, factor))
+            return _Elastic([_unknown], None)
+        return _Elastic(known, weights)
 
-    def _spline(self, c10: float, c20: float, names: tuple[str, ...]) -> CubicSpline | None:
-        """Return the elastic force of a stiffness (kPa), or channels, kept for the next time; None without."""
-        key = id(self.responses), float(c10), float(c20), names
-        if key not in self._splines:
-            if len(self._splines) > _SPLINES_KEPT:
-                self._splines.clear()
-            grid = np.concatenate([[0.0], self.responses.grid])
-            if names:
-                curve = self.responses.channel_curves(names, c10, c20)
-            else:
-                curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
-            self._splines[key] = None if np.isnan(curve).any() else CubicSpline(grid, curve)
-        return self._splines[key]
+    def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
+        """Return elastic channels (n, k) at factors on the deep stiffness."""
+        nodes, weights = _nodes_of(factor)
+        each = [at(self._beside(tuple(names), c10 * n, c20 * n)) for n in nodes]
+        return each[0] if weights is None else np.einsum("ij,ijk->jk", weights, np.array(each))
+
+    @cached_property
+    def _grid(self) -> GridSpline:
+        return GridSpline(self.responses.grid)
+
+    def _spline(self, c10: float, c20: float) -> PPoly | None:
+        """Return the elastic force of a stiffness (kPa), kept for the next time; None without."""
+
+        def made() -> PPoly | None:
+            curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
+            return None if np.isnan(curve).any() else self._grid.through(curve)
+
+        return self._recalled(self._splines, (id(self.responses), float(c10), float(c20)), made)
+
+    def _beside(self, names: tuple[str, ...], c10: float, c20: float) -> FloatArray:
+        """Return channels' courses (m + 1, k) of a stiffness (kPa), kept likewise."""
+        key = id(self.responses), names, float(c10), float(c20)
+        return self._recalled(self._curves, key, lambda: self.responses.channel_curves(names, c10, c20))
+
+    @staticmethod
+    def _recalled[K, V](kept: dict[K, V], key: K, make: Callable[[], V]) -> V:
+        if key not in kept:
+            if len(kept) > _CURVES_KEPT:
+                kept.clear()
+            kept[key] = make()
+        return kept[key]
 
 
 @dataclass(frozen=True, eq=False)
 class _Elastic:
-    """Curves at several factors on the deep stiffness, interpolated to every station's; level before first touch."""
+    """Curves at several factors on the deep stiffness, interpolated to every station's; nothing before first touch."""
 
     splines: Sequence[Callable[[FloatArray, int], FloatArray]]
-    nodes: FloatArray
     weights: FloatArray | None
 
     def __call__(self, displacement: FloatArray, derivative: int = 0) -> FloatArray:
         at = np.maximum(displacement, 0.0)
         values = [spline(at, derivative) for spline in self.splines]
-        total = values[0]
-        if self.weights is not None:
-            total = np.einsum("ij,ij...->j...", self.weights, np.array(values))
-        # A force is nothing there, exactly, and so are derivatives.
-        return np.where(displacement > 0, total, 0.0) if total.ndim == 1 else total
+        total = values[0] if self.weights is None else np.einsum("ij,ij->j", self.weights, np.array(values))
+        return np.where(displacement > 0, total, 0.0)
 
 
 def _unknown(displacement: FloatArray, derivative: int) -> FloatArray:
     """Return the force of a solution that stopped."""
     return np.full(len(displacement), np.nan)
+
+
+def _nodes_of(factor: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+    """Return factors at which curves are looked up, and what stations' take of each; None where all are one."""
+    low, high = float(factor.min()), float(factor.max())
+    if high - low < 1e-12:
+        return factor[:1], None
+    nodes = np.linspace(low, high, _FACTOR_NODES)
+    return nodes, _lagrange(nodes, factor)
 
 
 def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data.channels import CHANNELS
+from legfem.inverse.grid_spline import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import Stations
@@ -37,6 +38,16 @@ class Displaced:
     name: str
     moved: MeshMotion | None = None
     placement: LateralPlacement | None = None
+
+    @property
+    def opposite(self) -> Displaced:
+        """The geometry as far to the other side."""
+        moved, at = self.moved, self.placement
+        return Displaced(
+            self.name,
+            None if moved is None else replace(moved, size=-moved.size),
+            None if at is None else replace(at, tilt_deg=-at.tilt_deg, offset_mm=-at.offset_mm),
+        )
 
 
 class BodyModels(Protocol):
@@ -237,17 +248,17 @@ class SolvedResponses:
         names: Sequence[str],
         mechanism: TissueMechanism,
         values: Values,
-        at: Stiffness,
+        stiffness: Stiffness,
         observed: Observations,
-        pressed: FloatArray,
+        at: At,
     ) -> FloatArray:
-        """Return what a mechanism adds to channels (n, k) where the tissue is pressed by so much (n,), mm."""
+        """Return what a mechanism adds to channels (n, k); see `Responses`."""
         solution = mechanism.solution(values)
         if not mechanism.along_path:
-            found = _columns_of(self.elastic_change(solution, at), names, len(self.grid) + 1)
-            return mechanism.share(values) * course_at(self.grid, found, pressed)
-        by_protocol = [_columns_of(self.path_change(solution, s, at), names, len(s.time)) for s in observed.protocols]
-        return observed.spread(by_protocol)
+            found = _columns_of(self.elastic_change(solution, stiffness), names, len(self.grid) + 1)
+            return mechanism.share(values) * at(found)
+        changes = [(self.path_change(solution, s, stiffness), len(s.time)) for s in observed.protocols]
+        return observed.spread([_columns_of(change, names, length) for change, length in changes])
 
     def elastic_change(self, solution: Solution, stiffness: Stiffness) -> Columns:
         """Return the changes of the elastic courses at the grid: of the force relative, of channels absolute."""
@@ -261,6 +272,19 @@ class SolvedResponses:
                 found[name] = changed[name] - _in_series(pushed, self.grid, null[name])
         return found
 
+    def together(self, solutions: Sequence[Solution], stiffness: Stiffness) -> Columns:
+        """Return what two solutions' changes at once are beyond each, as `elastic_change`; nothing of other models."""
+        one, other = solutions
+        joint = one.joined(other)
+        if joint is None:
+            return {}
+        both, first, second = (self.elastic_change(solution, stiffness) for solution in (joint, one, other))
+        found: Columns = {"force": (1 + both["force"]) / ((1 + first["force"]) * (1 + second["force"])) - 1}
+        for name in channels_of(both):
+            if name in first and name in second:
+                found[name] = both[name] - first[name] - second[name]
+        return found
+
     def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> Columns:
         """Return the changes at a protocol's stations (m,): of the force relative, of channels absolute."""
         # A porous leg has another formulation: compared with itself, its own error cancels.
@@ -270,9 +294,10 @@ class SolvedResponses:
         before = _at_displacement(self.grid, elastic["force"], stations.displacement)
         changed = self._solve(PathRequest(stations.protocol, stations.time, stiffness, solution))
         found = {"force": changed["force"] / np.maximum(before, _SMALLEST_FORCE_N) - 1.0}
+        at = GridSpline(self.grid).at(stations.displacement)
         for name in channels_of(changed):
             if name in elastic:
-                found[name] = changed[name][1:] - course_at(self.grid, elastic[name], stations.displacement)
+                found[name] = changed[name][1:] - at(elastic[name][:, None])[:, 0]
         return found
 
     def by_derivatives(self, mechanism: TissueMechanism, stations: Stations | None, stiffness: Stiffness) -> Columns:
@@ -305,15 +330,27 @@ class SolvedResponses:
             for name in names
         }
 
-    def displaced(self, moved: MeshMotion | None, placement: LateralPlacement | None, stiffness: Stiffness) -> Columns:
-        """Return the changes at the grid by another geometry: of the force relative, of channels absolute."""
+    def displaced(self, geometry: Displaced, stiffness: Stiffness) -> Columns:
+        """Return the changes at the grid by another geometry: of the force relative, of channels absolute.
+
+        A channel that isn't there in it, such as a bone that the line of travel then misses, is taken from the
+        geometry as far to the other side.
+        """
         if self.rougher is not None:
-            return self.rougher.displaced(moved, placement, stiffness)
+            return self.rougher.displaced(geometry, stiffness)
         asked = self._at_grid(stiffness, PLAIN)
-        after = self._solve(replace(asked, moved=moved, placement=placement))
         before = self._solve(asked)
-        force = after["force"] / np.maximum(before["force"], _SMALLEST_FORCE_N) - 1.0
-        return {"force": force, **{name: after[name] - before[name] for name in channels_of(after) if name in before}}
+
+        def after(one: Displaced) -> Columns:
+            return self._solve(replace(asked, moved=one.moved, placement=one.placement))
+
+        there = after(geometry)
+        found = {"force": there["force"] / np.maximum(before["force"], _SMALLEST_FORCE_N) - 1.0}
+        found |= {name: there[name] - before[name] for name in channels_of(there) if name in before}
+        if "force" in there and set(channels_of(before)) - set(found):
+            mirrored = after(geometry.opposite)
+            found |= {n: before[n] - mirrored[n] for n in channels_of(mirrored) if n in before and n not in found}
+        return found
 
     def _solve(self, asked: PathRequest) -> Columns:
         """Return force, channels and their derivatives at times of a protocol."""
@@ -370,29 +407,12 @@ class ForceAlone:
         names: Sequence[str],
         mechanism: TissueMechanism,
         values: Values,
-        at: Stiffness,
+        stiffness: Stiffness,
         observed: Observations,
-        pressed: FloatArray,
+        at: At,
     ) -> FloatArray:
         """Refuse."""
         raise LookupError(f"nothing is known of {', '.join(names)}")
-
-
-def course_at(grid: FloatArray, course: FloatArray, pressed: FloatArray) -> FloatArray:
-    """Return channels where the tissue is pressed by so much; before first touch what they are there.
-
-    Parameters
-    ----------
-    grid
-        (m,), mm.
-    course
-        (m + 1, ...): at zero and at the grid.
-    pressed
-        (n,), mm.
-    """
-    if np.isnan(course).any():
-        return np.full((len(pressed), *course.shape[1:]), np.nan)
-    return np.asarray(CubicSpline(np.concatenate([[0.0], grid]), course)(np.maximum(pressed, 0.0)))
 
 
 def _columns_of(columns: Columns, names: Sequence[str], length: int) -> FloatArray:

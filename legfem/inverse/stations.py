@@ -44,6 +44,12 @@ class Stations:
         return float(np.max(self.protocol.displacement))
 
     @cached_property
+    def speed(self) -> FloatArray:
+        """Speed of the cylinder, mm/s; negative as it is withdrawn."""
+        rates = np.diff(self.protocol.displacement) / np.diff(self.protocol.time)
+        return np.asarray(rates[self.segment])
+
+    @cached_property
     def key(self) -> str:
         """Name that only these stations have."""
         what = [self.protocol.time, self.protocol.displacement, self.time.tolist()]

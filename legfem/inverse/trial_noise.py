@@ -22,7 +22,7 @@ from legfem.data.noise import (
     contrasts_of,
     sizes_from_repeats,
 )
-from legfem.inverse.channel_readings import ChannelReadings
+from legfem.inverse.channel_readings import StationChannel
 
 CORNER_MM = 5.0
 """Way that counts as walked between two phases: there the drive stops and turns, time passes, and
@@ -77,7 +77,7 @@ class Observed(Protocol):
         ...
 
     @property
-    def channels(self) -> Sequence[ChannelReadings]:
+    def channels(self) -> Sequence[StationChannel]:
         """What was recorded beside the force."""
         ...
 

@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.progress import Progress
+from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
 from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.cross_validation import HeldOut, held_out
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.explain import base_about_solution, explain, refitted_about_solutions
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
@@ -48,9 +51,9 @@ def limits_of(explained: Explained) -> tuple[Limit, ...]:
 
 def shift_of(limit: Limit, base: LinearisedFit) -> float:
     """Return how far an effect within its limits may have moved C10, over the base model's; nothing without C10."""
-    if "C10" not in limit.stiffness:
+    if DEEP_C10 not in limit.stiffness:
         return 0.0
-    return max(abs(value / base.values["C10"] - 1.0) for value in limit.stiffness["C10"])
+    return max(abs(value / base.values[DEEP_C10] - 1.0) for value in limit.stiffness[DEEP_C10])
 
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
@@ -61,7 +64,6 @@ TRUSTED = 0.15
 ADEQUATE = 0.5
 """Probability of the base model alone from which the recordings are called consistent."""
 SHOWN_MOST = 6
-_SLOWEST_OF_TEST, _SLOWEST_MM = 0.02, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +130,7 @@ class Diagnosis:
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % intervals of C10 and C20 (kPa) over all explanations, by their probability.
+        """95 % intervals of C10 and C20 (MPa), by full name, over all explanations, by their probability.
 
         Of unexplained recordings all that was searched: what they give may be off by any amount.
         """
@@ -137,9 +139,14 @@ class Diagnosis:
             return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
         return self._averaged
 
+    def shown_interval(self, name: str) -> tuple[float, float]:
+        """Return one of the intervals as people read it, in kPa."""
+        low, high = self.intervals[name]
+        return mpa_to_kpa(low), mpa_to_kpa(high)
+
     @cached_property
     def _averaged(self) -> dict[str, tuple[float, float]]:
-        found = {name: averaged_interval(self.explained, name) for name in ("C10", "C20")}
+        found = {name: averaged_interval(self.explained, name) for name in (DEEP_C10, DEEP_C20)}
         return {name: ends for name, ends in found.items() if ends is not None}
 
     @cached_property
@@ -148,26 +155,44 @@ class Diagnosis:
 
         A misfit is small that is less than `SMALL` of the largest force and moves C10 by less than its interval.
         """
-        if self.verdict != "unexplained" or self.misfit.size >= SMALL or "C10" not in self._averaged:
+        if self.verdict != "unexplained" or self.misfit.size >= SMALL or DEEP_C10 not in self._averaged:
             return self.verdict == "unexplained"
-        value = self.base.value("C10")
-        low, high = self._averaged["C10"]
+        value = self.base.value(DEEP_C10)
+        low, high = self._averaged[DEEP_C10]
         return not (low < value < high and self.misfit.moves < min(value - low, high - value) / value)
 
     @cached_property
     def may_be_off(self) -> float:
         """How far C10 may be from the value given by all that may hide, with 95 %: a share of that value."""
-        if "C10" not in self.intervals or "C10" not in self.best.fit.free:
+        if DEEP_C10 not in self.intervals or DEEP_C10 not in self.best.fit.free:
             return 0.0
-        return max(abs(end / self.best.value("C10") - 1.0) for end in self.intervals["C10"])
+        return max(abs(end / self.best.value(DEEP_C10) - 1.0) for end in self.intervals[DEEP_C10])
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """What was fitted in the best model, by full name: the stiffness with its interval over all explanations."""
+        found, fits = self.best, not self.withheld
+        return {name: found.estimate(name, self.intervals.get(name), fits) for name in _told(found)}
+
+    @property
+    def base_estimates(self) -> dict[str, Estimate]:
+        """The same of the base model, by itself."""
+        fits = self.verdict == "consistent"
+        return {name: self.base.estimate(name, None, fits) for name in _told(self.base)}
 
     @property
     def hidden(self) -> tuple[tuple[Limit, HiddenEnd], ...]:
         """Effects that may be there unseen and would move C10 by more than `TRUSTED`, the greatest first."""
-        c10 = self.weighted_base.fit.values["C10"]
+        c10 = self.weighted_base.fit.values[DEEP_C10]
         each = [(abs(end.c10 / c10 - 1.0), limit, end) for limit in self.limits for end in limit.ends]
         far = sorted((one for one in each if one[0] > TRUSTED), key=lambda one: -one[0])
         return tuple((limit, end) for _, limit, end in far)
+
+
+def _told(model: Explanation) -> tuple[str, ...]:
+    """Return the names of the stiffness and of the mechanisms' parameters."""
+    own = tuple(f"{m.name}.{p.name}" for m in model.fit.mechanisms for p in m.parameters)
+    return (*model.fit.stiffness, *own)
 
 
 class FullSolutions(Responses, Protocol):
@@ -286,17 +311,12 @@ def _to_set_aside(problem: LinearisedProblem, explained: Explained) -> SetAside 
     return None if found is None or (found.whole and _verdict(explained)[1]) else found
 
 
-def slowest_of(observed: Observations) -> float:
-    """Return the time (s) over which a load cell's slow error is expected to be correlated."""
-    duration = max(float(s.protocol.time[-1]) for s in observed.protocols)
-    return max(_SLOWEST_MM / max(observed.rates), _SLOWEST_OF_TEST * duration)
-
-
 def starts(law: LawName, middle: float) -> list[dict[str, float]]:
-    """Return where searches for the base parameters begin, kPa."""
+    """Return where searches for the base parameters begin, about a C10 in the middle (MPa)."""
     if law == "neo-hookean":
-        return [{"C10": factor * middle, "C20": 0.0} for factor in (0.6, 1.5)]
-    return [{"C10": factor * middle, "C20": share * middle} for factor, share in ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))]
+        return [{DEEP_C10: factor * middle, DEEP_C20: 0.0} for factor in (0.6, 1.5)]
+    factors = ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))
+    return [{DEEP_C10: factor * middle, DEEP_C20: share * middle} for factor, share in factors]
 
 
 def _fitted(
@@ -306,9 +326,9 @@ def _fitted(
 
     The noise is estimated anew once the trials' first contacts are fitted.
     """
-    observed, slowest = predictor.observed, slowest_of(predictor.observed)
+    observed, slowest = predictor.observed, predictor.observed.slowest
     noise = estimate_noise(observed, instrument, slowest)
-    middle = float(np.sqrt(np.prod(predictor.responses.c10_bounds)))
+    middle = float(np.sqrt(np.prod(predictor.parameters[0].bounds)))
     problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))
     found = ordinary_fit(problem, starts(predictor.law, middle))
     noise = estimate_noise(observed, instrument, slowest, found.residual[: len(observed.force)])

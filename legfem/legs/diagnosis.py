@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.common.units import kpa_to_mpa
+from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
@@ -207,11 +208,18 @@ def diagnose_body(
     able = [m for m in able if m.name not in library.missing]
 
     def nuisances(base: LinearisedFit) -> list[NuisanceEffect]:
-        stiffness = base.values["C10"], base.values.get("C20", 0.0)
+        stiffness = mpa_to_kpa(base.values[DEEP_C10]), mpa_to_kpa(base.values.get(DEEP_C20, 0.0))
         return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
 
     return diagnose(
-        Predictor(observed, library, law, ends, accuracy.deep_C10),
+        Predictor(
+            observed,
+            library,
+            law,
+            ends,
+            accuracy.measured.get(DEEP_C10),
+            together=None if solved is None else solved.together,
+        ),
         instrument,
         able,
         nuisances,
@@ -250,7 +258,12 @@ def accuracy_of(subject: Subject) -> Accuracy:
     """
     check_measured(subject.directory / "subject.toml", subject.measured)
     known = accuracy_of_shape(subject)
-    return replace(known, measured=elastography_priors(subject.elastography), effects=subject.measured)
+    measured = elastography_priors(subject.elastography)
+    if (prior := subject.stiffness_prior) is not None:
+        if DEEP_C10 in measured:
+            raise InputError("--prior", DEEP_C10, "was measured by shear waves, in subject.toml", "leave one out")
+        measured[DEEP_C10] = prior
+    return replace(known, measured=measured, effects=subject.measured)
 
 
 WITHOUT_ENDS: Mapping[str, str] = {
@@ -330,7 +343,7 @@ class _Found(NamedTuple):
 def _found(found: Diagnosis) -> dict[str, _Found]:
     """Return the deep tissue's stiffness (MPa), as far as all explanations leave it open."""
     return {
-        f"deep.{name}": _Found(kpa_to_mpa(found.best.value(name)), kpa_to_mpa(high - low) / (2 * 1.96))
+        name: _Found(found.best.value(name), (high - low) / (2 * 1.96))
         for name, (low, high) in found.intervals.items()
         if name in found.best.fit.free
     }

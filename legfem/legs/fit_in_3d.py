@@ -43,6 +43,7 @@ from legfem.legs.elastography import FibreRatio
 from legfem.legs.laws import laws_of
 from legfem.legs.model_3d import SOLVES, LegModels, SpatialForward
 from legfem.legs.problem import LegProblem, split_instrument
+from legfem.legs.site_channels import site_channels
 from legfem.legs.site_test import OF_MODEL, SiteTest, measured_curve, with_instrument_errors
 from legfem.legs.solver_3d import LegSolver
 from legfem.legs.subject import SitedLeg, Subject
@@ -104,7 +105,9 @@ class ModelErrors:
                 greatest = float(np.abs(mode[one.displacement >= FIRST_RATIO]).max(initial=0.0))
                 errors[name] = max(errors.get(name, 0.0), greatest)
         solves = len(found.outcomes) * len(self.modes)
-        untold = why_fibres_undetermined(self.leg) if DEEP_RATIO in found.search.law.names else ""
+        # Forces beside that along the travel are another way in which fibres show.
+        alone = DEEP_RATIO in found.search.law.names and not found.search.misfit.channels
+        untold = why_fibres_undetermined(self.leg) if alone else ""
         return SpatialSites(self.shapes, self.extruded, solves, self.rough_solves, errors, untold)
 
 
@@ -241,7 +244,10 @@ def fit_in_3d(
     kept = tuple(_kept(one) for one in models)
     jobs = min(request.jobs, len(models)) if comm.size == 1 else 1
     unknowns = laws_of(leg.sites[0], laws, kept[0].nominal, parameters, request.fixed)
-    tests = tuple(SiteTest(site, curve) for site, curve in zip(leg.sites, curves, strict=True))
+    tests = tuple(
+        SiteTest(site, curve, beside=site_channels(site, curve, "3d"))
+        for site, curve in zip(leg.sites, curves, strict=True)
+    )
     problem = LegProblem(leg, tests, JointForward(kept), unknowns, "covariance", own_errors)
     with (
         Workers(solve_test, kept, jobs, along=True) as workers,

@@ -11,7 +11,7 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
-from legfem.data.channel_reader import with_channels
+from legfem.data.channel_reader import SKIN_PROFILE, is_channel_file, with_channels
 from legfem.data.formats import recording_files
 from legfem.data.plausibility import refuse_copies
 from legfem.geometry.indenter import Indenter
@@ -21,6 +21,7 @@ from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.plausible_channels import check_channels
 from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
+from legfem.legs.skin_profile import TravelLine, with_skin_profile
 from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
 
 
@@ -95,8 +96,11 @@ def load_subject(
     _check_aim(toml, section, indenter)
     channels = given.recordings.channels()
     folder = directory / entry.recordings
-    recordings = _recordings(folder, channels) if need_recordings else ()
+    files = [file for file in recording_files(folder) if not is_channel_file(file, given.channels, entry.site)]
+    recordings = _recordings(folder, files, channels) if need_recordings else ()
     recordings = with_channels(toml, given.channels, recordings, entry.site)
+    profile = getattr(given.channels, SKIN_PROFILE)
+    recordings = with_skin_profile(toml, profile, TravelLine.of(section, indenter), recordings, entry.site)
     moduli = tuple(map(ShearModulus.of, given.elastography))
     deep = given.tissues.deep
     subject = Subject(
@@ -168,8 +172,7 @@ def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording],
     return seen_instrument(recordings)
 
 
-def _recordings(folder: Path, channels: SourceColumns | None) -> tuple[Recording, ...]:
-    there = recording_files(folder)
+def _recordings(folder: Path, there: Sequence[Path], channels: SourceColumns | None) -> tuple[Recording, ...]:
     files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
     if not files:
         raise InputError(

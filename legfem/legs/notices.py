@@ -59,8 +59,8 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
     texts += far_from_priors(fit.estimates)
     if details.subject.typical_shape:
         texts.append(_TYPICAL)
+    texts += _left_out(fit)
     if isinstance(details.spatial, SpatialSites):
-        texts += _left_out(fit)
         texts += of_elastography(details.subject, fit.estimates)
         return (*texts, *_in_3d(fit, details.spatial))
     texts += dict.fromkeys(
@@ -84,11 +84,13 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
 
 
 def _left_out(fit: Fit[LegDetails]) -> Iterator[str]:
-    """Say that channels beside the force aren't used, which a model in 3D doesn't give."""
-    every = (one.name for site in fit.details.leg.sites for trial in site.recordings for one in trial.channels)
-    names = " and ".join(name.replace("_", " ") for name in dict.fromkeys(every))
+    """Say which channels aren't used, since the model doesn't give them."""
+    model, other = ("in 3D", "2d") if isinstance(fit.details.spatial, SpatialSites) else ("of the section", "3d")
+    every = (one.kind for site in fit.details.leg.sites for trial in site.recordings for one in trial.channels)
+    unlike = dict.fromkeys(one.name for one in every if other in one.models and len(one.models) == 1)
+    names = " and ".join(name.replace("_", " ") for name in unlike)
     if names:
-        yield f"What was recorded of {names} is not used: the model in 3D gives the force alone (--model 2d uses it)."
+        yield f"What was recorded of {names} is not used: the model {model} has no such reading (--model {other} has)."
 
 
 def of_two_fidelities(evidence: SpatialEvidence, most_solves: int) -> Iterator[str]:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.common.units import FloatArray
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import Cause, NuisanceEffect
 from legfem.inverse.mechanism import Stiffness
@@ -54,6 +54,10 @@ SIZE = "size."
 MATERIAL_DOF = 8.0
 """Of how far what is assumed of a person's tissues is off: known to 25 %."""
 _HATS = (-40.0, -20.0, 0.0, 20.0, 40.0)
+_BONES: tuple[Literal["tibia", "fibula"], ...] = ("tibia", "fibula")
+_BONES_WAYS = {"along the travel": 0.0, "across the travel": 90.0}
+"""Degrees from the travel. Each bone's outline is drawn by itself: what turns and shifts them across shows in the
+lateral force and in the skin beside the cylinder, where their depth alone doesn't."""
 _A_SIZE = "stated size: "
 _WORDS = {
     "superficial.C10": "stiffness of the fat",
@@ -95,19 +99,12 @@ class Accuracy:
     measured: Mapping[str, Prior] = field(default_factory=dict)
     effects: tuple[MeasuredEffect, ...] = ()
 
-    @property
-    def deep_C10(self) -> Prior | None:
-        """What was measured of C10 of the deep tissue by other means, kPa."""
-        if (known := self.measured.get("deep.C10")) is None:
-            return None
-        return replace(known, centre=mpa_to_kpa(known.centre), sd=mpa_to_kpa(known.sd))
-
     def log_sd(self, material: str) -> float:
         """Return the standard deviation of an assumed number's logarithm."""
         if material.startswith(SIZE):
             return self.size_sd
         if (known := self.measured.get(material)) is not None:
-            return known.sd / known.centre
+            return known.sd if known.scale == "log" else known.sd / known.centre
         return MATERIAL_LOG_SD[material] if self.assumed_sd is None else self.assumed_sd
 
 
@@ -150,7 +147,11 @@ def displaced_geometries() -> list[Displaced]:
         for outline in OUTLINES
         for arc in _HATS
     ]
-    found.append(Displaced("depth of the bones", MeshMotion("bones")))
+    found += [
+        Displaced(f"{bone} {way}", MeshMotion(bone, turned=turned))
+        for bone in _BONES
+        for way, turned in _BONES_WAYS.items()
+    ]
     found.append(Displaced("aim", placement=LateralPlacement(offset_mm=AIM_SD_MM)))
     found.append(Displaced("direction", placement=LateralPlacement(tilt_deg=DIRECTION_SD_DEG)))
     return found
@@ -202,7 +203,7 @@ def nuisance_effects(
     scale = {
         "aim": (accuracy.aim_sd / AIM_SD_MM, Cause("aim", GEOMETRY_DOF)),
         "direction": (accuracy.direction_sd / DIRECTION_SD_DEG, Cause("direction", GEOMETRY_DOF)),
-        "depth of the bones": (accuracy.contour_sd / CONTOUR_SD_MM, _OUTLINES),
+        **{f"{bone} {way}": (accuracy.contour_sd / CONTOUR_SD_MM, _OUTLINES) for bone in _BONES for way in _BONES_WAYS},
     }
     for name, (factor, cause) in scale.items():
         if name in changes.geometric and factor > 0:

@@ -32,6 +32,8 @@ OCCURRENCES: Mapping[str, Occurrence] = {
     ),
     "fascia-stiffness": Occurrence(0.05, 50.0, 0.0, "crural fascia is reported from 0.1 to 100 MPa"),
     "compressibility": Occurrence(0.1, 60.0, 0.0, "reported bulk moduli of muscle differ a hundredfold"),
+    "fat-sliding": Occurrence(0.0, 1.0, 0.0, "between fat that is grown to the fascia and fat without friction on it"),
+    "poroelastic-drainage": Occurrence(0.0, 3000.0),
     "dermis": Occurrence(0.0, 2.0, 0.0, "Diridollou 2000, Hendriks 2006 and Tran 2007: 0.04 to 2 N/mm"),
     "indenter-tilt": Occurrence(-12.0, 12.0, 0.0),
     "contact-slip": Occurrence(0.0, 1.0, 0.0, "between a skin that sticks and one without friction"),

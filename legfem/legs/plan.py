@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
@@ -28,7 +29,7 @@ from legfem.inverse.plan import (
 )
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
-from legfem.inverse.verdict import Diagnosis, slowest_of
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, ruled_out_of, shown_mechanisms
 from legfem.legs.mechanisms import Mechanism
@@ -124,9 +125,9 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
-    predictor = Predictor(observed, library, law, ends, accuracy_of(subject).deep_C10)
+    predictor = Predictor(observed, library, law, ends, accuracy_of(subject).measured.get(DEEP_C10))
     noise = _stated(subject, observed)
-    values = {"C10": expected.c10, "C20": expected.c20}
+    values = {DEEP_C10: kpa_to_mpa(expected.c10), DEEP_C20: kpa_to_mpa(expected.c20)}
     force = predictor(values)
     problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
     base = _at(problem, values)
@@ -186,7 +187,7 @@ def _stated(subject: Subject, observed: Observations) -> Noise:
     return Noise(
         each,
         each,
-        slowest_of(observed),
+        observed.slowest,
         instrument.force_sd,
         instrument.displacement_sd,
         "the instrument's stated accuracy only (nothing was recorded)",

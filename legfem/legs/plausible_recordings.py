@@ -132,6 +132,7 @@ def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
 def _unread(subject: Subject) -> Iterator[Doubt]:
     read = {one.source for one in subject.recordings}
     folders = {path.parent for path in read if path is not None}
+    read |= {channel.source for one in subject.recordings for channel in one.channels}
     others = sorted(file.name for folder in folders for file in recording_files(folder) if file not in read)
     if others:
         yield Doubt(

@@ -24,7 +24,7 @@ from legfem.common.input_files import (
     trouble,
 )
 from legfem.data.channel_reader import ChannelsEntry
-from legfem.data.folder import RESOURCES, Catalogue, InstrumentEntry, RecordingsEntry
+from legfem.data.folder import RESOURCES, AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.legs.elastography import ElastographyEntry, StatedRatio, check_once
@@ -181,17 +181,6 @@ class TissuesEntry(FileTable):
     fascia: GivenTissueEntry
 
 
-class AccuracyEntry(FileTable):
-    """``[accuracy]``, optional: how well the leg is known."""
-
-    contour_sd_mm: NotNegative | None = None
-    """Of its outlines, over 20 mm of arc; 0 where they are exact."""
-    aim_sd_mm: NotNegative | None = None
-    direction_sd_deg: NotNegative | None = None
-    assumed_sd_percent: NotNegative | None = None
-    """Of what is assumed: stiffness of fat and fascia, compressibility."""
-
-
 class MeasuredEntry(FileTable):
     """One of ``[[measured]]``: how strong an effect is, by another instrument than the indenter."""
 
@@ -339,7 +328,7 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
         For what `legfem.common.input_files.parse_toml` raises one; if the leg has sites and none is
         named, or none of that name.
     """
-    content = read_toml(toml, HOLDER)
+    content = with_lab(toml, read_toml(toml, HOLDER), ("indenter", "instrument", "accuracy", "recordings"))
     sites = {entry.name: entry for entry in _sites(toml, content)}
     if not sites:
         if site:

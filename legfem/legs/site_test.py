@@ -108,7 +108,7 @@ class SiteTest(Test):
 
     def reached_by(self, curve: ForceCurve) -> bool:
         """Whether a solve came to the grid's end; one that stops short says nothing of the greatest forces."""
-        told = all(one.kind.name in curve.channels for one in self.beside)
+        told = all(one.readings.kind.name in curve.channels for one in self.beside)
         return told and curve.depth >= self.grid[-1] - 1e-9
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
@@ -138,7 +138,7 @@ class SiteTest(Test):
     def _with_beside(self, read: Prediction, curve: ForceCurve, values: Values, offset: FloatArray) -> Prediction:
         """Return a prediction of forces with those of further channels after them, at a contact's offset (mm)."""
         for one, reading in zip(self.beside, self._beside_readings, strict=True):
-            block, by = self._beside(one.kind, curve, values)
+            block, by = self._beside(one.readings.kind, curve, values)
             read_by = {name: reading.at(change[1:], offset) for name, change in by.items()}
             read_by |= {name: np.zeros(len(one)) for name in read.sensitivities if name not in by}
             if OFFSET in read.sensitivities:
@@ -229,7 +229,7 @@ class SiteTest(Test):
         unlike: list[FloatArray] = [np.zeros(len(self.curve.force))]
         for one, span in zip(self.beside, self.data.spans[1:], strict=True):
             along = self.correction.relative_errors(one.depth, *of_deep)
-            lateral = one.kind.is_force
+            lateral = one.readings.kind.is_force
             for name, parts in effects.items():
                 parts.append(along[name] * predicted[span] if lateral else np.zeros(len(one)))
             unlike.append(np.zeros(len(one)) if lateral else _ENDS_BESIDE * one.slope * one.depth)

@@ -64,6 +64,7 @@ class LegVariants:
     tally: Tally = field(default_factory=Tally, repr=False)
     """Shared with the leg of a moved mesh."""
     _models: dict[str, PlaneStrainIndentation] = field(default_factory=dict, init=False, repr=False)
+    _described: dict[str, str] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the finite-element models out: they can't leave their process."""
@@ -123,7 +124,9 @@ class LegVariants:
 
     def described(self, variant: str) -> str:
         """Return what tells a model from others: its terms and settings."""
-        return repr((self._terms(variant), self._settings(variant)))
+        if variant not in self._described:
+            self._described[variant] = repr((self._terms(variant), self._settings(variant)))
+        return self._described[variant]
 
     def model(self, variant: str) -> PlaneStrainIndentation:
         """Return a model by its name."""

@@ -31,7 +31,7 @@ from legfem.meshing.gmsh_mesh import (
 )
 from legfem.meshing.grid import TaggedMesh
 
-Outline = Literal["skin", "fascia", "bones"]
+Outline = Literal["skin", "fascia", "tibia", "fibula"]
 
 
 @dataclass(frozen=True)
@@ -49,20 +49,23 @@ class MeshMotion:
 
     Parameters
     ----------
-    outline : {"skin", "fascia", "bones"}
-        Outline that moves. The bones move together, along the travel.
+    outline : {"skin", "fascia", "tibia", "fibula"}
+        Outline that moves; a bone as a whole.
     arc : float
         Position of the hat function's top from first touch, along the skin, counter-clockwise (mm).
     width : float
         Half of the hat's foot (mm).
     size : float
-        Displacement at the top, outwards; that of the bones, along the travel (mm).
+        Displacement at the top, outwards; that of a bone (mm).
+    turned : float
+        Angle of a bone's displacement from the travel, counter-clockwise (degrees).
     """
 
     outline: Outline
     arc: float = 0.0
     width: float = 20.0
     size: float = 0.5
+    turned: float = 0.0
 
     def displacement(
         self, points: FloatArray, section: LegSection, touch: FloatArray, travel: FloatArray
@@ -85,9 +88,15 @@ class MeshMotion:
         bones = shapely.union_all([section.polygon(part).exterior for part in BONES])
         to_skin, to_fascia, to_bones = (shapely.distance(at, line) for line in (skin, fascia, bones))
         inside = shapely.contains_properly(section.polygon("fascia"), at)
-        if self.outline == "bones":
-            share = np.where(inside, _share(to_fascia, to_bones), 0.0)
-            return share[:, None] * self.size * travel[None, :]
+        if self.outline in BONES:
+            own, *others = (
+                shapely.distance(at, section.polygon(part).exterior)
+                for part in sorted(BONES, key=lambda part: part != self.outline)
+            )
+            share = np.where(inside, _share(np.minimum(to_fascia, *others), own), 0.0)
+            angle = np.radians(self.turned)
+            across = np.array([-travel[1], travel[0]])
+            return share[:, None] * self.size * (np.cos(angle) * travel + np.sin(angle) * across)
         if self.outline == "skin":
             share = np.where(inside, 0.0, _share(to_fascia, to_skin))
         else:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from legfem.data.channels import CHANNELS
+from legfem.common.units import FloatArray
+from legfem.data.channels import CHANNELS, ChannelKind
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import ChannelFit, Fit
@@ -29,31 +30,69 @@ def channel_name(one: ChannelFit) -> str:
     return one.channel.name.replace("_", " ")
 
 
+def beside_curves(
+    key: str,
+    title: str,
+    kind: ChannelKind,
+    at: FloatArray,
+    lines: list[Line],
+    error: FloatArray,
+    marked: Sequence[tuple[float, float]] = (),
+) -> Curves:
+    """Return the panels of a channel over displacement: readings and models above, models less readings beneath.
+
+    Parameters
+    ----------
+    key
+        Of the panels in the page.
+    title
+        What is shown.
+    kind
+        Of the channel.
+    at
+        Displacement of the readings, (k,), mm.
+    lines
+        The readings, then models.
+    error
+        Standard error of a reading, (k,).
+    marked
+        Displacements (mm) between which the base model is wrong.
+    """
+    return Curves(
+        key,
+        title,
+        at,
+        "displacement (mm)",
+        f"{kind.name.replace('_', ' ')} ({kind.unit})",
+        f"model − recorded ({kind.unit})",
+        lines,
+        2 * error,
+        "± 2 standard errors of a reading",
+        list(marked),
+        "where the base model is wrong" if marked else "",
+    )
+
+
 def channel_curves(fits: Sequence[Fit[Any]], number: int, k: int) -> Curves:
     """Return the panels of one channel of a test: readings, the laws' predictions, and their differences."""
     test = fits[0].tests[number]
-    first = test.channels[k]
-    order = np.argsort(first.channel.station, kind="stable")
-    read, unit = first.channel.values[order], first.channel.unit
-    lines = [Line("recorded", read, None, DATA_COLOUR, points=True)]
+    first = test.channels[k].channel
+    order = np.argsort(first.station, kind="stable")
+    lines = [Line("recorded", first.values[order], None, DATA_COLOUR, points=True)]
     for fit in fits:
-        predicted = fit.tests[number].channels[k].predicted[order]
-        lines.append(
-            Line(f"model, {LAW_NAMES[fit.law]}", predicted, predicted - read, LAW_COLOURS[fit.law], points=True)
-        )
-    words = CHANNELS[first.channel.name].words
+        model = fit.tests[number].channels[k]
+        name, colour = f"model, {LAW_NAMES[fit.law]}", LAW_COLOURS[fit.law]
+        lines.append(Line(name, model.predicted[order], model.residual[order], colour, points=True))
+    kind = CHANNELS[first.name]
     where = f"{test.name}. " if len(fits[0].tests) > 1 else ""
-    return Curves(
+    return beside_curves(
         f"channel{number}-{k}",
-        f"{where}The {words}, over the cylinder's displacement after first contact; beneath, the model less the "
+        f"{where}The {kind.words}, over the cylinder's displacement after first contact; beneath, the model less the "
         "recording. The band has the instrument's errors, which readings share in part, and those of the outlines.",
-        first.channel.station[order],
-        "displacement (mm)",
-        f"{channel_name(first)} ({unit})",
-        f"model − recorded ({unit})",
+        kind,
+        first.station[order],
         lines,
-        2 * first.channel.sd[order],
-        "± 2 standard errors of a reading",
+        first.sd[order],
     )
 
 

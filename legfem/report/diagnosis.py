@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 from legfem.common.doubts import doubt_lines
-from legfem.common.units import kpa_to_mpa
-from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.averaging import TIMES
+from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
@@ -137,7 +137,7 @@ def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
     known = elastography_priors(subject.elastography).get(DEEP_C10)
     if known is not None:
         alone = found.weighted_base
-        yield from disagreement(DEEP_C10, known, kpa_to_mpa(alone.value("C10")), kpa_to_mpa(alone.fit.sd("C10")))
+        yield from disagreement(DEEP_C10, known, alone.value(DEEP_C10), alone.fit.sd(DEEP_C10))
 
 
 def _warnings(found: Diagnosis) -> list[str]:
@@ -191,8 +191,9 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         web.Prose(_looks(found)),
         web.WebTable("What was left out, and how probably", *tables.explanation_cells(found)),
     ]
+    blocks += _checks(found)
     if found.verdict == "consistent":
-        return [*blocks, *_hidden(found)]
+        return [*blocks, *_hidden(found), *_how_common(found)]
     if not found.models:
         return [*blocks, web.Prose(_closest(found))]
     return [
@@ -203,6 +204,33 @@ def _physics(found: Diagnosis) -> list[web.Block]:
             "the recordings are with the mechanism than without it; 5 is strong. “In part” means that a difference "
             "without a known cause remains, because no real effect has exactly the form of a model."
         ),
+        *_how_common(found),
+    ]
+
+
+def _checks(found: Diagnosis) -> list[web.Block]:
+    """Return what the base model and the first explanation leave in each phase."""
+    return [
+        web.Prose(
+            "By phase: what a model leaves (root mean square) beside what gain, zero, noise and all that is not known "
+            "exactly make, and in what share of tests that the model describes as much would be left. A share below "
+            "1 % means that the model's form is wrong there, whatever its probability among the models that were tried."
+        ),
+        web.WebTable("What the models leave in each phase", *tables.phase_cells(found), folded=True),
+    ]
+
+
+def _how_common(found: Diagnosis) -> list[web.Block]:
+    """Return how common effects are taken to be, from where that is known, and what of C10's range hangs on it."""
+    rows = tables.occurrence_cells(found)
+    if not rows[1]:
+        return []
+    return [
+        web.Prose(
+            "How common an effect is counts in C10's range. “Judgement” means that nobody has counted it. The last "
+            f"two columns are C10's range if the effect were {TIMES:g} times as rare, or as common, as assumed."
+        ),
+        web.WebTable("How common effects are taken to be, and what that does to C10", *rows, folded=True),
     ]
 
 
@@ -227,7 +255,7 @@ def _hidden(found: Diagnosis) -> list[web.Block]:
 
 
 def _looks(found: Diagnosis) -> str:
-    stiffness = " and ".join(found.base.fit.stiffness)
+    stiffness = " and ".join(map(symbol_of, found.base.fit.stiffness))
     ends = ", the cylinder's ends included" if found.with_ends else ""
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
@@ -307,7 +335,7 @@ def _alike(found: Diagnosis) -> list[str]:
             f"{'; '.join(names)}: together they have 90 % of the probability, and none of them "
             "alone has. These recordings cannot determine which of them it is."
         )
-    both = " and ".join(found.base.fit.stiffness)
+    both = " and ".join(map(symbol_of, found.base.fit.stiffness))
     lines.append(
         "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
         f"a change of {both}. It was not tested, and would change the stiffness without any sign of it."

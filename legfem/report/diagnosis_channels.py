@@ -12,6 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.verdict import Diagnosis
 from legfem.report import page as web
+from legfem.report.channels import beside_curves
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
 from legfem.report.page import Curves, Dash, Line
 
@@ -107,44 +108,34 @@ def channel_chapter(found: Diagnosis) -> list[web.Chapter]:
         ),
     ]
     protocols = range(len(observed.protocols))
-    return [web.Chapter("Beside the force", [*blocks, *(c for k in protocols for c in channel_curves(found, k))])]
+    return [web.Chapter("Beside the force", [*blocks, *(c for k in protocols for c in _channel_curves(found, k))])]
 
 
-def channel_curves(found: Diagnosis, protocol: int) -> list[Curves]:
-    """Return every channel of a protocol's trials over displacement, in the order of time, as the trials' mean."""
+def _channel_curves(found: Diagnosis, protocol: int) -> Iterator[Curves]:
+    """Yield every channel of a protocol's trials over displacement, in the order of time, as the trials' mean."""
     observed, models = found.observed, shown_models(found)[:1]
-    drawn = []
     for one, span in zip(observed.channels, observed.data.spans[1:], strict=True):
         mine = np.flatnonzero(observed.protocol[one.nearest] == protocol)
         if not len(mine):
             continue
-        at = span.start + _by_trial(mine, observed.trial[one.nearest[mine]])
-        x = (one.weights @ observed.displacement)[at - span.start].mean(axis=0)
+        rows = _by_trial(mine, one.trial[mine])
+        at = span.start + rows
         lines = [
             Line("recorded" if len(at) == 1 else "recorded, mean", observed.values[at].mean(axis=0), None, points=True),
             _line(BASE_NAME, found.weighted_base, at, BASE_COLOUR),
             *(_line(shown.name, shown.model, at, REPAIRED_COLOUR) for shown in models),
         ]
         here = set(at.ravel().tolist())
-        windows = [w for w in found.assessment.windows if w.channel == one.name and set(w.stations) & here]
-        name, unit = one.name.replace("_", " "), one.kind.unit
-        drawn.append(
-            Curves(
-                f"channel{protocol}-{one.name}",
-                f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}: recorded, and of the models, "
-                "with what isn't known of the leg and of the instruments as fitted; beneath, model less recorded.",
-                x,
-                "displacement (mm)",
-                f"{name} ({unit})",
-                f"model − recorded ({unit})",
-                lines,
-                2 * np.sqrt(np.mean(found.errors.trial_sd[at] ** 2, axis=0)),
-                "± 2 sd of a reading",
-                [w.displacement for w in windows],
-                "where the base model is wrong" if windows else "",
-            )
+        yield beside_curves(
+            f"channel{protocol}-{one.name}",
+            f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}: recorded, and of the models, "
+            "with what isn't known of the leg and of the instruments as fitted; beneath, model less recorded.",
+            one.kind,
+            one.displacement[rows].mean(axis=0),
+            lines,
+            np.sqrt(np.mean(found.errors.trial_sd[at] ** 2, axis=0)),
+            [w.displacement for w in found.assessment.windows if w.channel == one.name and set(w.stations) & here],
         )
-    return drawn
 
 
 def _line(name: str, model: Explanation, at: NDArray[np.int_], colour: str) -> Line:

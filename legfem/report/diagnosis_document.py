@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Protocol
 
@@ -10,20 +10,25 @@ import numpy as np
 
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
+from legfem.common.units import mpa_to_kpa
 from legfem.common.versions import versions_of
 from legfem.data.recording import Origin
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of, symbol_of
 from legfem.inverse.cross_validation import HeldOut
+from legfem.inverse.document import estimate_document
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import r_squared
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
+from legfem.inverse.predictive import checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report.diagnosis_channels import channel_misfits, channel_sentences
 from legfem.report.diagnosis_sentences import next_experiments
 
-SCHEMA = 3
+SCHEMA = "legfem.diagnose/4"
 
 
 class Recorded(Protocol):
@@ -61,9 +66,11 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
     return json_types(
         {
             "schema": SCHEMA,
+            "kind": "leg" if isinstance(subject, Subject) else "specimens",
             "subject": subject.id,
+            "title": subject.title,
             "origin": subject.origin,
-            "law": found.law,
+            "laws": laws_of(found),
             "doubts": doubt_documents(doubts_of(found, subject)),
             "verdict": found.verdict,
             "probability_that_nothing_shows": found.explained.adequacy,
@@ -78,6 +85,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "unknown": e.unnamed,
                     "probability": e.probability,
                     "log_evidence": e.posterior.log_evidence,
+                    "parameters": {key_of(name): _parameter(e, name) for name in e.fit.stiffness},
                 }
                 for e in found.explained.every
                 if e.probability > 1e-4
@@ -101,6 +109,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 "held_out_noise_N": found.base_held_out.noise,
                 "held_out": found.base_held_out.how,
                 "emulator_error": found.emulator_error,
+                "parameters": diagnosed_parameters(found.base_estimates),
             },
             "not_known_exactly": [
                 {"what": name, "departure_in_sd": float(z)}
@@ -145,8 +154,10 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "between": [limit.low, limit.high],
                     "open": [limit.open_low, limit.open_high],
                     "greatest_change_of_force_N": limit.effect,
-                    "stiffness_kPa": {name: list(ends) for name, ends in limit.stiffness.items()},
-                    "unseen": [{"at": dict(end.values), "open": end.open, "C10_kPa": end.c10} for end in limit.ends],
+                    "stiffness_kPa": {symbol_of(n): list(map(mpa_to_kpa, ends)) for n, ends in limit.stiffness.items()},
+                    "unseen": [
+                        {"at": dict(end.values), "open": end.open, "C10_kPa": mpa_to_kpa(end.c10)} for end in limit.ends
+                    ],
                 }
                 for limit in found.limits
             ],
@@ -157,11 +168,14 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 "phases": list(found.aside.phases),
                 "greatest_departure_N": found.aside.size_N,
             },
+            "by_phase": [
+                {"mechanisms": list(model.names), **asdict(check)}
+                for model in (found.weighted_base, *found.models)
+                for check in checks_by_phase(model)
+            ],
             "untested": found.untested,
             "remarks": list(found.observed.remarks),
             "next_experiment": next_experiments(found),
-            "parameters_before": parameters(base),
-            "parameters_after": {**parameters(found.best), **_averaged(found)},
             "full_solutions": found.solutions,
             "seed": seed,
             "wall_s": seconds,
@@ -221,9 +235,7 @@ def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[s
                 "statement": mechanism.statement,
                 "together_with": [n for n in model.names if n != mechanism.name],
                 "probability": model.probability,
-                "parameters": {
-                    p.name: _parameter(model, f"{mechanism.name}.{p.name}", p.unit) for p in mechanism.parameters
-                },
+                "parameters": {p.name: _parameter(model, f"{mechanism.name}.{p.name}") for p in mechanism.parameters},
                 "evidence": {
                     # Twice the logarithm of the Bayes factor: what BIC estimates.
                     "delta_bic": 2 * gain,
@@ -246,23 +258,27 @@ def indistinguishable(models: Sequence[Explanation]) -> list[list[str]]:
     return [sorted(set.union(*names) - common)]
 
 
-def parameters(model: Explanation) -> dict[str, Any]:
-    """Return an explanation's parameters with units and intervals."""
-    result = {f"{name.lower()}_deep": _parameter(model, name, "kPa") for name in model.fit.stiffness}
-    for mechanism in model.fit.mechanisms:
-        for p in mechanism.parameters:
-            name = f"{mechanism.name}.{p.name}"
-            result[name] = _parameter(model, name, p.unit)
-    return result
+def diagnosed_parameters(found: Mapping[str, Estimate]) -> dict[str, Any]:
+    """Return estimates by key: ``c10_deep``, a mechanism's by its full name."""
+    return {key_of(n) if n in (DEEP_C10, DEEP_C20) else n: estimate_document(one) for n, one in found.items()}
 
 
-def _averaged(found: Diagnosis) -> dict[str, Any]:
-    """Return the stiffness with intervals over all explanations."""
-    return {
-        f"{name.lower()}_deep": {"value": found.best.value(name), "unit": "kPa", "ci95": list(ends)}
-        for name, ends in found.intervals.items()
-    }
+def parameter_rows(found: Diagnosis) -> Iterator[dict[str, Any]]:
+    """Yield a row a parameter of the base model and of the repaired one."""
+    for when, model in (("before repair", found.base_estimates), ("after repair", found.estimates)):
+        for name, one in diagnosed_parameters(model).items():
+            low, high = one["ci95"]
+            numbers = {key: one[key] for key in ("value", "unit", "identifiability")}
+            yield {"model": when, "parameter": name, "low": low, "high": high, **numbers}
 
 
-def _parameter(model: Explanation, name: str, unit: str) -> dict[str, Any]:
-    return {"value": model.value(name), "unit": unit, "ci95": list(model.interval(name))}
+def laws_of(found: Diagnosis) -> dict[str, Any]:
+    """Return the best model's parameters as ``result.json`` of an identification has them, by the law."""
+    verdict, fits = found.verdict, found.assessment.lack_of_fit
+    parameters = diagnosed_parameters(found.estimates)
+    return {found.law: {"law": found.law, "verdict": verdict, "parameters": parameters, "goodness": {"p_value": fits}}}
+
+
+def _parameter(model: Explanation, name: str) -> dict[str, Any]:
+    shown = model.shown(name)
+    return {"value": shown.value, "unit": shown.unit, "ci95": list(shown.ci95)}

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import HOLD
+from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation, Statement
 from legfem.inverse.location import Signature
 from legfem.inverse.mechanism import null_of
@@ -105,7 +106,7 @@ def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     rows += [EstimateRow(m.name, m.model, REPAIRED_COLOUR if m.suits else FAINT) for m in models]
     stiffness = found.base.fit.stiffness
     panels: list[tuple[str, str, list[EstimateRow], float | None]]
-    panels = [(f"{name} of the deep tissue (kPa)", name, rows, None) for name in stiffness]
+    panels = [(f"{symbol_of(name)} of the deep tissue (kPa)", name, rows, None) for name in stiffness]
     for mechanism in dict.fromkeys(m for row in rows for m in row.explanation.fit.mechanisms):
         for k, p in enumerate(mechanism.parameters):
             name = f"{mechanism.name}.{p.name}"
@@ -136,15 +137,15 @@ def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
 def _draw_estimates(axes: Axes, name: str, rows: list[EstimateRow], null: float | None) -> None:
     ends = [] if null is None else [null]
     for k, row in enumerate(rows):
-        value = row.explanation.value(name)
+        value = row.explanation.shown(name).value
         ends.append(value)
         seen = determined(row.explanation, name)
         if seen:
-            low, high = row.explanation.interval(name)
+            low, high = row.explanation.shown(name).ci95
             axes.plot([low, high], [k, k], color=row.colour, linewidth=2.2, solid_capstyle="butt")
             ends += [low, high]
         axes.plot(value, k, "o", color=row.colour, markersize=6, fillstyle="full" if seen else "none")
-        ends_of = row.explanation.interval(name)
+        ends_of = row.explanation.shown(name).ci95
         text = number(value, (ends_of[1] - ends_of[0]) / 4 if seen else np.nan)
         if name in row.explanation.fit.at_bound:
             text += ", at the bound of the search"
@@ -223,7 +224,7 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
         Line2D([], [], color=DATA_COLOUR, linewidth=0.9, label="its mean over the trials"),
     ]
     stiffness = found.base.fit.stiffness
-    hides = f"{' and '.join(stiffness)} take{'s' if len(stiffness) == 1 else ''}"
+    hides = f"{' and '.join(map(symbol_of, stiffness))} take{'s' if len(stiffness) == 1 else ''}"
     looks = f"less what {hides} up, scaled to the misfit"
     kinds = [
         (REPAIRED_COLOUR, f"signature of a reported mechanism, {looks}"),

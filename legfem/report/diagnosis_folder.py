@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from legfem.common.documents import json_types, write_document
-from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import Subject
@@ -17,7 +17,7 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import model_name
-from legfem.report.diagnosis_document import Recorded, document, parameters
+from legfem.report.diagnosis_document import SCHEMA, Recorded, diagnosed_parameters, document, laws_of, parameter_rows
 from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
@@ -29,12 +29,9 @@ from legfem.report.style import save
 from legfem.report.words import ORIGINS
 from legfem.report.write import write_page
 from legfem.solve.settings import NewtonSettings, StepSettings
-from legfem.specimens.diagnosis import DiagnosedSpecimen
+from legfem.specimens.diagnosis import DiagnosedSpecimen, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _COARSER = 2.4
 """Than the mesh that forces come from: that of the section to press."""
@@ -59,27 +56,15 @@ def write_diagnosis_report(
     command
         That was given, for who wants to repeat it.
     """
+    import pandas as pd
+
     out = Path(out)
     with made_in_place(out) as folder:
         entries = _figures(diagnosis, subject, folder)
         pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
         page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
-        write_page(page, folder, "curves", [*entries, _RESULT], diagnosis_frame(diagnosis))
+        write_page(page, folder, "curves", [*entries, _RESULT], pd.DataFrame(parameter_rows(diagnosis)))
     return out / REPORT
-
-
-def diagnosis_frame(found: Diagnosis) -> pd.DataFrame:
-    """A row a parameter of the base model and of the repaired one: value, 95 % interval and unit."""
-    import pandas as pd
-
-    return pd.DataFrame(
-        [
-            {"model": when, "parameter": name, "value": one["value"], "low": low, "high": high, "unit": one["unit"]}
-            for when, model in (("before repair", found.base), ("after repair", found.best))
-            for name, one in parameters(model).items()
-            for low, high in (one.get("ci95") or (None, None),)
-        ]
-    )
 
 
 def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
@@ -91,7 +76,7 @@ def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
     )
     experiment = plane_strain_test(subject, settings)
     base = found.base
-    values = {f"deep.{name}": kpa_to_mpa(base.value(name)) for name in base.fit.stiffness}
+    values = {name: base.value(name) for name in base.fit.stiffness}
     depth = float(found.observed.displacement.max())
     shot = filmed(experiment, values, depth)
     return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")
@@ -126,7 +111,6 @@ def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFi
 
 
 DOCUMENT = "diagnosis.json"
-SCHEMA = 1
 
 
 def write_specimen_diagnoses(
@@ -170,14 +154,18 @@ def write_specimen_diagnoses(
         raise problems[0]
     if alone:
         return out / DOCUMENT, out / REPORT
+    thickness = thickness_finding(made)
     path = write_document(
         out / DOCUMENT,
         json_types(
             {
                 "schema": SCHEMA,
-                "folder": folder.id,
+                "kind": "specimens",
+                "subject": folder.id,
+                "title": folder.title,
                 "origin": folder.origin,
                 "specimens": [_row(one) for one in made],
+                "goes_with_thickness": None if thickness is None else asdict(thickness),
                 "recordings_not_used": [asdict(one) for one in folder.left_out],
             }
         ),
@@ -205,21 +193,23 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
         "specimen": one.id,
         "verdict": found.verdict,
         "explanations": [{"mechanisms": list(model.names), "probability": model.probability} for model in found.models],
-        "parameters_before": parameters(found.base),
-        "parameters_after": parameters(found.best),
+        "laws": laws_of(found),
+        "parameters_of_base_model": diagnosed_parameters(found.base_estimates),
         "recordings_not_used": [asdict(each) for each in one.left_out],
     }
 
 
 def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) -> str:
     """Return the text of the report on all specimens: a table, and what wasn't used."""
+    made = list(made)
+    thickness = thickness_finding(made)
     rows, missing = [], [f"{one.name}: {one.reason}" for one in folder.left_out]
     for one in made:
         missing += [f"{each.name}: {each.reason}" for each in one.left_out]
         if one.diagnosis is None:
             missing.append(f"{one.id}: {one.problem}")
         else:
-            rows.append(_cells(one.id, one.diagnosis))
+            rows.append(_cells(one.id, one.diagnosis, thickness is not None))
     heading = f"Specimens {folder.id} ({folder.title}): does the model describe the recordings?"
     columns = ["specimen", "verdict", "what was left out", "C10 before (kPa)", "C10 after (kPa)"]
     blocks = [
@@ -228,12 +218,15 @@ def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) ->
         table(columns, rows),
         fill("Each specimen has a folder with its own report beside this one."),
     ]
+    if thickness is not None:
+        blocks.insert(2, fill(f"WARNING: {thickness.text} Don't rely on any one specimen's verdict."))
     if missing:
         blocks.append(f"Not used\n--------\n{bullets(missing)}")
     return "\n\n".join(blocks) + "\n"
 
 
-def _cells(name: str, found: Diagnosis) -> list[str]:
+def _cells(name: str, found: Diagnosis, contradicted: bool) -> list[str]:
+    verdict = "consistent by itself" if contradicted and found.verdict == "consistent" else found.verdict
     left_out = "; or ".join(model_name(model) for model in found.models) or "-"
-    after = tables.estimate(found.best, "C10") if found.models else "-"
-    return [name, found.verdict, left_out, tables.estimate(found.base, "C10"), after]
+    after = tables.estimate(found.best, DEEP_C10) if found.models else "-"
+    return [name, verdict, left_out, tables.estimate(found.base, DEEP_C10), after]

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from legfem.common.units import mpa_to_kpa
 from legfem.inverse.averaging import widened_by
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.report import diagnosis_numbers as tables
@@ -17,6 +19,7 @@ from legfem.report.diagnosis_curves import determined, places_of
 from legfem.report.diagnosis_sentences import (
     aside_sentence,
     hidden_sentence,
+    kin_sentence,
     misfit_sentence,
     next_experiments,
     percent,
@@ -69,6 +72,8 @@ def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
         return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
     if found.verdict == "consistent":
         return ("sound", "Yes.") if found.aside is None else ("caution", f"Yes, without {found.aside.described}.")
+    if found.verdict == "named" and found.models[0].in_part:
+        return "caution", f"In part: use the corrected one, which may be off by {percent(found.may_be_off)}."
     if found.verdict == "named" or _alike(found):
         return "caution", "Yes, but use the corrected one."
     return "open", "Only as a range."
@@ -77,13 +82,13 @@ def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
 def _write_down(found: Diagnosis) -> str:
     if found.withheld:
         return "Write down no number."
-    if "C10" not in found.base.fit.free:
+    if DEEP_C10 not in found.base.fit.free:
         return "C10 was given, not found."
     low, high = _within(found)
     if found.verdict == "ambiguous" and not _alike(found):
         return f"Write down a range: C10 between {low} and {high} kPa."
     best = found.models[0] if found.models else found.base
-    if not determined(best, "C10"):
+    if not determined(best, DEEP_C10):
         return "Write down no number: this test cannot determine C10."
     if _wide(found):
         value = _value(found, best)
@@ -117,12 +122,12 @@ def _wrong_of_the_rest(found: Diagnosis) -> str:
     others = f"; or one of {more} less likely causes, listed further down" if more > 1 else ""
     if more == 1:
         others = f"; or, less likely, {statements(found.models[-1])}"
-    return f"The computer model left out one of these: {'; '.join(causes)}{others}."
+    return f"{kin_sentence(found.models)}The computer model left out one of these: {'; '.join(causes)}{others}."
 
 
 def _hides(found: Diagnosis) -> str:
     """Return what the effect that widens C10's range most would do unseen; of others where that isn't far."""
-    widest = widened_by(found.explained, "C10")
+    widest = widened_by(found.explained, DEEP_C10)
     names = () if widest is None else widest.names
     first = [one for one in found.hidden if one[0].name in names] or found.hidden
     return " ".join(hidden_sentence(found, *one) for one in first[:_MOST_CAUSES])
@@ -163,7 +168,7 @@ _NINETEEN_OF_20 = (
 def _stiffness(found: Diagnosis) -> str:
     if found.withheld:
         return f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount."
-    if "C10" not in found.base.fit.free:
+    if DEEP_C10 not in found.base.fit.free:
         return "C10 was given, not found."
     before = _value(found, found.base)
     if found.verdict == "unexplained":
@@ -174,7 +179,7 @@ def _stiffness(found: Diagnosis) -> str:
         return f"{_C10}, is {before} kPa; no correction is needed."
     after = [_value(found, model) for model in found.models]
     if found.verdict == "named" or _alike(found):
-        change = tables.relative_change(found.base.value("C10"), found.models[0].value("C10")).lstrip("+")
+        change = tables.relative_change(found.base.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
         way = "lower" if change.startswith("-") else "higher"
         causes = "" if found.verdict == "named" else ", whichever cause it is"
         return (
@@ -193,33 +198,33 @@ _C10 = "C10, the stiffness of the tissue"
 
 def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
     """Return how the number to write down compares with others', where there is one."""
-    if found.withheld or "C10" not in found.base.fit.free:
+    if found.withheld or DEEP_C10 not in found.base.fit.free:
         return []
     if found.verdict == "ambiguous" and not _alike(found):
         return high_or_low(tissue, *(float(end) for end in _within(found)))
     best = found.models[0] if found.models else found.base
-    return high_or_low(tissue, best.value("C10")) if determined(best, "C10") else []
+    return high_or_low(tissue, mpa_to_kpa(best.value(DEEP_C10))) if determined(best, DEEP_C10) else []
 
 
 def _alike(found: Diagnosis) -> bool:
     """Return whether C10 is the same for all causes, as far as it is known."""
-    return "C10" in found.base.fit.free and len({_value(found, m) for m in found.models}) == 1
+    return DEEP_C10 in found.base.fit.free and len({_value(found, m) for m in found.models}) == 1
 
 
 def _value(found: Diagnosis, model: Explanation) -> str:
-    ends = [one.interval("C10") for one in (found.base, *found.models)]
-    return number(model.value("C10"), max(high - low for low, high in ends) / 4)
+    ends = [one.shown(DEEP_C10).ci95 for one in (found.base, *found.models)]
+    return number(mpa_to_kpa(model.value(DEEP_C10)), max(high - low for low, high in ends) / 4)
 
 
 def _within(found: Diagnosis) -> tuple[str, str]:
-    """Return between which values C10 lies, over all explanations."""
-    low, high = _ends(found)
+    """Return between which values C10 lies (kPa), over all explanations."""
+    low, high = map(mpa_to_kpa, _ends(found))
     return number(low, (high - low) / 4), number(high, (high - low) / 4)
 
 
 def _ends(found: Diagnosis) -> tuple[float, float]:
     best = found.models[0] if found.models else found.base
-    return found.intervals.get("C10") or best.interval("C10")
+    return found.intervals.get(DEEP_C10) or best.interval(DEEP_C10)
 
 
 def _wide(found: Diagnosis) -> bool:
@@ -232,7 +237,7 @@ def _wide(found: Diagnosis) -> bool:
 def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
     consistent = found.verdict == "consistent"
-    widest = widened_by(found.explained, "C10") if _wide(found) and consistent else None
+    widest = widened_by(found.explained, DEEP_C10) if _wide(found) and consistent else None
     if widest is not None:
         return (
             "Use the range. It is so wide because this test cannot determine whether "

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
 from legfem.geometry.section import girth
+from legfem.inverse.averaging import sensitivities
+from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.cross_validation import HeldOut
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
+from legfem.inverse.predictive import checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.subject import MeasuredEffect, Subject
@@ -46,7 +50,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
             remark = [wrong, flag, "" if model is found.base else change]
             rows.append(
                 Known(
-                    f"{name}, {which}",
+                    f"{symbol_of(name)}, {which}",
                     f"{tables.estimate(model, name)} kPa",
                     "estimated",
                     recordings,
@@ -55,7 +59,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
                 )
             )
         if over := tables.averaged(found, name):
-            row = Known(f"{name}, {tables.OVER_ALL}", "", "estimated", recordings, over, wrong)
+            row = Known(f"{symbol_of(name)}, {tables.OVER_ALL}", "", "estimated", recordings, over, wrong)
             rows.append(row)
     for model in found.models:
         for mechanism in model.fit.mechanisms:
@@ -141,6 +145,47 @@ type Cells = tuple[list[str], list[list[str]]]
 OVER_ALL = "over all explanations"
 
 
+def phase_cells(found: Diagnosis) -> Cells:
+    """Return what the base model and the first explanation leave in each phase."""
+    shown = [(BASE_NAME, found.weighted_base), *((f"with {model_name(m)}", m) for m in found.models[:1])]
+    rows = [
+        [which, check.phase, f"{check.left:.3f}", f"{check.errors:.3f}", short_probability(check.p_value)]
+        for which, model in shown
+        for check in checks_by_phase(model)
+    ]
+    return ["model", "phase", "left (N)", "errors (N)", "share of tests"], rows
+
+
+def occurrence_cells(found: Diagnosis) -> Cells:
+    """Return how common the effects are taken to be that weigh most in C10's interval."""
+    possible = found.weighted_base.problem.possible
+    mechanisms = {m.name: m for e in found.explained.every for m in e.fit.mechanisms}
+    rows = []
+    for one in sensitivities(found.explained, DEEP_C10) if DEEP_C10 in found.base.fit.free else ():
+        mechanism, own = mechanisms[one.mechanism], possible.get(one.mechanism)
+        low, high = mechanism.parameters[0].bounds if own is None else (own.low, own.high)
+        first = mechanism.parameters[0]
+        unit = "" if first.unit == "-" else f" {first.unit}"
+        rows.append(
+            [
+                plain(one.mechanism),
+                f"{first.name.replace('_', ' ')} {low:.3g} to {high:.3g}{unit}",
+                f"{mechanism.expected:g}",
+                (own.source if own is not None else "") or "judgement",
+                *(f"{mpa_to_kpa(a):.3g} to {mpa_to_kpa(b):.3g} kPa" for a, b in (one.rarer, one.commoner)),
+            ]
+        )
+    how = "times as common as any other (judgement)"
+    return [
+        "effect",
+        "strengths that are possible",
+        how,
+        "source of the strengths",
+        "C10 if rarer",
+        "C10 if commoner",
+    ], rows
+
+
 def places_left_out(found: Diagnosis) -> int:
     """Return how many smaller places `places_cells` leaves out."""
     return max(len(places_of(found)) - PLACES_SHOWN, 0)
@@ -212,13 +257,13 @@ def limit_cells(found: Diagnosis) -> Cells:
     rows = []
     for limit in found.limits:
         unit = "" if limit.unit == "-" else f" {limit.unit}"
-        stiffness = limit.stiffness.get("C10")
+        stiffness = limit.stiffness.get(DEEP_C10)
         rows.append(
             [
                 plain(limit.name),
                 f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{unit}",
                 ends.get((limit.open_low, limit.open_high), "no"),
-                "-" if stiffness is None else f"{stiffness[0]:.3g} to {stiffness[1]:.3g}",
+                "-" if stiffness is None else f"{mpa_to_kpa(stiffness[0]):.3g} to {mpa_to_kpa(stiffness[1]):.3g}",
                 f"{limit.effect:.2g}",
             ]
         )
@@ -240,23 +285,26 @@ def relative_change(before: float, after: float) -> str:
 
 def estimate(model: Explanation, name: str) -> str:
     """Return a parameter's value with the digits that its error leaves."""
-    low, high = model.interval(name)
-    return number(model.value(name), (high - low) / 4)
+    shown = model.shown(name)
+    return number(shown.value, (shown.ci95[1] - shown.ci95[0]) / 4)
 
 
 def interval(model: Explanation, name: str) -> str:
     """Return a parameter's 95 % interval."""
     if not determined(model, name):
         return "not narrowed by this test"
-    low, high = model.interval(name)
-    return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
+    return _between(model.shown(name).ci95)
 
 
 def averaged(found: Diagnosis, name: str) -> str:
-    """Return a parameter's 95 % interval over all explanations; nothing where there is none."""
+    """Return a stiffness's 95 % interval (kPa) over all explanations; nothing where there is none."""
     if name not in found.intervals:
         return ""
-    low, high = found.intervals[name]
+    return _between(found.shown_interval(name))
+
+
+def _between(ends: tuple[float, float]) -> str:
+    low, high = ends
     return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from legfem.common.units import mpa_to_kpa
+from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import HiddenEnd, Limit
 from legfem.inverse.setting_aside import SetAside
@@ -46,8 +48,8 @@ def verdict_sentence(found: Diagnosis) -> str:
         f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
     )
     return (
-        f"{_contradiction(found)} What it left out is one of these, and the recordings can't tell "
-        f"which: {candidates}. "
+        f"{_contradiction(found)} {kin_sentence(found.models)}What it left out is one of these, and the "
+        f"recordings can't tell which: {candidates}. "
         f"{stiffness_range(found.base, found.models)} {air(found)}"
     ).strip()
 
@@ -102,14 +104,21 @@ def statements(model: Explanation) -> str:
     return " and ".join(m.statement for m in model.fit.mechanisms)
 
 
+def kin_sentence(models: Sequence[Explanation]) -> str:
+    """Return what is sure where every model has a mechanism of one kin; nothing where they haven't."""
+    each = [{m.kin for m in model.fit.mechanisms if m.kin} for model in models]
+    shared = set.intersection(*each) if each else set()
+    return f"{shared.pop().capitalize()}, by a mechanism that this test cannot determine. " if len(shared) == 1 else ""
+
+
 def stiffness_range(before: Explanation, after: Sequence[Explanation]) -> str:
     """Return between which values the stiffness moves by one of several explanations."""
     parts = []
     for name in before.fit.stiffness:
-        values = [model.value(name) for model in after]
+        values = [mpa_to_kpa(model.value(name)) for model in after]
         ends = list(dict.fromkeys(_digits(value) for value in (min(values), max(values))))
         there = f"between {ends[0]} and {ends[1]}" if len(ends) > 1 else ends[0]
-        parts.append(f"{name} from {_digits(before.value(name))} kPa to {there} kPa")
+        parts.append(f"{symbol_of(name)} from {_digits(mpa_to_kpa(before.value(name)))} kPa to {there} kPa")
     return f"Depending on which it is, putting it into the model moves {' and '.join(parts)}."
 
 
@@ -118,8 +127,8 @@ def stiffness_sentence(before: Explanation, after: Explanation) -> str:
     parts = []
     for name in before.fit.stiffness:
         if name in after.fit.free:
-            was, now = before.value(name), after.value(name)
-            change = f"{name} from {_digits(was)} to {_digits(now)} kPa"
+            was, now = mpa_to_kpa(before.value(name)), mpa_to_kpa(after.value(name))
+            change = f"{symbol_of(name)} from {_digits(was)} to {_digits(now)} kPa"
             if was > 1e-6:
                 change += f" ({100 * (now / was - 1):+.0f} %)"
             parts.append(change)
@@ -166,7 +175,7 @@ def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:
     plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
     what = (mechanism.would_be or plain).format(size)
     seen = "would not have been seen" + ("" if end.open else ", but a stronger effect would")
-    return f"{what[:1].upper()}{what[1:]} {seen}; C10 would then be {_digits(end.c10)} kPa."
+    return f"{what[:1].upper()}{what[1:]} {seen}; C10 would then be {_digits(mpa_to_kpa(end.c10))} kPa."
 
 
 def next_experiments(found: Diagnosis) -> list[str]:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -228,6 +229,63 @@ class Curves:
             [f"{self.x[k]:.2f}", *(f"{a[k]:.3f}" if np.isfinite(a[k]) else "–" for a in tabled)]
             for k in picked.tolist()
         ]
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What ``plots.js`` reads."""
+        band = []
+        if self.band is not None:
+            about = None if self.below_label else self.lines[0].above
+            middle = np.zeros(len(self.x)) if about is None else about
+            band = [
+                [_listed(values[way]) for values in (self.x, middle - self.band, middle + self.band)]
+                for way in ways(self.x)
+            ]
+        return {
+            "x": _listed(self.x),
+            "label": self.x_label,
+            "labels": [self.above_label, self.below_label],
+            "lines": [
+                {
+                    "name": line.name,
+                    "values": [_listed(line.above), _listed(line.below)],
+                    "colour": line.colour,
+                    "dash": line.dash,
+                    "points": line.points,
+                    "faint": line.faint,
+                    "read": line.tabled,
+                }
+                for line in self.lines
+            ],
+            "band": band,
+            "located": _joined(self.located),
+        }
+
+
+def _listed(values: FloatArray | None) -> list[float | None] | None:
+    """Return numbers as JSON has them, of six digits; None where there is none."""
+    if values is None:
+        return None
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in map(float, values)]
+
+
+def ways(x: FloatArray) -> list[slice]:
+    """Return where an abscissa goes on one way: a band that turns back on itself isn't filled."""
+    signs = np.sign(np.diff(x))
+    moving = np.flatnonzero(signs)
+    turns = moving[1:][np.diff(signs[moving]) != 0]
+    return [slice(a, b + 1) for a, b in pairwise([0, *turns.tolist(), len(x) - 1])]
+
+
+def _joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return stretches in their order, those that overlap as one."""
+    joined: list[tuple[float, float]] = []
+    for low, high in sorted(stretches):
+        if joined and low <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(joined[-1][1], high)
+        else:
+            joined.append((float(low), float(high)))
+    return joined
 
 
 @dataclass(frozen=True, eq=False)

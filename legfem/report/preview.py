@@ -9,7 +9,8 @@ from pathlib import Path
 from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
-from legfem.data import Scales, Segmentation, SourceColumn, segment
+from legfem.data import Scales, Segmentation, SourceColumn, seen_instrument, segment
+from legfem.data.channel_reader import is_channel_file
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
@@ -57,6 +58,8 @@ class SeenRecording:
     channels: SourceColumns | None = None
     """By which it was read."""
     columns: tuple[SeenColumn, ...] = ()
+    noise: tuple[float, float] | None = None
+    """Errors of force (N) and displacement (mm) from sample to sample."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,7 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
     except InputError as error:
         seen = _recordings(recording_files(recordings), out, None)
         return Preview(folder.name, "", str(error), recordings=seen)
-    trouble, files = "", recording_files(recordings)
+    trouble, files = "", [f for f in recording_files(recordings) if not is_channel_file(f, entry.given.channels, name)]
     try:
         subject = load_subject(folder, site=name)
     except InputError as error:
@@ -281,7 +284,7 @@ def _recording(
     # Trials of two sites may have one name.
     drawn = replace(recording, trial=f"{site}-{recording.trial}" if site else recording.trial)
     picture = draw_look(drawn, quality, out).name
-    text = look_text(recording, proposal, quality)
+    text, shown = look_text(recording, proposal, quality), seen_instrument([recording])
     reasons = tuple(reason.partition(": ")[2] for reason in quality.reasons if quality.grade != BEST_GRADE)
     return SeenRecording(
         f"{site}/{path.name}" if site else path.name,
@@ -291,4 +294,5 @@ def _recording(
         picture,
         channels=proposal.channels,
         columns=columns,
+        noise=(shown.force_sd, shown.displacement_sd),
     )

@@ -10,6 +10,7 @@ from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
 from legfem.report.estimates import modulus_rows
+from legfem.report.stocking_levels import ALONG, level_blocks, sentence_at_ankle
 from legfem.report.stocking_pressures import (
     ORIGINS,
     PRESSURES,
@@ -213,6 +214,8 @@ def stocking_web_page(
     chapters = []
     if result.pressures is not None and moved is not None:
         chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(result, moved)]))
+    if result.equilibrium.state.report.complete:
+        chapters.append(web.Chapter(ALONG, level_blocks(result)))
     chapters += [
         web.Chapter(PRESSURES, pressure_blocks(result, fat)),
         web.Chapter(STIFFNESS, stiffness_blocks(result)),
@@ -242,13 +245,27 @@ def _headline(result: StockingResult) -> web.Headline:
         _tone(result),
         _sentence(result),
         [
-            ("What is wrong", _wrong(result)),
+            ("Problems found", _wrong(result)),
             ("How sure", _sure(result)),
             ("What it means for comfort", _comfort(result)),
             ("What to do", _next(result)[0]),
         ],
-        "" if result.pressures is not None else "There is no answer",
+        _heading(result),
     )
+
+
+def _heading(result: StockingResult) -> str:
+    """Return what can be relied on, and what is uncertain."""
+    if result.pressures is None:
+        return "There is no answer"
+    if _tone(result) == "wrong":
+        return "The model does not fit"
+    unsure = [TISSUES[known.name] for known in result.estimates if known.identifiability != "identifiable"]
+    if unsure:
+        return f"The pressures can be used; the stiffness of the {' and the '.join(unsure)} is uncertain"
+    if result.discrepancy is None:
+        return "The pressures can be used; the tissues' stiffness was given and not tested"
+    return "The model fits"
 
 
 def _misses(result: StockingResult) -> bool:
@@ -270,7 +287,9 @@ def _sentence(result: StockingResult) -> str:
     found = result.pressures
     if found is None:
         return "The leg in its stocking could not be computed: there are no pressures inside it."
-    text = f"The stocking presses on the skin with {mpa_to_mmhg(found.mean_interface):.0f} mmHg on average"
+    ankle = sentence_at_ankle(result)
+    text = f"{ankle} " if ankle else ""
+    text += f"The stocking presses on the skin with {mpa_to_mmhg(found.mean_interface):.0f} mmHg on average"
     at_veins = [p for p in found.at_veins if np.isfinite(p)]
     if not at_veins:
         return f"{text}, {mpa_to_mmhg(found.greatest_interface):.0f} mmHg at most."
@@ -289,10 +308,7 @@ def _wrong(result: StockingResult) -> str:
             else "No state of the leg could be compared with its scan: see the warnings."
         )
     if result.discrepancy.verdict == "consistent":
-        return (
-            "Nothing that shows: model and scan differ by no more than the errors of contours, "
-            "registration and pressure."
-        )
+        return "None: model and scan differ by no more than the errors of contours, registration and pressure."
     return discrepancy_verdict(result.discrepancy)
 
 

@@ -15,7 +15,7 @@ from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.recording import Origin
-from legfem.inverse.catalogue import RATIO
+from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.library_build import build_library, middle_of
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import PLAIN, SolvedResponses
@@ -26,7 +26,8 @@ from legfem.legs.nuisances import Accuracy
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
-from legfem.specimens.sizes import Sizes, fibres_text, kind_in
+from legfem.specimens.size_dependence import SizeDependence, size_dependence
+from legfem.specimens.sizes import Sizes, bare, fibres_text, kind_in
 from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
 
@@ -54,6 +55,15 @@ class DiagnosedSpecimen:
     """Its recordings that can't be used."""
     problem: InputError | None = None
     seconds: float = 0.0
+    extent: float | None = None
+    """Size in the direction of the displacement (mm), of a kind that has one."""
+
+
+def thickness_finding(found: Sequence[DiagnosedSpecimen]) -> SizeDependence | None:
+    """Return how the specimens' own C10 goes with their thickness; None where it doesn't, or isn't known."""
+    known = [(one.id, one.diagnosis.base, one.extent) for one in found if one.diagnosis is not None]
+    extent = {name: size for name, base, size in known if size is not None and DEEP_C10 in base.fit.free}
+    return size_dependence({name: base.value(DEEP_C10) for name, base, _ in known if name in extent}, extent)
 
 
 def diagnose_specimens(
@@ -96,7 +106,14 @@ def diagnose_specimens(
         except InputError as error:
             yield replace(found, problem=error)
         else:
-            yield replace(found, diagnosis=diagnosis, left_out=left, seconds=time.perf_counter() - started)
+            sizes = every[name][0].sizes
+            yield replace(
+                found,
+                diagnosis=diagnosis,
+                left_out=left,
+                seconds=time.perf_counter() - started,
+                extent=kind_in(sizes).extent(bare(sizes)),
+            )
 
 
 def _diagnosed(

@@ -9,12 +9,35 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
+from legfem.common.units import FloatArray
 from legfem.inverse.mechanism import factor, prior_of
+from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
-from legfem.legs.mechanisms import Mechanism, TissueMechanism
-from legfem.specimens.rig import RigCompliance, mechanisms_on_a_rig
+from legfem.legs.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
+from legfem.legs.mechanisms.support_compliance import SupportCompliance
 from legfem.specimens.sizes import Sizes, kind_in, layered, slipping
+
+
+@dataclass(frozen=True)
+class RigCompliance(Mechanism):
+    r"""Springs in series: :math:`d_{tissue} = d - c F`; a specimen has no bones."""
+
+    name: ClassVar[str] = SupportCompliance.name
+    statement: ClassVar[str] = "the rig or the base gave way with the force"
+    parameters: ClassVar[tuple[Parameter, ...]] = SupportCompliance.parameters[:1]
+    next_experiment: ClassVar[str] = "press a rigid block on the same rig, and subtract what that yields"
+
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
+        """Return what the rig takes up."""
+        return values["compliance"] * force
+
+
+def mechanisms_on_a_rig() -> tuple[Mechanism, ...]:
+    """Return all mechanisms for a body that gives way with its rig, not with two bones."""
+    return tuple(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms())
+
 
 _LEG_MM, _LEG_N, _LEG_S = 20.0, 20.0, 100.0
 _FACES = (

@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, create_model, model_validator
 
-from legfem.common.input_files import FileTable, NotNegative, PlainName, Positive, Text, Title, parse_toml, trouble
-from legfem.data.folder import InstrumentEntry
+from legfem.common.input_files import (
+    FileTable,
+    NotNegative,
+    PlainName,
+    Positive,
+    Text,
+    Title,
+    checked,
+    read_toml,
+    trouble,
+)
+from legfem.data.folder import InstrumentEntry, with_lab
 from legfem.inverse.laws import LawName
 from legfem.specimens.fibre_directions import Direction
 from legfem.specimens.kind import SpecimenKind, SpecimenRecordingsEntry
@@ -188,4 +198,5 @@ class SpecimenFile(_Tests):
 
 def parse_specimen_file(path: Path) -> SpecimenFile:
     """Read and check ``specimen.toml``; see `legfem.common.input_files.parse_toml`."""
-    return parse_toml(path, SpecimenFile, "a specimen folder")
+    content = with_lab(path, read_toml(path, "a specimen folder"), ("instrument", "recordings"))
+    return checked(path, content, SpecimenFile)

@@ -10,14 +10,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import linregress
+from scipy.stats import linregress, norm
 
+from legfem.common.units import FloatArray
 from legfem.inverse.estimates import Estimate
 
 _RARE = 0.01
 """Chance of so strong a dependence among specimens that differ for other reasons."""
 _LEAST = 3
-"""Specimens of which a trend is told from how they differ."""
+"""Specimens of which a trend is told from how they differ; of two how pieces usually differ has to serve."""
+_APART = 0.05
+"""Of the logarithm of the stiffness of pieces of one material, where nothing else shows it: an assumption."""
 _SPREAD = 1.2
 """Of the sizes, greatest over least, that shows one."""
 
@@ -59,8 +62,8 @@ class SizeDependence:
             f"The constant depends on the thickness: specimens of {self.greatest:.3g} mm are "
             f"{max(ratio, 1 / ratio):.2f} times {more} than those of {self.smallest:.3g} mm (power {self.power:.2g} ± "
             f"{self.power_sd:.2g} of the thickness, p = {self.p_value:.2g}). One material has one constant, so that "
-            f"the test differs with thickness: {causes}. Press a rigid block to see what the rig yields, and grease or "
-            "glue the faces."
+            f"the test differs with thickness (or the pieces are not of one material): {causes}. Press a rigid block "
+            "to see what the rig yields, and grease or glue the faces."
         )
 
 
@@ -76,19 +79,23 @@ def size_dependence(stiffness: Mapping[str, float], extent: Mapping[str, float])
     """
     names = [name for name in stiffness if stiffness[name] > 0]
     sizes = np.array([extent[name] for name in names])
-    if len(names) < _LEAST or sizes.max() < _SPREAD * sizes.min():
+    if len(names) < 2 or sizes.max() < _SPREAD * sizes.min():
         return None
     factors = np.array([stiffness[name] for name in names])
     factors = factors / np.exp(np.mean(np.log(factors)))
-    found = linregress(np.log(sizes), np.log(factors))
-    if not found.pvalue < _RARE:
+    slope, sd, p_value = _trend(np.log(sizes), np.log(factors))
+    if not p_value < _RARE:
         return None
     return SizeDependence(
-        float(found.slope),
-        float(found.stderr),
-        float(found.pvalue),
-        float(sizes.min()),
-        float(sizes.max()),
-        float(factors.min()),
-        float(factors.max()),
+        slope, sd, p_value, float(sizes.min()), float(sizes.max()), float(factors.min()), float(factors.max())
     )
+
+
+def _trend(size: FloatArray, stiffness: FloatArray) -> tuple[float, float, float]:
+    """Return slope, its standard deviation and its p-value, of logarithms."""
+    if len(size) >= _LEAST:
+        found = linregress(size, stiffness)
+        return float(found.slope), float(found.stderr), float(found.pvalue)
+    far = size[1] - size[0]
+    slope, sd = float((stiffness[1] - stiffness[0]) / far), float(np.sqrt(2) * _APART / abs(far))
+    return slope, sd, float(2 * norm.sf(abs(slope) / sd))

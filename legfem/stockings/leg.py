@@ -16,6 +16,7 @@ from legfem.imaging.registration import Registration
 from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.fabric import Stocking
+from legfem.stockings.levels import NOTHING_STATED, MakersLevels
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.sensors import Sensor
 
@@ -143,6 +144,8 @@ class StockingLeg:
         Priors of the stiffnesses.
     doubts : tuple of Doubt
         What is unlikely in all this.
+    makers : MakersLevels
+        Where makers give its pressure, and the limits of its class.
     """
 
     id: str
@@ -163,3 +166,4 @@ class StockingLeg:
     posture: Posture | None = None
     elastography: tuple[ShearModulus, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+    makers: MakersLevels = NOTHING_STATED

@@ -31,6 +31,7 @@ from legfem.legs.plausibility import doubts_about_size
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import Posture, StockingLeg, Vein, default_veins
+from legfem.stockings.levels import PLACES, MakersLevels
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
 from legfem.stockings.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
@@ -113,6 +114,7 @@ def load_leg(directory: Path) -> StockingLeg:
         _sensors(toml, given, bare),
         _posture(given),
         tuple(map(ShearModulus.of, given.elastography)),
+        makers=_makers(given.stocking),
     )
     return replace(leg, doubts=doubts_about_leg(leg, toml))
 
@@ -178,6 +180,13 @@ def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -
     return Stocking(
         entry.stiffness_N_per_mm, table["level_mm"].to_numpy(np.float64), table["perimeter_mm"].to_numpy(np.float64)
     )
+
+
+def _makers(entry: StockingEntry) -> MakersLevels:
+    heights = {name: float(at) for name in PLACES if (at := getattr(entry.levels_mm, name)) is not None}
+    shares = {name: (ends[0], ends[1]) for name in PLACES if (ends := getattr(entry.limits_percent, name, None))}
+    chosen = entry.intended_class or entry.compression_class or ""
+    return MakersLevels(entry.standard, chosen, heights, shares, entry.compression_class is not None)
 
 
 def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccuracy:

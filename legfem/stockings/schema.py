@@ -23,6 +23,26 @@ from legfem.legs.elastography import ElastographyEntry, check_once
 from legfem.stockings.sensors import KINDS
 
 
+class LevelsEntry(FileTable):
+    """``[stocking.levels_mm]``: heights in the scan; B and C are looked for by the girth without them."""
+
+    B: Finite | None = None
+    B1: Finite | None = None
+    C: Finite | None = None
+    D: Finite | None = None
+
+
+Share = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+
+
+class SharesEntry(FileTable):
+    """``[stocking.limits_percent]``: least and greatest pressure over that at B."""
+
+    B1: Share | None = None
+    C: Share | None = None
+    D: Share | None = None
+
+
 class StockingEntry(FileTable):
     """``[stocking]``: a compression class, or the fabric's unstretched perimeter."""
 
@@ -30,6 +50,11 @@ class StockingEntry(FileTable):
     stiffness_N_per_mm: Positive = 0.3
     unstretched_mm: Annotated[float, Field(ge=20.0, le=2000.0)] | None = None
     unstretched: Text | None = None
+    intended_class: Literal["A", "1", "2", "3", "4"] | None = None
+    """Whose limits the pressure at B is set beside; ``compression_class`` without it."""
+    standard: Literal["RAL-GZ 387", "ENV 12718"] = "RAL-GZ 387"
+    levels_mm: LevelsEntry = LevelsEntry()
+    limits_percent: SharesEntry = SharesEntry()
 
     @model_validator(mode="after")
     def _one_size(self) -> StockingEntry:

@@ -56,6 +56,7 @@ SINGLES: tuple[tuple[str, Code], ...] = (
     ("dermis", "legfem"),
     ("superficial-stiffening", "legfem"),
     ("indenter-tilt", "legfem"),
+    ("fat-sliding", "felupe"),
 )
 """Effects and the code that solves them, taken in turn."""
 PAIRS = (

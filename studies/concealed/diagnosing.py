@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.parameter import Parameter
@@ -30,7 +31,7 @@ from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis_document import document
 
-_STIFFNESSES = {"C10": 33, "C20": 17}
+_STIFFNESSES = {DEEP_C10: 33, DEEP_C20: 17}
 """Steps."""
 _FACTOR = 8.0
 """Of C10 to either side of the fitted one."""
@@ -192,7 +193,7 @@ def _family(base: Explanation) -> FloatArray:
 
 
 def _steps(one: Parameter, value: float) -> FloatArray:
-    """Return values of a stiffness, kPa; those of C20 closer together where it is small."""
+    """Return values of a stiffness, MPa; those of C20 closer together where it is small."""
     (low, high), count = one.bounds, _STIFFNESSES[one.name]
     if one.scale == "log":
         return np.geomspace(max(low, value / _FACTOR), min(high, value * _FACTOR), count)

@@ -62,6 +62,7 @@ FORMS: Mapping[str, Form] = {
     "indenter-tilt": Form((6.0, 14.0), "the diagnosis' form", "angle, degrees"),
     "compressibility": Form((9.0, 26.0), "the diagnosis' form", "factor on D1"),
     "prestress": Form((80.0, 250.0), "the diagnosis' form", "tension, kPa"),
+    "fat-sliding": Form((0.999, 1.0), "a face of its own, which its two sides slide along freely", "share"),
     "contact-slip": Form((0.03, 0.25), "Coulomb's friction", "coefficient"),
     "support-compliance": Form(
         (0.15, 0.7),

@@ -180,7 +180,7 @@ class Truths:
 
     def _solved(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse | None:
         modules = ("studies.other_code.plane_leg" if case.code == "felupe" else "legfem.legs.variants",)
-        store = Store(self.folder, ForceCourse, _leg_of(self.leg), modules)
+        store = Store(self.folder, ForceCourse, leg_of(self.leg), modules)
         asked = [
             case.code,
             case.c10_kpa,
@@ -261,6 +261,7 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
         # Two bones share the force.
         None if compliance is None else 0.5 / compliance,
         lump,
+        0.0 if "fat-sliding" in effects else None,
     )
 
 
@@ -297,7 +298,7 @@ def _branches(region: str, variant: str, v: dict[str, float]) -> Solution:
     return Solution(variant, given)
 
 
-def _leg_of(leg: Subject) -> list[object]:
+def leg_of(leg: Subject) -> list[object]:
     """Return all that a solution on a leg depends on."""
     indenter = leg.indenter
     return [

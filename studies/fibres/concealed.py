@@ -17,6 +17,7 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
 from legfem.data import segment_all
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import Store
@@ -112,7 +113,7 @@ def cells(given: Concealed, found: dict[bool, Diagnosis]) -> list[str]:
         (f"{m.fit.values[f'{MuscleFibres.name}.ratio']:.2g}" for m in ends.models if m.names == (MuscleFibres.name,)),
         "-",
     )
-    low, high = ends.intervals["C10"]
+    low, high = ends.shown_interval(DEEP_C10)
     return [
         f"{given.ratio:g}",
         f"{given.c10_kPa:g}",
@@ -139,7 +140,8 @@ def score(every: Sequence[tuple[Concealed, dict[bool, Diagnosis]]]) -> str:
     """Return in how many cases fibres, or the ends, are listed, and C10's interval holds it."""
     with_ends = sum(_lists(found[True], MuscleFibres.name) for _, found in every)
     without = sum(_lists(found[False], EndEffects.name) for _, found in every)
-    held = sum(low < given.c10_kPa < high for given, found in every for low, high in (found[True].intervals["C10"],))
+    ends = [found[True].shown_interval(DEEP_C10) for _, found in every]
+    held = sum(low < given.c10_kPa < high for (given, _), (low, high) in zip(every, ends, strict=True))
     return (
         f"of {len(every)}: fibres listed by the base model with ends in {with_ends}, end effects "
         f"by that without in {without}; C10's interval with ends holds the truth in {held}"

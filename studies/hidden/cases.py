@@ -1,9 +1,8 @@
-"""The cases: a leg, an effect that felupe solves, a programme, and a lab's recordings of it."""
+"""The cases: a drawn leg, an effect of drawn size, a programme, and a lab's recordings with drawn errors."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -11,13 +10,20 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.section import first_crossing
+from legfem.inverse.mechanism import Solution
+from legfem.inverse.responses import Stopped
+from legfem.jobs.key import Contents
 from legfem.jobs.store import Store
-from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
+from legfem.legs.variants import LegVariants
 from legfem.solve.protocol import Protocol
-from studies.lab.recording import INSTRUMENT, SAMPLING_HZ, Course, LabErrors, record
+from studies.concealed.cases import SealedLeg, sealed_leg
+from studies.concealed.truth import TRUTH_SETTINGS, leg_of
+from studies.lab.recording import INSTRUMENT, SAMPLING_HZ, Course, record
+from studies.lab.stated import drawn_errors
+from studies.other_code import plane_leg, pressing
 from studies.other_code.plane_leg import Lump, OtherCase, OtherCode
 
 type Programme = Literal["loading", "holds"]
@@ -27,10 +33,11 @@ PROGRAMMES: Mapping[Programme, Protocol] = {
     "loading": Protocol.ramp(DEPTH_MM, 0.4),
     "holds": Protocol.cycle(DEPTH_MM, 1.0, 60.0),
 }
-LEGS: Mapping[str, tuple[float, float]] = {"neo-hookean": (0.75, 0.0), "reduced-polynomial": (0.6, 0.7)}
-"""True C10 and C20 (kPa) by the folder of the cross-check."""
-ERRORS = LabErrors(gain_sd=0.007)
 _STEP_MM, _POINTS = 0.8, 401
+_MORE = 0.05
+"""Of the muscle's stiffness: what is more of the force for it is the muscle's own part."""
+BRANCHES_S = (0.6, 5.0, 40.0, 300.0)
+"""Times of a relaxing muscle; none is one of the diagnosis'."""
 
 
 @dataclass(frozen=True)
@@ -41,130 +48,187 @@ class Effect:
     ----------
     lump
         Depth of its middle below the fascia, half-axes along the travel and across, factor, side.
-    factors, friction
+    factors, friction, sliding
         See `studies.other_code.plane_leg.OtherCase`.
     tilt
         Of the travel about first touch, degrees.
+    relaxing
+        Stress of every branch of the muscle (`BRANCHES_S`) over the lasting one.
+    permeability, skeleton
+        Of a muscle whose fluid drains, see `legfem.mechanics.terms.Drainage`.
     """
 
     lump: tuple[float, float, float, float, float] | None = None
     factors: tuple[tuple[str, float], ...] = ()
-    friction: float = np.inf
+    friction: float | None = None
+    sliding: float | None = None
     tilt: float = 0.0
+    relaxing: tuple[float, ...] = ()
+    permeability: float = 0.0
+    skeleton: float = 0.0
 
 
-EFFECTS: Mapping[str, Effect] = {
-    "none": Effect(),
-    **{
-        f"lump {2 * across:g} x {2 * along:g} mm, {depth:g} mm deep, x {factor:g}": Effect(
-            lump=(depth, along, across, factor, 0.0)
-        )
-        for along, across, depth, factor in (
-            (5.0, 10.0, 8.0, 10.0),
-            (5.0, 10.0, 8.0, 3.0),
-            (5.0, 10.0, 16.0, 10.0),
-            (6.0, 6.0, 10.0, 10.0),
-            (7.0, 15.0, 12.0, 5.0),
-        )
-    },
-    "lump 20 x 10 mm, 10 mm deep, 10 mm aside, x 10": Effect(lump=(10.0, 5.0, 10.0, 10.0, 10.0)),
-    "fat x 2.5": Effect(factors=(("superficial", 2.5),)),
-    "fat x 0.4": Effect(factors=(("superficial", 0.4),)),
-    "tilt 5 degrees": Effect(tilt=5.0),
-    "tilt 10 degrees": Effect(tilt=-10.0),
-    "slip": Effect(friction=0.05),
+def _between(generator: np.random.Generator, low: float, high: float) -> float:
+    """Return a number between two, evenly in its logarithm."""
+    return float(np.exp(generator.uniform(np.log(low), np.log(high))))
+
+
+def _relaxing(generator: np.random.Generator) -> Effect:
+    shares = np.array(BRANCHES_S) ** -float(generator.uniform(0.0, 0.3))
+    ratios = _between(generator, 0.15, 0.8) * shares / shares.sum()
+    return Effect(
+        factors=(("fascia", _between(generator, 4.0, 15.0)),), relaxing=tuple(float(ratio) for ratio in ratios)
+    )
+
+
+def _lump(generator: np.random.Generator) -> Effect:
+    across, along = _between(generator, 5.0, 15.0), _between(generator, 4.0, 8.0)
+    depth, side = along + float(generator.uniform(1.0, 12.0)), float(generator.uniform(-10.0, 10.0))
+    return Effect(lump=(depth, along, across, _between(generator, 3.0, 10.0), side))
+
+
+def _fat(generator: np.random.Generator) -> Effect:
+    factor = _between(generator, 1.6, 4.0) ** generator.choice([-1, 1])
+    return Effect(factors=(("superficial", float(factor)),))
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of effect: how it is drawn, the names that are right for it, and whether only time shows it."""
+
+    drawn: Callable[[np.random.Generator], Effect]
+    names: tuple[str, ...]
+    needs_time: bool = False
+
+
+KINDS: Mapping[str, Kind] = {
+    "none": Kind(lambda _: Effect(), ()),
+    "lump": Kind(_lump, ("uneven-muscle",)),
+    "fat": Kind(_fat, ("superficial-stiffness",)),
+    "tilt": Kind(lambda g: Effect(tilt=float(g.choice([-1, 1]) * g.uniform(5.0, 11.0))), ("indenter-tilt",)),
+    "slip": Kind(lambda g: Effect(friction=_between(g, 0.03, 0.25)), ("contact-slip",)),
+    "sliding fat": Kind(lambda g: Effect(sliding=float(g.choice([0.0, 0.05]))), ("fat-sliding",)),
+    "drainage": Kind(
+        lambda g: Effect(permeability=_between(g, 50.0, 1500.0), skeleton=_between(g, 0.01, 0.1)),
+        ("poroelastic-drainage",),
+        True,
+    ),
+    "relaxation, stiff fascia": Kind(_relaxing, ("viscoelasticity", "fascia-stiffness"), True),
 }
-NULLS = 4
-"""Draws of a lab's errors of recordings without effect; of the others there is one."""
+STIFFNESS_KPA = 0.5, 1.8
 
 
 @dataclass(frozen=True)
 class HiddenCase:
-    """One set of recordings."""
+    """One set of recordings; C10 and C20 in kPa."""
 
-    leg: str
+    number: int
+    leg: int
+    kind: str
     programme: Programme
-    effect: str
-    turn: int = 0
+    true_c10: float
+    true_c20: float
+    effect: Effect
 
     @property
     def name(self) -> str:
         """For progress and pages."""
-        return f"{self.leg}, {self.programme}: {self.effect}" + (f", {self.turn + 1}" if self.turn else "")
-
-    @property
-    def true_c10(self) -> float:
-        """Half the shear modulus of the deep tissue, kPa."""
-        return LEGS[self.leg][0]
+        return f"{self.number}: leg {self.leg + 1}, {self.programme}, {self.kind}"
 
 
-def cases_of(legs: Sequence[str], programmes: Sequence[Programme]) -> list[HiddenCase]:
-    """Return the cases; a leg's nulls come first, about whose stiffness its library is made."""
-    return [
-        HiddenCase(leg, programme, effect, turn)
-        for leg in legs
-        for programme in programmes
-        for effect in EFFECTS
-        for turn in range(NULLS if effect == "none" else 1)
-    ]
+def cases_of(number: int, legs: int, seed: int) -> list[HiddenCase]:
+    """Return drawn cases, every kind about as often and two nulls for each other kind."""
+    generator = np.random.default_rng([seed, 37])
+    kinds = ["none", *KINDS]
+    found: list[HiddenCase] = []
+    while len(found) < number:
+        for kind in generator.permutation(kinds):
+            own = KINDS[str(kind)]
+            leg = int(generator.integers(legs))
+            programme: Programme = "holds" if own.needs_time or generator.random() < 0.5 else "loading"
+            c10, c20 = _between(generator, *STIFFNESS_KPA), 0.0
+            if sealed_leg(leg, seed).true.tissues["deep"].law != "neo-hookean":
+                c20 = c10 * float(generator.uniform(0.3, 2.0))
+            found.append(HiddenCase(len(found) + 1, leg, str(kind), programme, c10, c20, own.drawn(generator)))
+    return found[:number]
 
 
 @dataclass(frozen=True)
 class SolvedCurve:
-    """The force (N) of one loading at evenly spaced displacements; empty where the code stopped."""
+    """A force (N) at evenly spaced displacements, or times; empty where the code stopped."""
 
     force: list[float]
 
 
 @dataclass(eq=False)
 class Recorder:
-    """Makes recordings of cases; felupe's solutions are kept on disk.
+    """Makes recordings of cases; the other code's solutions are kept on disk.
 
     Parameters
     ----------
-    crosscheck
-        Folder of the legs.
     out
         Of what is kept.
     seed
-        Of a lab's errors.
+        Of legs and errors.
     """
 
-    crosscheck: Path
     out: Path
     seed: int
-    _legs: dict[str, Subject] = field(default_factory=dict, repr=False)
+    _legs: dict[int, SealedLeg] = field(default_factory=dict, repr=False)
 
     def subject(self, case: HiddenCase) -> Subject | None:
         """Return the leg as it is stated, with recordings; None where the other code stopped."""
         leg = self._leg(case.leg)
-        force = self._force(case)
-        if len(force) == 0:
-            return None
         protocol = PROGRAMMES[case.programme]
         time = np.append(np.arange(0.0, protocol.duration - 1e-9, 1 / SAMPLING_HZ), protocol.duration)
         d = protocol.displacement_at(time)
-        course = Course(time, d, np.asarray(CubicSpline(np.linspace(0.0, DEPTH_MM, len(force)), force)(d)))
-        digest = hashlib.sha256(case.name.encode()).digest()
-        generator = np.random.default_rng([self.seed, int.from_bytes(digest[:8], "big")])
-        trials = record([course] * TRIALS, ERRORS, generator)
-        return replace(leg, recordings=tuple(trials), instrument=INSTRUMENT)
+        force = self._drained(case, time) if case.effect.permeability else self._elastic(case, time, d)
+        if force is None:
+            return None
+        generator = np.random.default_rng([self.seed, 38, case.number])
+        trials = record([Course(time, d, force)] * TRIALS, drawn_errors(generator), generator)
+        # In air to begin with, and a section's force times a length, whatever the leg's own folder says of its tests.
+        return replace(
+            leg.stated,
+            recordings=tuple(trials),
+            instrument=INSTRUMENT,
+            starts_at_contact=False,
+            plane_strain=True,
+            plane_strain_stated=True,
+        )
 
-    def _leg(self, name: str) -> Subject:
-        if name not in self._legs:
-            self._legs[name] = load_subject(self.crosscheck / name, need_recordings=False)
-        return self._legs[name]
+    def _leg(self, number: int) -> SealedLeg:
+        if number not in self._legs:
+            self._legs[number] = sealed_leg(number, self.seed)
+        return self._legs[number]
 
-    def _force(self, case: HiddenCase) -> FloatArray:
-        effect = EFFECTS[case.effect]
-        store = Store(self.out / "curves", SolvedCurve, case.leg, ("studies.other_code.plane_leg",))
-        asked = [DEPTH_MM, *LEGS[case.leg], effect.lump, effect.factors, effect.friction, effect.tilt]
-        return np.array(store.get_or_make(asked, lambda: self._solved(case.leg, effect)).force)
+    def _elastic(self, case: HiddenCase, time: FloatArray, d: FloatArray) -> FloatArray | None:
+        """Return the force at times; where the muscle relaxes, with what its part of it did before."""
+        whole = self._curve(case, 1.0)
+        if whole is None:
+            return None
+        force = whole(d)
+        if case.effect.relaxing:
+            stiffer = self._curve(case, 1.0 + _MORE)
+            if stiffer is None:
+                return None
+            muscle = (stiffer(d) - force) / _MORE
+            for tau, ratio in zip(BRANCHES_S, case.effect.relaxing, strict=True):
+                force = force + ratio * _remembered(time, muscle, tau)
+        return np.asarray(force)
 
-    def _solved(self, name: str, effect: Effect) -> SolvedCurve:
+    def _curve(self, case: HiddenCase, factor: float) -> CubicSpline | None:
+        effect = replace(case.effect, relaxing=())
+        c10, c20 = factor * case.true_c10, factor * case.true_c20
+        store = Store(self.out / "curves", SolvedCurve, (leg_of(self._leg(case.leg).true), *_CODE))
+        asked = [DEPTH_MM, c10, c20, repr(effect)]
+        force = store.get_or_make(asked, lambda: self._solved(case, effect, c10, c20)).force
+        return CubicSpline(np.linspace(0.0, DEPTH_MM, len(force)), force) if force else None
+
+    def _solved(self, case: HiddenCase, effect: Effect, c10: float, c20: float) -> SolvedCurve:
         from legfem.meshing.section import first_touch
 
-        leg = self._leg(name)
+        leg = self._leg(case.leg).true
         indenter, skin = leg.indenter, leg.section.skin
         touch = np.asarray(first_touch(skin, indenter.radius, indenter.aim, indenter.direction))
         lump = None
@@ -175,10 +239,42 @@ class Recorder:
         if effect.tilt:
             turned = replace(indenter, aim=touch, direction_deg=indenter.direction_deg + effect.tilt)
             leg = replace(leg, indenter=turned)
-        c10, c20 = LEGS[name]
-        other = OtherCase(c10, c20, factors=dict(effect.factors), friction=effect.friction, lump=lump)
+        friction = np.inf if effect.friction is None else effect.friction
+        other = OtherCase(c10, c20, factors=dict(effect.factors), friction=friction, lump=lump, sliding=effect.sliding)
         curve = OtherCode(leg, other).solve(DEPTH_MM, _STEP_MM)
         if not curve.reached:
             return SolvedCurve([])
         at = np.linspace(0.0, DEPTH_MM, _POINTS)
         return SolvedCurve([float(v) for v in CubicSpline(curve.displacement, curve.force)(at)])
+
+    def _drained(self, case: HiddenCase, time: FloatArray) -> FloatArray | None:
+        """Return the force of a muscle that drains, by legfem on another discretisation; None where that stopped."""
+        store = Store(self.out / "drained", SolvedCurve, leg_of(self._leg(case.leg).true), ("legfem.legs.variants",))
+        found = store.get_or_make([case.true_c10, case.true_c20, repr(case.effect)], lambda: self._porous(case, time))
+        return np.array(found.force) if found.force else None
+
+    def _porous(self, case: HiddenCase, time: FloatArray) -> SolvedCurve:
+        from legfem.legs.experiments import tissues_of
+
+        leg = self._leg(case.leg).true
+        variants = LegVariants(leg.section, leg.indenter, tissues_of(leg), TRUTH_SETTINGS)
+        deep = {"deep.C10": kpa_to_mpa(case.true_c10), "deep.C20": kpa_to_mpa(case.true_c20)}
+        numbers = {f"deep.drainage.{name}": getattr(case.effect, name) for name in ("permeability", "skeleton")}
+        path = variants.follow(PROGRAMMES[case.programme], deep, Solution("porous", numbers))
+        if isinstance(path, Stopped):
+            return SolvedCurve([])
+        return SolvedCurve([float(v) for v in path.force_at(time)])
+
+
+_CODE = Contents(Path(plane_leg.__file__)), Contents(Path(pressing.__file__))
+"""What a solution of the other code depends on, with the leg; not on legfem."""
+
+
+def _remembered(time: FloatArray, course: FloatArray, tau: float) -> FloatArray:
+    """Return what a branch of one relaxation time bears of a course (n,) that begins at nothing."""
+    found = np.zeros(len(time))
+    steps = np.diff(time)
+    fades = np.exp(-steps / tau)
+    for k, (fade, rise, step) in enumerate(zip(fades, np.diff(course), steps, strict=True)):
+        found[k + 1] = fade * found[k] + rise * (1 - fade) * tau / step
+    return found

@@ -1,4 +1,4 @@
-"""What a diagnosis says of the cases, each kept as soon as it is done, and counted."""
+"""What a diagnosis says of the cases, each kept as soon as it is done, and counted by kind."""
 
 from __future__ import annotations
 
@@ -6,20 +6,25 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from legfem.common.progress import Progress, Silent
+from legfem.common.units import mpa_to_kpa
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.diagnosis import Diagnoser
 from legfem.report.diagnosis_headline import headline
-from studies.hidden.cases import HiddenCase, Recorder
+from studies.hidden.cases import KINDS, HiddenCase, Recorder
 from studies.lab.outcomes import Rate, said_line
 
 MODULES = ("legfem.legs.diagnosis", "legfem.report.diagnosis_headline", "studies.hidden.diagnosing")
 WRONG = 0.15
 """Of C10: a "yes" beside a value that is further off is what may not be."""
+type Called = Literal["named", "listed", "unknown", "may hide", "missed"]
 
 
 @dataclass(frozen=True)
@@ -29,12 +34,13 @@ class HiddenOutcome:
     case: HiddenCase
     verdict: str
     models: tuple[tuple[str, ...], ...]
+    probabilities: tuple[float, ...]
     answer: str
     """To the page's title."""
+    called: Called
+    """What became of the true cause; of two, of either."""
     c10: float
     interval: tuple[float, float]
-    lump_open: bool
-    """Whether a lump's limit is open."""
     solutions: int
     seconds: float
     """Of a processor, the library's solutions left out where they were kept."""
@@ -81,13 +87,25 @@ class HiddenDiagnoser:
             case,
             found.verdict,
             tuple(tuple(model.names) for model in found.models),
+            tuple(model.probability for model in found.models),
             headline(found, ()).heading,
-            found.best.value("C10"),
-            found.intervals["C10"],
-            any(getattr(limit, "open", False) for limit in found.limits if limit.name == "uneven-muscle"),
+            _called(found, KINDS[case.kind].names),
+            mpa_to_kpa(found.best.value(DEEP_C10)),
+            found.shown_interval(DEEP_C10),
             found.solutions,
             time.process_time() - begun,
         )
+
+
+def _called(found: Diagnosis, true: Sequence[str]) -> Called:
+    """Return what became of the true names, of none where nothing is concealed."""
+    if found.verdict == "unexplained":
+        return "unknown"
+    if found.verdict == "consistent":
+        return "may hide" if any(limit.name in true for limit, _ in found.hidden) else "missed"
+    if not any(set(model.names) & set(true) for model in found.models):
+        return "missed"
+    return "named" if found.verdict == "named" else "listed"
 
 
 def diagnose(cases: Sequence[HiddenCase], diagnoser: HiddenDiagnoser, out: Path, jobs: int, progress: Progress) -> None:
@@ -108,33 +126,50 @@ def _outcome(diagnoser: HiddenDiagnoser, case: HiddenCase) -> HiddenOutcome | No
 def _line(case: HiddenCase, found: HiddenOutcome | None) -> str:
     if found is None:
         return f"{case.name}: the other code stopped"
-    return said_line(case.name, f"{found.answer} {found.verdict}", found.models, found.seconds)
+    held = "" if found.covered else " OUTSIDE"
+    low, high = found.interval
+    numbers = f"C10 {found.c10:.3f} ({low:.3f} to {high:.3f}{held}), true {case.true_c10:.3f}"
+    said = said_line(case.name, f"{found.answer} {found.verdict}", found.models, found.seconds)
+    return f"{said} {numbers}; cause {found.called}"
 
 
 def page(found: Sequence[HiddenOutcome]) -> str:
-    """Return the table of the cases, and what is counted of them."""
-    nulls = [one for one in found if one.case.effect == "none"]
-    effects = [one for one in found if one.case.effect != "none"]
+    """Return what is counted of the cases by kind, and their table."""
     lines = [
-        "| | |",
-        "|---|---|",
-        f"| a yes beside a C10 over {100 * WRONG:.0f} % off | {Rate(sum(o.wrong_yes for o in found), len(found))} |",
-        f"| C10's interval holds the truth, with an effect | {Rate(sum(o.covered for o in effects), len(effects))} |",
-        f"| the same without | {Rate(sum(o.covered for o in nulls), len(nulls))} |",
+        f'| kind | C10\'s interval holds the truth | "yes" beside a C10 over {100 * WRONG:.0f} % off | '
+        "cause named, listed, unknown, may hide | half-width, median |",
+        "|---|---|---|---|---|",
     ]
-    for programme in ("loading", "holds"):
-        mine = [one for one in nulls if one.case.programme == programme]
+    effects = [one for one in found if one.case.kind != "none"]
+    for kind, mine in [
+        *((kind, [one for one in found if one.case.kind == kind]) for kind in KINDS),
+        ("all with an effect", effects),
+        ("all", list(found)),
+    ]:
         if mine:
-            yes = sum(one.answer.startswith("Yes") for one in mine)
-            half = float(np.median([one.half_width for one in mine]))
-            lines.append(
-                f"| {programme}, nulls: half-width of C10, median; yes | {100 * half:.0f} %; {yes}/{len(mine)} |"
-            )
-    lines += ["", "| case | answer | named | C10 (kPa) | interval | true |", "|---|---|---|---|---|---|"]
+            lines.append(_row(kind, mine))
+    sure = [one for one in effects if one.models and max(one.probabilities) >= _SURE]
+    right = sum(bool(set(one.models[0]) & set(KINDS[one.case.kind].names)) for one in sure)
+    lines += ["", f"Said first with {_SURE:g} or more, and right: {Rate(right, len(sure))}", ""]
+    lines += ["| case | answer | named | C10 (kPa) | interval | true |", "|---|---|---|---|---|---|"]
     for one in found:
         names = " or ".join("+".join(names) for names in one.models) or one.verdict
         low, high = one.interval
         held = "" if one.covered else " **outside**"
-        numbers = f"{one.c10:.2f} | {low:.2f} to {high:.2f}{held} | {one.case.true_c10:g}"
+        numbers = f"{one.c10:.2f} | {low:.2f} to {high:.2f}{held} | {one.case.true_c10:.2f}"
         lines.append(f"| {one.case.name} | {one.answer} | {names} | {numbers} |")
     return "\n".join(lines) + "\n"
+
+
+_SURE = 0.8
+
+
+def _row(kind: str, mine: Sequence[HiddenOutcome]) -> str:
+    covered, wrong = sum(one.covered for one in mine), sum(one.wrong_yes for one in mine)
+    called = "-"
+    if kind not in ("none", "all"):
+        ways: tuple[Called, ...] = ("named", "listed", "unknown", "may hide")
+        each = [sum(one.called == way for one in mine) for way in ways]
+        called = f"{', '.join(map(str, each))}: {Rate(sum(each), len(mine))}"
+    half = 100 * float(np.median([one.half_width for one in mine]))
+    return f"| {kind} | {Rate(covered, len(mine))} | {wrong}/{len(mine)} | {called} | {half:.0f} % |"

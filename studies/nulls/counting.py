@@ -12,6 +12,8 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
+from legfem.common.units import mpa_to_kpa
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.diagnosis import Diagnoser
@@ -230,8 +232,8 @@ class NullCounter:
             found.verdict,
             tuple(tuple(model.names) for model in found.models),
             float(found.explained.adequacy),
-            found.best.value("C10"),
-            found.intervals["C10"],
+            mpa_to_kpa(found.best.value(DEEP_C10)),
+            found.shown_interval(DEEP_C10),
             true,
             gain,
             air,

@@ -131,6 +131,132 @@ def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) 
     return TriangleMesh(points, turned, outer[nearest == 0], bones)
 
 
+_SHAPE = np.column_stack([GAUSS[0] * (GAUSS[0] - 1) / 2, GAUSS[0] * (GAUSS[0] + 1) / 2, 1 - GAUSS[0] ** 2])
+"""Functions (3, 3) of an edge's ends and middle at its Gauss points."""
+_LEAST_SHEAR = 1e-4
+"""Of a sliding face, over its normal stiffness: or the fat could turn round the muscle."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlidingFace:
+    """A face on which one side's edges slide along the other's, by a penalty that holds them together.
+
+    Parameters
+    ----------
+    edges, onto
+        (k, 3) and (l, 3): of what slides, and of what it slides along; ends and middle.
+    weights
+        Lengths (k, 3) that Gauss points of an edge stand for, mm.
+    pairs
+        (m, 2): points that lie at one place to begin with.
+    normal, shear
+        Stiffness of the face, MPa/mm, the latter shared out among the pairs (MPa).
+    """
+
+    edges: Ints
+    onto: Ints
+    weights: FloatArray
+    pairs: Ints
+    normal: float
+    shear: FloatArray
+
+    def met(self, points: FloatArray) -> Ints:
+        """Return the edge (3 k, 3) that each Gauss point meets where points (n, 2) are."""
+        chords = shapely.STRtree(shapely.linestrings(points[self.onto[:, [0, 2, 1]]]))
+        return self.onto[chords.nearest(shapely.points(self._gauss_points(points)))]
+
+    def _gauss_points(self, points: FloatArray) -> FloatArray:
+        return np.einsum("qn,knd->kqd", _SHAPE, points[self.edges]).reshape(-1, 2)
+
+    def force(self, points: FloatArray, met: Ints) -> tuple[FloatArray, csr_matrix]:
+        """Return the energy's gradient (2 n,) by the points' places (n, 2), and its derivative.
+
+        ``met`` are the edges (3 k, 3) that Gauss points meet: were they sought anew in every iteration, points at a
+        corner would go to and fro.
+        """
+        xi, shape, at = GAUSS[0], _SHAPE, self._gauss_points(points)
+        own = np.repeat(np.arange(len(self.edges)), len(xi))
+        nodes = points[met]
+        gap, slope = _gap(at, nodes)
+        step = 1e-6
+        bend = np.empty((len(at), 8, 8))
+        for k in range(8):
+            moved = []
+            for side in (step, -step):
+                here, there = at.copy(), nodes.copy()
+                if k < 2:
+                    here[:, k] += side
+                else:
+                    there[:, (k - 2) // 2, (k - 2) % 2] += side
+                moved.append(_gap(here, there)[1])
+            bend[:, k] = (moved[0] - moved[1]) / (2 * step)
+        scale = self.normal * self.weights.ravel()
+        f8 = (scale * gap)[:, None] * slope
+        k8 = scale[:, None, None] * (slope[:, :, None] * slope[:, None, :] + gap[:, None, None] * bend)
+        # From a Gauss point and the edge that it meets to the nodes of both.
+        spread_out = np.zeros((len(at), 8, 12))
+        for d in range(2):
+            spread_out[:, d, d:6:2] = np.tile(shape, (len(self.edges), 1))
+        spread_out[:, 2:, 6:] = np.eye(6)
+        places = 2 * np.hstack([self.edges[own], met])[:, :, None] + np.arange(2)
+        places = places.reshape(len(at), 12)
+        total = np.zeros(points.size)
+        np.add.at(total, places.ravel(), np.einsum("kio,ki->ko", spread_out, f8).ravel())
+        blocks = np.einsum("kio,kij,kjp->kop", spread_out, k8, spread_out)
+        rows, columns = np.repeat(places, 12, axis=1).ravel(), np.tile(places, (1, 12)).ravel()
+        a, b = (2 * self.pairs[:, k, None] + np.arange(2) for k in range(2))
+        away = (points[self.pairs[:, 0]] - points[self.pairs[:, 1]]) * self.shear[:, None]
+        total[a] += away
+        total[b] -= away
+        s = np.repeat(self.shear, 2)
+        a, b = a.ravel(), b.ravel()
+        rows, columns = np.concatenate([rows, a, b, a, b]), np.concatenate([columns, a, b, b, a])
+        values = np.concatenate([blocks.ravel(), s, s, -s, -s])
+        return total, coo_matrix((values, (rows, columns)), shape=(points.size, points.size)).tocsr()
+
+
+def _gap(at: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return distances of points (k, 2) from curved edges (k, 3, 2), outwards, and their derivatives (k, 8) by both."""
+    first, last, middle = nodes[:, 0], nodes[:, 1], nodes[:, 2]
+    half, bent = (last - first) / 2, (first + last) / 2 - middle
+    chord = np.sum(half**2, axis=1)
+    xi = np.sum((at - middle) * half, axis=1) / chord
+    for _ in range(6):
+        on, slope = middle + xi[:, None] * half + xi[:, None] ** 2 * bent, half + 2 * xi[:, None] * bent
+        away = on - at
+        xi = xi - np.sum(away * slope, axis=1) / (np.sum(slope**2, axis=1) + 2 * np.sum(away * bent, axis=1))
+    on, slope = middle + xi[:, None] * half + xi[:, None] ** 2 * bent, half + 2 * xi[:, None] * bent
+    normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1)[:, None]
+    gap = np.sum((at - on) * normal, axis=1)
+    shape = np.column_stack([xi * (xi - 1) / 2, xi * (xi + 1) / 2, 1 - xi**2])
+    return gap, np.hstack([normal, -(shape[:, :, None] * normal[:, None, :]).reshape(-1, 6)])
+
+
+def parted(mesh: TriangleMesh, normal: float, shear: float) -> tuple[TriangleMesh, SlidingFace]:
+    """Return a leg's mesh whose fat has points of its own on the fascia, and the face between.
+
+    Parameters
+    ----------
+    mesh
+        Grown together.
+    normal, shear
+        Stiffness, MPa/mm.
+    """
+    fat, fascia = mesh.cells["superficial"], mesh.cells["fascia"]
+    edges = _shared(_edges(fascia), _edges(fat))
+    number = np.arange(len(mesh.points))
+    on = np.unique(edges)
+    number[on] = len(mesh.points) + np.arange(len(on))
+    points = np.vstack([mesh.points, mesh.points[on]])
+    length = np.linalg.norm(np.diff(mesh.points[edges[:, :2]], axis=1)[:, 0], axis=1)
+    weights = 0.5 * length[:, None] * GAUSS[1][None, :]
+    share = np.zeros(len(points))
+    np.add.at(share, edges.ravel(), np.outer(length, [1 / 6, 1 / 6, 2 / 3]).ravel())
+    pairs = np.column_stack([number[on], on])
+    face = SlidingFace(number[edges], edges, weights, pairs, normal, max(shear, _LEAST_SHEAR * normal) * share[on])
+    return TriangleMesh(points, {**mesh.cells, "superficial": number[fat]}, mesh.skin, mesh.bones), face
+
+
 _CHORDS = np.array([[(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)] for s in np.linspace(0, 1, 9)])
 """Shape functions of an edge's ends and middle at nine points."""
 
@@ -195,6 +321,9 @@ class OtherCase:
         without it.
     lump
         In the deep tissue.
+    sliding
+        Shear stiffness (kPa/mm) of the face between fat and fascia, on which the fat slides and can't part from it;
+        the two are grown together without it.
     """
 
     c10: float
@@ -204,6 +333,7 @@ class OtherCase:
     friction: float = np.inf
     springs: float | None = None
     lump: Lump | None = None
+    sliding: float | None = None
 
 
 class OtherCode(OtherPressing):
@@ -228,15 +358,17 @@ class OtherCode(OtherPressing):
         self.start = np.asarray(first_touch(subject.section.skin, indenter.radius, indenter.aim, travel))
         at_skin = self.start + self.radius * travel
         self.mesh = mesh_leg(subject.section, at_skin, finer)
-        bodies = list(self._made(at_skin, travel))
-        super().__init__(bodies, self._kept(), travel, indenter.length)
         fat = subject.tissues["superficial"].C10
         assert fat is not None
         modulus = 2 * fat
+        self.face: SlidingFace | None = None
+        if case.sliding is not None:
+            self.mesh, self.face = parted(self.mesh, 10 * _PENALTY * modulus / self.radius, kpa_to_mpa(case.sliding))
+        bodies = list(self._made(at_skin, travel))
+        super().__init__(bodies, self._kept(), travel, indenter.length)
         self.penalty = _PENALTY * modulus / self.radius
         self.along = _ALONG * modulus / self.radius
-        xi = GAUSS[0]
-        self._shape = np.column_stack([xi * (xi - 1) / 2, xi * (xi + 1) / 2, 1 - xi**2])
+        self._shape = _SHAPE
 
     def _made(self, touch: FloatArray, travel: FloatArray) -> Any:
         import felupe as fem
@@ -319,7 +451,15 @@ class OtherCode(OtherPressing):
     def _untouched(self) -> FloatArray:
         return np.full(self.mesh.skin_weights.shape, np.nan)
 
+    def _begin(self, free: FloatArray) -> None:
+        if self.face is not None:
+            self._met = self.face.met(self.mesh.points + (self._reduction @ free).reshape(-1, 2))
+
     def _held(self, free: FloatArray, left: FloatArray, matrix: Any) -> tuple[FloatArray, Any]:
+        if self.face is not None:
+            T = self._reduction
+            pull, tangent = self.face.force(self.mesh.points + (T @ free).reshape(-1, 2), self._met)
+            left, matrix = left + T.T @ pull, (matrix + T.T @ tangent @ T).tocsc()
         if self.case.springs is None:
             return left, matrix
         each = self.case.springs / self.subject.indenter.length

@@ -176,6 +176,10 @@ class OtherPressing(ABC):
         """Return what else is seen of a state (mm), the resultant (N) on the model given."""
         return {}
 
+    def _begin(self, free: FloatArray) -> None:
+        """Prepare for Newton's method, which begins from what is free: what meets what."""
+        self._met: Any = None
+
     def _held(self, free: FloatArray, left: FloatArray, matrix: Any) -> tuple[FloatArray, Any]:
         """Return residual and tangent with what holds the body beside its tissue and the skin."""
         return left, matrix
@@ -214,6 +218,7 @@ class OtherPressing(ABC):
 
     def _newton(self, free: FloatArray, to: float, before: Any) -> FloatArray | None:
         T = self._reduction
+        self._begin(free)
         largest = 0.0
         for _ in range(_ITERATIONS):
             u = T @ free

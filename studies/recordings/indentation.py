@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import Instrument, Recording, segment, segment_all
 from legfem.data.smoothing import sample_noise
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.discrepancy import possible_discrepancies, with_discrepancy
 from legfem.inverse.errors import error_model
 from legfem.inverse.explain import explain
@@ -20,13 +21,12 @@ from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, fit
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise
-from legfem.inverse.verdict import slowest_of
 from legfem.legs.mechanisms import Mechanism
 from legfem.legs.mechanisms.contact_onset import ContactOnset
 from legfem.legs.mechanisms.force_drift import ForceDrift
 from legfem.legs.mechanisms.strain_stiffening import StrainStiffening
 from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
-from legfem.specimens.rig import RigCompliance
+from legfem.specimens.mechanisms import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest
 from studies.recordings.motion import (
@@ -152,10 +152,10 @@ def study_indentation(test: MeatTest, layers: LayerCurves) -> Indented:
 def fitted_base(predictor: Predictor, instrument: Instrument) -> tuple[LinearisedProblem, LinearisedFit]:
     """Fit the elastic model, with the errors granted to instrument and indenter."""
     observed = predictor.observed
-    noise = estimate_noise(observed, instrument, slowest_of(observed))
+    noise = estimate_noise(observed, instrument, observed.slowest)
     shapes = shape_errors(observed)
     problem = LinearisedProblem(predictor, error_model(observed, noise, observed.force, shapes))
-    base = fit_base(problem, [{"C10": c10} for c10 in (1.0, 5.0, 25.0)])
+    base = fit_base(problem, [{DEEP_C10: kpa_to_mpa(c10)} for c10 in (1.0, 5.0, 25.0)])
     problem = problem.with_errors(error_model(observed, noise, base.prediction, shapes))
     return problem, fit(problem, (), base.values)
 
@@ -282,8 +282,8 @@ def row_of(found: Indented) -> Row:
         "",
         found.first_contact,
         found.relaxed,
-        found.explained.base.fit.values["C10"],
-        found.best.fit.values["C10"],
+        mpa_to_kpa(found.explained.base.fit.values[DEEP_C10]),
+        mpa_to_kpa(found.best.fit.values[DEEP_C10]),
         found.named_first,
         leading,
         found.best.in_part,

@@ -13,6 +13,8 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
+from legfem.common.units import mpa_to_kpa
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.diagnosis import Diagnoser
@@ -140,9 +142,9 @@ class Redrawer:
             found.verdict,
             tuple(model.names for model in found.models),
             tuple((s.names, s.unnamed, s.probability) for s in found.explained.statements()),
-            found.base.value("C10"),
-            found.best.value("C10"),
-            found.intervals["C10"],
+            mpa_to_kpa(found.base.value(DEEP_C10)),
+            mpa_to_kpa(found.best.value(DEEP_C10)),
+            found.shown_interval(DEEP_C10),
             case.c10,
             gain,
             time.process_time() - begun,

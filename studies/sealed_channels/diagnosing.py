@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.library import Library
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
@@ -69,7 +70,7 @@ def say(found: Diagnosis, case: SealedCase, subset: str, seconds: float) -> Said
     """Return what a diagnosis says, beside the truth."""
     first = found.explained.statements()[0]
     names = [list(model.names) for model in found.models]
-    low, high = found.intervals["C10"]
+    low, high = found.shown_interval(DEEP_C10)
     return Said(
         case.number,
         case.kind,

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.documents import write_document
+from legfem.common.units import mpa_to_kpa
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis_document import Recorded, document, r_squared_of
 from legfem.report.diagnosis_folder import write_diagnosis_report
@@ -83,12 +85,12 @@ def row_of(name: str, truth: WorkedTruth, found: Diagnosis, seconds: float) -> E
         truth,
         found.verdict,
         tuple(model.names for model in found.models),
-        base.value("C10"),
-        base.interval("C10"),
+        mpa_to_kpa(base.value(DEEP_C10)),
+        base.shown(DEEP_C10).ci95,
         r_squared_of(base.fit, found),
         base.probability,
-        best.value("C10") if best else None,
-        found.intervals["C10"] if best else None,
+        mpa_to_kpa(best.value(DEEP_C10)) if best else None,
+        found.shown_interval(DEEP_C10) if best else None,
         own.value(strength) if own is not None and strength else None,
         own.interval(strength) if own is not None and strength else None,
         found.base_held_out.how,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from making_derivatives import PRECISE
 from making_mechanics import at_skin
 
 from legfem.common.errors import InputError
@@ -107,3 +108,22 @@ def test_forces_balance_and_fibres_stiffen():
         assert np.abs(across).max() < 1e-6 * np.abs(balance.contact_force).max()
         forces.append(solved.curve.force[-1])
     assert 1.05 < forces[1] / forces[0] < 1.3
+
+
+@pytest.mark.slow
+def test_lateral_and_axial_force_balance_and_have_exact_derivatives():
+    """Aside of the leg's middle, turned on the skin and nearer to one end: both forces are there."""
+    pose = Pose((3.0, 2.0), 27.0, 250.0, axis_deg=20.0)
+    settings = SolidLegSettings(mesh=COARSE, contact_size=9.0, newton=PRECISE)
+    test = LegIndentation3D(round_leg(60.0), CYLINDER, pose, TISSUES, Fascia(), settings)
+    exact = test.solve(depth=2.0, sensitivities=["deep.C10"]).path
+    left = np.cross([0.0, 0.0, 1.0], pose.direction)
+    reaction = -test.system.balance().bone_reaction
+    assert exact.channels["lateral_force"][-1] == pytest.approx(reaction @ left, rel=1e-6)
+    assert exact.force[-1] == pytest.approx(reaction @ pose.direction, rel=1e-6)
+    value, change = test.parameters["deep.C10"], 1e-4
+    ahead, behind = (test.solve({"deep.C10": value * (1 + by)}, 2.0).path for by in (change, -change))
+    for name in ("lateral_force", "axial_force"):
+        difference = (ahead.channels[name] - behind.channels[name]) / (2 * change * value)
+        by = exact.channel_sensitivities[name]["deep.C10"]
+        assert np.abs(by - difference).max() < 1e-3 * np.abs(difference).max(), name

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0)
 """Relaxation times of the model's branches: a continuous spectrum is spread over them."""
 _NODES = 160
+RELAXES = "the leg relaxes: its force fades while it is held"
+"""What is sure of all that does so."""
 
 
 @lru_cache(maxsize=1024)
@@ -85,6 +87,7 @@ class TissueRelaxation(TissueMechanism):
             statement="standard deviation of the logarithm of the times",
         ),
     )
+    kin: ClassVar[str] = RELAXES
     next_experiment: ClassVar[str] = "hold the deepest position for a minute, and press at two rates"
     variant: ClassVar[str] = "viscoelastic"
     along_path: ClassVar[bool] = True

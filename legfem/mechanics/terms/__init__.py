@@ -8,7 +8,7 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 from legfem.mechanics.terms.bone_springs import BoneSprings
 from legfem.mechanics.terms.contact import NormalContact, TangentialContact
 from legfem.mechanics.terms.drainage import Drainage
-from legfem.mechanics.terms.fascia import Fascia, Prestress
+from legfem.mechanics.terms.fascia import Fascia, Prestress, Sliding
 from legfem.mechanics.terms.muscle import Contraction, Fibres
 from legfem.mechanics.terms.nonuniform_stiffness import StiffnessGradient, UnevenStiffness
 from legfem.mechanics.terms.pressure_stabilisation import PressureStabilisation
@@ -27,6 +27,7 @@ __all__ = [
     "PressureStabilisation",
     "Prestress",
     "SkinPressure",
+    "Sliding",
     "StiffnessGradient",
     "TangentialContact",
     "Tissue",

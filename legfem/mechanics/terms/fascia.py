@@ -1,4 +1,4 @@
-"""The fascia: a thin sheet round the deep tissue, and its tension in the imaged state."""
+"""The fascia: a thin sheet round the deep tissue, its tension in the imaged state, and what slides on it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from dolfinx import mesh as dolfinx_mesh
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray, frozen_array
 from legfem.mechanics.integration_domain import Body
-from legfem.mechanics.kinematics import Expr
+from legfem.mechanics.kinematics import Expr, volume_ratio
+from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Memoryless, RegionTerm
+from legfem.mechanics.terms.tissue import EnergyTerm
 
 _ITERATIONS = 5
 """Of Newton's method for J, from 1: its error is below 3e-10 up to stretches of 0.7 and 1.3."""
@@ -156,26 +158,94 @@ class Prestress(RegionTerm, Memoryless):
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the tension's work of second order."""
         tension = body.symbols.scalar(f"{self.name}.tension", self.tension)
-        tangent = self._tangent_field(body.unknown.function_space.mesh)
+        tangent = tangent_field(self.contour, body.unknown.function_space.mesh)
         turn = ufl.dot(ufl.grad(body.displacement), tangent)
         varied = ufl.dot(ufl.grad(body.variation), tangent)
         return tension * ufl.dot(turn, varied) * body.regions[self.region]
 
-    def tangents(self, points: FloatArray) -> FloatArray:
-        """Return the unit tangents (n, 2) of the contour nearest to points (n, 2)."""
-        ends = np.roll(self.contour, -1, axis=0)
-        along = ends - self.contour
-        sides = shapely.STRtree(shapely.linestrings(np.stack([self.contour, ends], axis=1)))
-        nearest = sides.nearest(shapely.points(points))
-        return np.asarray((along / np.linalg.norm(along, axis=1)[:, None])[nearest])
 
-    def _tangent_field(self, mesh: Any) -> Any:
-        if mesh.geometry.dim != 2:
-            raise InputError("model", self.name, "a contour's tension needs a section", "leave it out in 3D")
-        field = fem.Function(fem.functionspace(mesh, ("DG", 0, (2,))))
-        cells = mesh.topology.index_map(2)
-        every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-        middle = dolfinx_mesh.compute_midpoints(mesh, 2, every)[:, :2]
-        dofs = field.function_space.dofmap.list[:, 0]
-        field.x.array.reshape(-1, 2)[dofs] = self.tangents(middle)
-        return field
+@dataclass(frozen=True, eq=False)
+class Sliding(EnergyTerm):
+    r"""What lies on the fascia slides along it: the elements next to it give way to shear along its contour.
+
+    With the contour's unit tangent :math:`t` and normal :math:`n` before deformation, F of a section is a stretch
+    :math:`a = |F t|` along it, a shear :math:`b = F t \cdot F n / a`, and what is left of the area across it;
+    :math:`I_1` has the part :math:`b^2`. Of the energy of the elements that touch the contour
+
+    .. math:: - s\, C_{10} J^{-2/3} b^2
+
+    is taken away. Nothing happens at :math:`s = 0`; at 1 the two sides slide freely, and don't part. Where nothing
+    resists sliding there is no shear beside it either, so that it hardly matters how thick the elements are. For a
+    section; a 3D leg has no contour.
+
+    Parameters
+    ----------
+    law : Hyperelastic
+        That of what slides, whose symbols are shared.
+    contour : (n, 2) array
+        Closed contour of the fascia (mm).
+    freedom : float
+        s.
+    region : str
+        What slides; the parameter is named ``<region>.sliding.freedom``.
+    """
+
+    law: Hyperelastic
+    contour: FloatArray
+    freedom: float = 0.0
+    region: str = "superficial"
+    domain: Literal["body"] = "body"
+    effect = "sliding"
+    numbers = ("freedom",)
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return what is added to the energy (MPa) at a deformation gradient."""
+        law = body.symbols.of(self.region, self.law)
+        freedom = body.symbols.scalar(f"{self.name}.freedom", self.freedom)
+        mesh = body.unknown.function_space.mesh
+        t, beside = tangent_field(self.contour, mesh), cells_at(self.contour, mesh)
+        along, across = F * ufl.as_vector([t[0], t[1], 0.0]), F * ufl.as_vector([-t[1], t[0], 0.0])
+        shear2 = ufl.dot(along, across) ** 2 / ufl.dot(along, along)
+        return -freedom * beside * law.C10 * volume_ratio(F) ** (-2 / 3) * shear2
+
+
+_ON_CONTOUR_MM = 0.3
+"""Between a contour's corners and the curve through them, on which a mesh's nodes lie."""
+
+
+def cells_at(contour: FloatArray, mesh: Any) -> Any:
+    """Return one in the cells with a corner on a closed contour, and nothing in the others, as a field."""
+    field = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    corners = mesh.geometry.x[mesh.geometry.dofmap][:, :, :2]
+    ring = shapely.LinearRing(contour)
+    away = shapely.distance(shapely.points(corners), ring)
+    field.x.array[field.function_space.dofmap.list[:, 0]] = away.min(axis=1) < _ON_CONTOUR_MM
+    return field
+
+
+def contour_tangents(contour: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the unit tangents (n, 2) of a closed contour (m, 2) nearest to points (n, 2)."""
+    ends = np.roll(contour, -1, axis=0)
+    along = ends - contour
+    sides = shapely.STRtree(shapely.linestrings(np.stack([contour, ends], axis=1)))
+    nearest = sides.nearest(shapely.points(points))
+    return np.asarray((along / np.linalg.norm(along, axis=1)[:, None])[nearest])
+
+
+def tangent_field(contour: FloatArray, mesh: Any) -> Any:
+    """Return a contour's unit tangents as a field that is constant in every cell.
+
+    Raises
+    ------
+    InputError
+        If the mesh isn't a section's.
+    """
+    if mesh.geometry.dim != 2:
+        raise InputError("model", "fascia", "a contour's terms need a section", "leave them out in 3D")
+    field = fem.Function(fem.functionspace(mesh, ("DG", 0, (2,))))
+    cells = mesh.topology.index_map(2)
+    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    middle = dolfinx_mesh.compute_midpoints(mesh, 2, every)[:, :2]
+    dofs = field.function_space.dofmap.list[:, 0]
+    field.x.array.reshape(-1, 2)[dofs] = contour_tangents(contour, middle)
+    return field

@@ -1,0 +1,417 @@
+"""What a folder without a description is, asked on one page: what it is, its sizes, columns and instrument."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import tomlkit
+from nicegui import run as background
+from nicegui import ui
+from nicegui.events import GenericEventArguments
+
+from legfem.app.description import (
+    CalfSize,
+    DescribedLeg,
+    DescribedSpecimens,
+    DescribedStocking,
+    Setting,
+    Value,
+    contours_in,
+    is_contours,
+    known_tests,
+    scans_in,
+    with_channels,
+    with_settings,
+)
+from legfem.app.forms import column_fields, first_readable, setting_field, typed_value
+from legfem.app.frame import page_of, refused, tag
+from legfem.app.runs import Run, begin_all
+from legfem.app.workspace import Workspace, description_of, files_of, is_scan, may_be_recording
+from legfem.common.documents import write_atomically
+from legfem.common.errors import InputError
+from legfem.data.reader import OWN_COLUMNS, QUANTITIES, SourceColumns
+from legfem.geometry.contours import read_contours
+from legfem.geometry.frames import CuttingPlane
+from legfem.geometry.section import PARTS, LegSection, line_of_travel
+from legfem.geometry.section_from_outlines import section_from_outlines
+from legfem.legs.schema import SectionEntry
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS
+from legfem.specimens.kinds import kinds
+
+ASK = "How stiff, and can I trust it?"
+"""On the button that identifies and diagnoses."""
+_OVAL = (
+    '<ellipse cx="50" cy="45" rx="40" ry="34" fill="{fat}"/><ellipse cx="50" cy="44" rx="33" ry="27" fill="{deep}"/>'
+)
+_BONES = '<circle cx="46" cy="30" r="8" fill="{bone}"/><circle cx="68" cy="38" r="4" fill="{bone}"/>'
+_PICTURES = {
+    "leg": f'{_OVAL}{_BONES}<circle cx="50" cy="88" r="13"/><path d="M50 103v-8m-3 3 3-4 3 4" stroke="#111"/>',
+    "stocking": f'{_OVAL}{_BONES}<ellipse cx="50" cy="45" rx="44" ry="38" fill="none" stroke="#0b3d5c" '
+    'stroke-width="4" stroke-dasharray="5 2"/>',
+    "specimens": '<rect x="12" y="52" width="76" height="34" fill="{deep}"/><path d="M4 86h92" stroke="#111" '
+    'stroke-width="3"/><rect x="36" y="20" width="28" height="32"/><path d="M50 4v12m-3-4 3 4 3-4" stroke="#111"/>',
+}
+_KINDS = {
+    "leg": "A leg that was pressed",
+    "stocking": "A leg in a compression stocking",
+    "specimens": "Specimens in a lab's test",
+}
+_SHAPES = {"cylinder": "a cylinder", "ball": "a ball", "punch": "a flat punch"}
+_TESTS = {name: kind.done for name, kind in kinds().items()}
+_PIXELS = 4.0
+"""A millimetre of the section that is clicked."""
+_ROOM, _DRAWN_RADIUS = 35.0, 15.0
+"""About it, and of the cylinder that is drawn, mm."""
+
+type Describe = Callable[[], None]
+
+
+def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
+    """Put the questions about a folder, and the buttons that describe and run it."""
+    folder = workspace.input(name)
+    contours, scans = contours_in(folder), scans_in(folder)
+    first = first_readable(looking)
+    tested = any(may_be_recording(path) and not is_contours(path) for path in files_of(folder))
+    possible = [
+        kind for kind, there in (("leg", True), ("stocking", scans), ("specimens", tested and not contours)) if there
+    ]
+    state = SimpleNamespace(kind=possible[0] if len(possible) == 1 else "")
+    tag("h2", "What is it?")
+    cards = {}
+    with ui.element("div").classes("inrow"):
+        for kind in possible:
+            cards[kind] = tag("button", "", "kind").props("type=button")
+            with cards[kind]:
+                ui.html(_svg(_PICTURES[kind], 100, 106), sanitize=False)
+                tag("span", _KINDS[kind])
+
+    def choose(kind: str) -> None:
+        state.kind = kind
+        for one, card in cards.items():
+            card.props(f"aria-pressed={'true' if one == kind else 'false'}")
+
+    for kind, card in cards.items():
+        card.on("click", lambda kind=kind: choose(kind))
+    choose(state.kind)
+    lab = tomllib.loads(workspace.lab.read_text(encoding="utf-8-sig")) if workspace.lab.is_file() else {}
+    rest = ui.element("div").bind_visibility_from(state, "kind", bool)
+    with rest:
+        forms: dict[str, Describe] = {}
+        for kind in possible:
+            with ui.element("div").bind_visibility_from(state, "kind", value=kind):
+                match kind:
+                    case "leg":
+                        forms[kind] = _pressed(folder, [*contours, *scans], lab)
+                    case "stocking":
+                        forms[kind] = _dressed(folder, scans)
+                    case _:
+                        forms[kind] = _tested(folder)
+        with ui.element("div").bind_visibility_from(state, "kind", lambda kind: kind in ("leg", "specimens")):
+            columns = _columns(first)
+        with ui.element("div").bind_visibility_from(state, "kind", value="leg"):
+            instrument, keep = _instrument(first, lab)
+
+        def describe() -> bool:
+            try:
+                channels = columns() if state.kind != "stocking" else None
+                stated = instrument() if state.kind == "leg" else {}
+                forms[state.kind]()
+            except InputError as error:
+                ui.notify(str(error), type="negative", multi_line=True)
+                return False
+            path = folder / str(description_of(folder))
+            text = with_settings(path.read_text(encoding="utf-8"), stated)
+            write_atomically(path, text if channels is None else with_channels(text, channels))
+            if stated and keep.value:
+                _keep_for_others(workspace.lab, path)
+            return True
+
+        def done(then: Callable[[], None]) -> None:
+            if describe():
+                then()
+
+        with ui.element("div").classes("inrow"):
+            ui.button(ASK, on_click=lambda: done(lambda: ask(workspace, name)))
+            ui.button("Only save this", on_click=lambda: done(ui.navigate.reload)).props("outline")
+
+
+def ask(workspace: Workspace, name: str) -> None:
+    """Begin what says how stiff a described input is, and whether that can be trusted; go to its page."""
+    folder = workspace.input(name)
+    described = str(description_of(folder))
+    options: dict[str, list[str]] = {"identify": [], "diagnose": [], "stocking": []}
+    given = tomllib.loads((folder / described).read_text(encoding="utf-8-sig")).get("indenter", {})
+    if given.get("shape", "cylinder") != "cylinder" or given.get("axis_deg"):
+        options = {"identify": ["--model", "3d"]}
+    ui.navigate.to(page_of("run", begin_all(workspace, name, described, options)))
+
+
+def _svg(content: str, width: float, height: float) -> str:
+    colours = {"fat": REGION_COLOURS["superficial"], "deep": REGION_COLOURS["deep"], "bone": BONE_COLOUR}
+    return (
+        f'<svg viewBox="0 0 {width:g} {height:g}" width="110" aria-hidden="true" fill="#B8C4CC" '
+        f'stroke="#333">{content.format(**colours)}</svg>'
+    )
+
+
+def _keep_for_others(lab: Path, path: Path) -> None:
+    """Write what a leg's description has alike with others to the lab's file."""
+    given = tomllib.loads(path.read_text(encoding="utf-8"))
+    rig = {key: value for key, value in given["indenter"].items() if key in ("diameter_mm", "length_mm", "shape")}
+    before = tomllib.loads(lab.read_text(encoding="utf-8-sig")) if lab.is_file() else {}
+    write_atomically(lab, tomlkit.dumps({**before, "indenter": rig, "instrument": given["instrument"]}))
+
+
+def _numbers(boxes: Sequence[ui.number]) -> list[float]:
+    """Numbers of a form's fields, all of which are needed."""
+    if missing := [box.props["label"] for box in boxes if box.value is None]:
+        raise InputError("form", ", ".join(missing), "missing", "fill in every one")
+    return [float(box.value) for box in boxes]
+
+
+def _number(label: str, help: str, value: float | None = None) -> ui.number:
+    return ui.number(label, value=value).props(f'hint="{escape(help)}"')
+
+
+def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Describe:
+    place = SimpleNamespace(aim=None, direction=None, level=None, source="")
+    sizes: list[ui.number] = []
+    if sources:
+        tag("h2", "Where was it pressed?")
+        _aimed(folder, sources, place)
+    else:
+        tag("h2", "How large is the calf?")
+        with ui.element("div").classes("fields"):
+            sizes.append(_number("girth of the calf (mm)", "with a tape, where it was pressed"))
+            sizes.append(_number("skin and fat where it is pressed (mm)", "by ultrasound, or half a skinfold"))
+        tag("p", _NO_CONTOURS, "quiet")
+    tag("h2", "What pressed it?")
+    rig = lab.get("indenter", {})
+    with ui.element("div").classes("fields"):
+        shape = ui.select(_SHAPES, value=rig.get("shape", "cylinder"), label="what pressed it")
+        diameter = _number("diameter (mm)", "of the cylinder, ball or punch", rig.get("diameter_mm"))
+        length = _number("cylinder's length (mm)", "along its axis", rig.get("length_mm"))
+        axis = _number("cylinder turned by (degrees)", "0 along the leg, 90 across", 0.0)
+        shape.set_visibility(bool(sources))
+        length.bind_visibility_from(shape, "value", value="cylinder")
+        axis.bind_visibility_from(shape, "value", lambda value: value == "cylinder" and bool(sources))
+
+    def describe() -> None:
+        cylinder = shape.value == "cylinder"
+        values = _numbers([*sizes, diameter, *([length] if cylinder else [])])
+        if sources and place.aim is None:
+            raise InputError("form", "place", "missing", "click the section where the skin was pressed")
+        DescribedLeg(
+            folder.name,
+            place.source if sources else CalfSize(*values[:2]),
+            values[len(sizes)],
+            values[-1] if cylinder else None,
+            place.aim,
+            place.direction,
+            place.level,
+            shape.value,
+            float(axis.value or 0.0) if cylinder else 0.0,
+        ).describe(folder)
+
+    return describe
+
+
+_NO_CONTOURS = (
+    "A typical calf of this size, pressed from behind, stands for the leg's outlines; the interval of C10 includes the "
+    "error of that. Contours of the section (a CSV file part,x_mm,y_mm with the parts skin, fascia, tibia and fibula) "
+    "or a scan with labels give a narrower interval, and any place can be pressed then: add one under Files."
+)
+
+
+def _aimed(folder: Path, sources: list[str], place: SimpleNamespace) -> None:
+    """Put a section that is clicked where it was pressed; ``place`` takes aim, direction, level and source."""
+    with ui.element("div").classes("fields"):
+        chosen = ui.select(sources, value=sources[0], label="contours, or a scan")
+        level = _number("level to cut a scan at (mm)", "in the scan's coordinates; Enter cuts it")
+        chosen.set_visibility(len(sources) > 1)
+        level.bind_visibility_from(chosen, "value", lambda value: is_scan(folder / value))
+    shown = ui.element("div")
+
+    async def draw() -> None:
+        scan = is_scan(folder / chosen.value)
+        place.source, place.level, place.aim = chosen.value, level.value if scan else None, None
+        shown.clear()
+        if scan and level.value is None:
+            return
+        try:
+            section = await background.io_bound(_section, folder, chosen.value, place.level)
+            assert section is not None
+        except InputError as error:
+            with shown:
+                refused(str(error))
+            return
+        with shown:
+            _clicked(section, place)
+
+    chosen.on_value_change(draw)
+    level.on("change", draw)
+    ui.timer(0.0, draw, once=True)
+
+
+_FASCIA_MM = 0.6
+"""Thickness of the fascia that a new description has."""
+
+
+def _section(folder: Path, source: str, level: float | None) -> LegSection:
+    """Contours of a file, or of a scan cut at a level (mm)."""
+    if level is None:
+        return read_contours(folder / source, _FASCIA_MM)
+    from legfem.imaging.leg_source import LegSource
+    from legfem.imaging.shape_schema import LabelsEntry
+
+    entry = SectionEntry(scan=source, level_mm=level, fascia_thickness_mm=_FASCIA_MM)
+    scan = LegSource.opened(folder, folder / "subject.toml", "section", entry, LabelsEntry())
+    return section_from_outlines(scan.outlines(CuttingPlane.at_level(level)), _FASCIA_MM, scan.name)
+
+
+def _clicked(section: LegSection, place: SimpleNamespace) -> None:
+    low, high = section.skin.min(axis=0) - _ROOM, section.skin.max(axis=0) + _ROOM
+    fills = (REGION_COLOURS["superficial"], REGION_COLOURS["deep"], BONE_COLOUR, BONE_COLOUR)
+
+    def pixels(points: Any) -> Any:
+        return (np.asarray(points) - [low[0], high[1]]) * [_PIXELS, -_PIXELS]
+
+    drawn = ""
+    for part, fill in zip(PARTS, fills, strict=True):
+        outline = pixels(section.contour(part))
+        drawn += f'<polygon points="{" ".join(f"{x:.0f},{y:.0f}" for x, y in outline)}" fill="{fill}" stroke="#333"/>'
+        if fill == BONE_COLOUR:
+            x, y = outline.mean(axis=0)
+            drawn += f'<text x="{x:.0f}" y="{y:.0f}" text-anchor="middle" font-size="22">{part}</text>'
+    tag("p", "Click the section where the cylinder touched the skin; it travels square to the skin.")
+    width, height = (high - low) * _PIXELS
+
+    def picture_of(more: str) -> str:
+        return f'<svg viewBox="0 0 {width:.0f} {height:.0f}" aria-hidden="true">{drawn}{more}</svg>'
+
+    picture = ui.html(picture_of(""), sanitize=False).classes("aim")
+    with ui.element("div").classes("fields"):
+        boxes = [
+            _number("aim x (mm)", "a point on its way"),
+            _number("aim y (mm)", "upwards in the picture"),
+            _number("direction of travel (degrees)", "from +x (right), counter-clockwise"),
+        ]
+
+    def show() -> None:
+        if any(box.value is None for box in boxes):
+            return
+        x, y, direction = (float(box.value) for box in boxes)
+        place.aim, place.direction = (x, y), direction
+        way = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
+        (x0, y0), (x1, y1) = pixels([np.array([x, y]) - _DRAWN_RADIUS * way, np.array([x, y]) + 12.0 * way])
+        picture.content = picture_of(
+            f'<circle cx="{x0:.0f}" cy="{y0:.0f}" r="{_DRAWN_RADIUS * _PIXELS:.0f}" fill="#B8C4CC"/>'
+            f'<line x1="{x0:.0f}" y1="{y0:.0f}" x2="{x1:.0f}" y2="{y1:.0f}" stroke="#b03000" stroke-width="5"/>'
+            f'<circle cx="{x1:.0f}" cy="{y1:.0f}" r="8" fill="#b03000"/>'
+        )
+
+    def clicked(event: GenericEventArguments) -> None:
+        point = np.array(event.args) * [high[0] - low[0], low[1] - high[1]] + [low[0], high[1]]
+        aim, direction = line_of_travel(section, point)
+        for box, value in zip(boxes, (*aim, direction), strict=True):
+            box.value = round(float(value), 1)
+
+    for box in boxes:
+        box.on_value_change(show)
+    where = "(e) => {const b = e.currentTarget.getBoundingClientRect(); emit("
+    picture.on("click", clicked, js_handler=f"{where}(e.clientX - b.x) / b.width, (e.clientY - b.y) / b.height)}}")
+
+
+def _dressed(folder: Path, scans: list[str]) -> Describe:
+    with ui.element("div").classes("fields"):
+        bare = ui.select(scans, value=scans[0], label="scan of the bare leg")
+        other = ui.select(["", *scans], value=scans[1] if len(scans) > 1 else "", label="in its stocking")
+        strength = ui.select(["1", "2", "3", "4"], value="2", label="class (RAL-GZ 387/1)")
+    return lambda: DescribedStocking(folder.name, bare.value, other.value, strength.value).describe(folder)
+
+
+def _tested(folder: Path) -> Describe:
+    tag("h2", "What was done to them?")
+    with ui.element("div").classes("fields"):
+        chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
+    fields: dict[str, list[tuple[Setting, Callable[[], str]]]] = {}
+    for test, settings in known_tests().items():
+        with ui.element("div").classes("fields") as shown:
+            shown.bind_visibility_from(chosen, "value", value=test)
+            fields[test] = [(one, setting_field(one)) for one in settings]
+    tag(
+        "p",
+        "All recordings are then of specimens of this size; where sizes differ, give each its [[specimen]] in the "
+        "file's text under Assumed.",
+        "quiet",
+    )
+
+    def describe() -> None:
+        stated = dict[str, Value]()
+        for one, get in fields[chosen.value]:
+            value = stated[one.key[-1]] = typed_value(one, get())
+            if one.needed and value is None:
+                raise InputError("form", one.key[-1], "is missing", "fill it in")
+        DescribedSpecimens(folder.name, chosen.value, stated).describe(folder)
+
+    return describe
+
+
+def _columns(first: dict[str, Any] | None) -> Callable[[], SourceColumns | None]:
+    """Put which columns are read as what, and a form for other ones; return what gives them."""
+    if first is None:
+        return lambda: None
+    tag("h2", "Which columns?")
+    known = first["channels"]
+    if known:
+        parts = (
+            f"{quantity} from '{known[quantity]['column']}' ({known[quantity]['unit']}"
+            f"{', turned round' if known[quantity].get('sign', 1) < 0 else ''})"
+            for quantity in QUANTITIES
+        )
+        tag("p", f"In {first['file']}: {', '.join(parts)}.")
+    other = ui.checkbox("choose columns, units and directions", value=not known)
+    with ui.element("div").bind_visibility_from(other, "value"):
+        chosen = column_fields(first)
+
+    def read() -> SourceColumns | None:
+        columns = chosen()
+        return None if columns == OWN_COLUMNS else columns
+
+    return read
+
+
+def _instrument(
+    first: dict[str, Any] | None, lab: Mapping[str, Any]
+) -> tuple[Callable[[], dict[tuple[str, ...], Value]], ui.checkbox]:
+    """Put the instrument's errors, as the lab states them or the recording shows; return what reads them."""
+    shown = (first or {}).get("noise")
+    known = lab.get("instrument", {})
+    tag("h2", "How exact is the instrument?")
+    if known:
+        tag("p", "As lab.toml states it.")
+    elif shown:
+        tag("p", "The recording shows these errors from sample to sample: give the accuracies where you have them.")
+    names = ("force_sd_N", "displacement_sd_mm")
+    by_sample = tuple(float(f"{value:.2g}") for value in shown or ()) or (None, None)
+    with ui.element("div").classes("fields") as fields:
+        boxes = [
+            _number("error of force (N)", "standard deviation of a reading", by_sample[0]),
+            _number("error of displacement (mm)", "standard deviation of a reading", by_sample[1]),
+        ]
+    fields.set_visibility(not known)
+    keep = ui.checkbox("keep indenter and instrument for further legs (lab.toml)")
+    keep.set_visibility(not known)
+
+    def read() -> dict[tuple[str, ...], Value]:
+        if known:
+            return {}
+        return {("instrument", name): value for name, value in zip(names, _numbers(boxes), strict=True)}
+
+    return read, keep

@@ -1,0 +1,155 @@
+"""Channels that some of a library's solutions lack: weighed by what the others have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from legfem.experiments.plane_strain import LateralPlacement
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.channel_readings import PlannedChannel
+from legfem.inverse.library_build import Task, _filled, _known_channels
+from legfem.inverse.mechanism import Solution
+from legfem.inverse.observations import blank_observations
+from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import Displaced, PathRequest, SolvedResponses
+from legfem.legs.mechanisms import TissueMechanism, mechanism_named
+from legfem.meshing.section import MeshMotion
+from legfem.solve.protocol import Protocol
+
+GRID = 5.0 * np.arange(1, 5)
+FAT, MUSCLE = "fat_thickness", "muscle_thickness"
+POINT = (0.8, 0.0)
+FACTORS = ("superficial-stiffness", "fascia-stiffness", "fascia-stiffness")
+
+
+def columns(force: float, **channels: float) -> dict[str, np.ndarray]:
+    since = np.concatenate([[0.0], GRID])
+    return {"force": force * GRID, **{name: size * since for name, size in channels.items()}}
+
+
+def tasks_of(name: str, *strengths: float) -> list[Task]:
+    mechanism = mechanism_named(name)
+    assert isinstance(mechanism, TissueMechanism)
+    return [Task(POINT, mechanism, strength) for strength in strengths]
+
+
+def test_a_tilt_that_misses_the_bone_moves_it_as_the_other_tilt_does() -> None:
+    """In proportion to the strength, either sign; what is there stays."""
+    tasks = [Task(POINT), *tasks_of("indenter-tilt", -8.0, 4.0)]
+    outcomes = [
+        {"": columns(1.0, **{FAT: -0.05, MUSCLE: -0.4})},
+        {"": columns(0.1, **{FAT: 0.02})},
+        {"": columns(-0.1, **{FAT: -0.01, MUSCLE: 0.3})},
+    ]
+    names = _known_channels(list(zip(tasks, outcomes, strict=True)))
+    assert set(names) == {FAT, MUSCLE}
+    elastic, there, here = _filled(tasks, outcomes, names)
+    assert elastic is outcomes[0] and here is outcomes[2] and there is not None
+    np.testing.assert_allclose(there[""][MUSCLE], -2.0 * outcomes[2][""][MUSCLE])
+    np.testing.assert_allclose(there[""][FAT], outcomes[1][""][FAT])
+
+
+def test_what_the_base_model_or_a_mechanism_never_sees_is_not_weighed() -> None:
+    """Without a bone under the line at rest, or beside all strengths of a mechanism, there is no muscle's thickness."""
+    both, fat = columns(1.0, **{FAT: -0.05, MUSCLE: -0.4}), columns(1.0, **{FAT: -0.05})
+    tilts = tasks_of("indenter-tilt", -8.0, 8.0)
+    for elastic, first, second in ((fat, both, both), (both, fat, fat)):
+        done = list(zip([Task(POINT), *tilts], [{"": one} for one in (elastic, first, second)], strict=True))
+        assert _known_channels(done) == (FAT,)
+
+
+@dataclass(eq=False)
+class Tilted:
+    """A leg whose bone is seen on one side alone."""
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        return ()
+
+    def described(self, variant: str) -> str:
+        return variant
+
+
+class SeenOneSided(SolvedResponses):
+    """Solutions in closed form: force falls and muscle thins with the offset, seen where it isn't negative."""
+
+    def _solve(self, asked: PathRequest) -> dict[str, np.ndarray]:
+        at = 0.0 if asked.placement is None else asked.placement.offset_mm
+        muscle = {MUSCLE: -0.4 - 0.02 * at} if at >= 0 else {}
+        return columns(1.0 - 0.01 * at, **{FAT: -0.05 + 0.001 * at}, **muscle)
+
+    @property
+    def grid(self) -> np.ndarray:
+        return GRID
+
+
+def test_a_nuisance_that_hides_the_bone_is_solved_for_the_other_way() -> None:
+    """The channel's change is minus the other side's; those of the force and of what is seen are its own."""
+    solved = SeenOneSided(Tilted(), 20.0, None, {})  # type: ignore[arg-type]
+    left = Displaced("aim", placement=LateralPlacement(offset_mm=2.0))
+    found, mirrored = (solved.displaced(one, POINT) for one in (left, left.opposite))
+    np.testing.assert_allclose(mirrored[MUSCLE], -found[MUSCLE])
+    np.testing.assert_allclose(mirrored["force"], -found["force"])
+    assert mirrored["force"].min() > 0 > found["force"].max()
+    np.testing.assert_allclose(mirrored[FAT], -found[FAT])
+
+
+class SeenTogether(SolvedResponses):
+    """Fat and fascia stiffen the force as a product of powers, and thin the fat by a product of their logarithms."""
+
+    def _solve(self, asked: PathRequest) -> dict[str, np.ndarray]:
+        fat, fascia = (asked.solution.scaled.get(f"{name}.C10", 1.0) for name in ("superficial", "fascia"))
+        beyond = np.log(fat) * np.log(fascia)
+        return columns(
+            fat**0.2 * fascia**0.1 * np.exp(0.05 * beyond), **{FAT: -0.05 + 0.01 * np.log(fat) + 0.02 * beyond}
+        )
+
+    @property
+    def grid(self) -> np.ndarray:
+        return GRID
+
+
+def test_what_two_effects_do_at_once_is_beyond_each() -> None:
+    """Exactly their product; nothing where one of them is at its null, nor of solutions of another model."""
+    solved = SeenTogether(Tilted(), 20.0, None, {})  # type: ignore[arg-type]
+    fat, fascia, nothing = (
+        mechanism.solution({"factor": factor})
+        for mechanism, factor in zip(
+            [task.mechanism for name in FACTORS for task in tasks_of(name, 1.0)], (2.5, 8.0, 1.0), strict=True
+        )
+        if mechanism is not None
+    )
+    beyond = np.log(2.5) * np.log(8.0)
+    found = solved.together((fat, fascia), POINT)
+    np.testing.assert_allclose(found["force"], np.expm1(0.05 * beyond))
+    np.testing.assert_allclose(found[FAT], 0.02 * beyond * np.concatenate([[0.0], GRID]))
+    for name, values in solved.together((fat, nothing), POINT).items():
+        np.testing.assert_allclose(values, 0.0, atol=1e-12, err_msg=name)
+    assert solved.together((fat, Solution("bones on springs", {})), POINT) == {}
+
+
+def test_a_full_prediction_of_two_effects_has_what_they_do_at_once() -> None:
+    """In force and thickness, where the tissue is pressed to; asked for without it they act each as if alone."""
+    solved = SeenTogether(Tilted(), 20.0, None, {})  # type: ignore[arg-type]
+    observed = blank_observations([Protocol.ramp(20.0, 0.4)], [PlannedChannel(FAT)])
+    predictor = Predictor(observed, solved, "neo-hookean", together=solved.together)
+    values = {DEEP_C10: 0.8e-3, "superficial-stiffness.factor": 2.5, "fascia-stiffness.factor": 8.0}
+    both = [mechanism_named(name) for name in FACTORS[:2]]
+    alone, whole = predictor(values, both), predictor(values, both, True)
+    force, fat = observed.data.spans
+    beyond = np.log(2.5) * np.log(8.0)
+    np.testing.assert_allclose(whole[force], np.exp(0.05 * beyond) * alone[force])
+    np.testing.assert_allclose(whole[fat] - alone[fat], 0.02 * beyond * observed.data.channels[1].station, rtol=1e-6)
+    one = {name: value for name, value in values.items() if "fascia" not in name}
+    np.testing.assert_array_equal(predictor(one, both[:1], True), predictor(one, both[:1]))
+
+
+@pytest.mark.parametrize(
+    "one", [Displaced("skin", MeshMotion("skin", 20.0)), Displaced("turned", placement=LateralPlacement(3.0, 1.0))]
+)
+def test_twice_the_other_way_is_the_first_way(one: Displaced) -> None:
+    """And once isn't."""
+    assert one.opposite.opposite == one != one.opposite

@@ -1,0 +1,62 @@
+"""Pressures at the makers' levels: where they are, their limits, and what their intervals include."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_stocking import short_leg
+
+from legfem.common.units import mpa_to_mmhg
+from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.stockings.fabric import Stocking, stocking_load
+from legfem.stockings.levels import MESH_SHARE, MakersLevels, PressureAlong
+from legfem.stockings.misfit import ContourAccuracy
+
+
+def round_calf(radii):
+    """Rings of given radii, a level a centimetre."""
+    angles = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    leg = short_leg()
+    levels = 10.0 * np.arange(len(radii))
+    contours = {name: np.array([circle * r * (1.0 if name == SKIN else 0.5) for r in radii]) for name in leg.contours}
+    return LegShape(levels, contours)
+
+
+CALF = round_calf([40, 36, 35, 38, 45, 52, 55, 53, 50])
+
+
+def test_levels_are_found_by_the_girth_and_stated_ones_count():
+    assert MakersLevels().found(CALF) == {"B": (20.0, False), "C": (60.0, False)}
+    stated = MakersLevels(heights={"B": 10.0, "B1": 35.0, "D": 200.0})
+    assert stated.found(CALF) == {"B": (10.0, True), "B1": (35.0, True), "C": (60.0, False)}
+    assert MakersLevels().found(round_calf([40, 45, 50])) == {}
+
+
+def test_limits_are_the_class_at_the_ankle_and_shares_of_what_is_there():
+    makers = MakersLevels("ENV 12718", "1", shares={"C": (50.0, 80.0)})
+    assert makers.limits("B", 18.0) == (15.0, 21.0)
+    assert MakersLevels("RAL-GZ 387", "1").limits("B", 18.0) == (18.0, 21.0)
+    assert makers.limits("C", 20.0) == (10.0, 16.0)
+    assert makers.limits("D", 20.0) is None and makers.limits("C", None) is None
+    assert MakersLevels().limits("B", 20.0) is None
+
+
+def test_the_pressure_along_round_rings_is_laplaces_and_errs_by_fabric_and_mesh():
+    fabric = Stocking(0.3, CALF.levels[:1], np.array([180.0]))
+    load = stocking_load(CALF, fabric)
+    accuracy = replace(ContourAccuracy(), tension_sd=0.05, pressure_sd=1e-9)
+    along = PressureAlong.of(CALF, load, load, accuracy)
+    radii = np.array([40, 36, 35, 38, 45, 52, 55, 53, 50])
+    around = 2 * 72 * np.sin(np.pi / 72) * radii
+    # Each point bears its turn over half the chord between its neighbours.
+    expected = mpa_to_mmhg(0.3 * (around / 180 - 1) * 2 * np.pi / (around * np.cos(np.pi / 72)))
+    assert along.mean == pytest.approx(expected, rel=1e-6)
+    assert along.sd == pytest.approx(0.05 * expected, rel=1e-6)
+    # What the leg gives way by adds the mesh's part.
+    on_bare = load.times(1.2)
+    wider = PressureAlong.of(CALF, load, on_bare, accuracy)
+    assert wider.sd == pytest.approx(np.hypot(0.05, 0.2 * MESH_SHARE) * expected, rel=1e-6)
+    assert along.at(25.0)[0] == pytest.approx(np.mean(expected[2:4]), rel=1e-6)
