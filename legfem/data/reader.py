@@ -82,7 +82,9 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
             f"{backwards(time, rows[0])}; {len(rows)} such rows)",
             "keep one trial a file, and record time finely enough to tell samples apart",
         )
-    beside = tuple(_dense(sheet, kind, values["time"]) for kind in CHANNELS.values() if _columns_of(sheet, kind))
+    used = {getattr(channels, q).column for q in QUANTITIES}
+    left = tuple(column for column in sheet.columns if column.name not in used)
+    beside = tuple(_dense(left, kind, values["time"]) for kind in CHANNELS.values() if _columns_of(left, kind))
     return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
 
 
@@ -93,12 +95,12 @@ def channel_of(column: Column) -> ChannelKind | None:
     return next((kind for kind in named if measures(column, "force" if kind.is_force else "displacement")), None)
 
 
-def _columns_of(sheet: Sheet, kind: ChannelKind) -> list[Column]:
-    return [column for column in sheet.columns if channel_of(column) == kind]
+def _columns_of(columns: Sequence[Column], kind: ChannelKind) -> list[Column]:
+    return [column for column in columns if channel_of(column) == kind]
 
 
-def _dense(sheet: Sheet, kind: ChannelKind, time: FloatArray) -> RecordedChannel:
-    column = _columns_of(sheet, kind)[0]
+def _dense(columns: Sequence[Column], kind: ChannelKind, time: FloatArray) -> RecordedChannel:
+    column = _columns_of(columns, kind)[0]
     factor = (unit_named(column.unit or "") or Unit(None, 1.0)).factor
     return RecordedChannel(kind.name, time, factor * column.values[-len(time) :], kind.usual)
 
@@ -246,7 +248,10 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
             raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = SourceColumn(name, unit or str(columns[0].unit))
         return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
-    candidates = [c for c in sheet.columns if _may_be(c, quantity)]
+    able = [c for c in sheet.columns if _may_be(c, quantity)]
+    # A testing machine calls its only force axial, which is a channel beside the force in another's file.
+    candidates = [c for c in able if channel_of(c) is None]
+    candidates = candidates or [c for c in able if channel_of(c) == CHANNELS["axial_force"]]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     if not candidates:
         alike = [c for c in sheet.columns if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
@@ -289,8 +294,6 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
 
 def _may_be(column: Column, quantity: Quantity) -> bool:
     """Tell whether a column may be a quantity, by its unit; by its name where that says nothing."""
-    if channel_of(column) is not None:
-        return False
     unit: Unit | None = unit_named(column.unit) if column.unit else None
     if unit is not None:
         return unit.quantity == quantity
