@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from typer.testing import CliRunner
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data.channels import CHANNELS, RecordedChannel
+from legfem.data.reader import read_samples
+from legfem.data.recording import write_recording
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 from legfem.report.preview import preview_of
@@ -22,6 +25,7 @@ AIMED = TOML.replace("aim_mm = [0.0, 0.0]", "aim_mm = [-10.0, 0.0]")
 """The line of travel meets the tibia."""
 FRAMES = np.arange(0.0, 20.1, 2.5)
 FAT = 6.0
+USUAL = CHANNELS["fat_thickness"].usual
 
 
 def fat(depth: np.ndarray) -> np.ndarray:
@@ -59,6 +63,26 @@ def test_columns_with_empty_cells_are_channels(tmp_path):
     np.testing.assert_allclose(found.values, values, atol=1e-4)
     np.testing.assert_allclose(found.time, FRAMES, atol=0.05)
     assert found.accuracy == CHANNELS["fat_thickness"].usual
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    """Frames on a clock of their own at the nearest rows, two in one as their mean; the force as it was."""
+    own = press()
+    step = float(own.time[1] - own.time[0])
+    frames = own.time[[20, 60, 100]] + np.array([0.2, -0.3, 0.0]) * step
+    fat_values, lateral = np.array([6.0, 5.5, 5.0]), 0.05 * own.force
+    twice = np.sort(np.concatenate([frames, frames + 0.1 * step]))
+    channels = (
+        RecordedChannel("fat_thickness", twice, np.repeat(fat_values, 2) + np.tile([0.1, -0.1], 3), USUAL),
+        RecordedChannel("lateral_force", own.time, lateral, CHANNELS["lateral_force"].usual),
+    )
+    write_recording(replace(own, channels=channels), tmp_path / "trial1.csv")
+    read = read_samples(tmp_path / "trial1.csv")
+    np.testing.assert_allclose(read.force, own.force, atol=1e-4)
+    found = {one.name: one for one in read.channels}
+    np.testing.assert_allclose(found["fat_thickness"].values, fat_values, atol=1e-4)
+    np.testing.assert_allclose(found["fat_thickness"].time, own.time[[20, 60, 100]], atol=1e-4)
+    np.testing.assert_allclose(found["lateral_force"].values, lateral, atol=1e-4)
 
 
 def test_a_recording_without_further_columns_has_no_channels(tmp_path):
@@ -224,7 +248,7 @@ def test_sites_have_files_of_their_own(tmp_path):
 
 
 def test_what_the_tutorial_shows_is_read(tmp_path):
-    page = (Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "own-leg.md").read_text()
+    page = (Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "further-channels.md").read_text()
     (block,) = (one for one in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[channels.fat_thickness]" in one)
     directory = subject(tmp_path / "leg", {"lateral_force_N": 0.01 * depth_of_frames()}, f"{AIMED}\n{block}")
     rows = "\n".join(f"{t},{v}" for t, v in zip(FRAMES, fat(depth_of_frames()), strict=True))

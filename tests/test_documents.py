@@ -42,6 +42,8 @@ COMMANDS = (
     "studies.hidden",
     "studies.meshes",
     "studies.bench",
+    "studies.cohort",
+    "studies.cohort.workers",
     "studies.expected_force",
     "studies.fibres",
     "studies.leg3d",

@@ -27,9 +27,9 @@ CONDA = {
     "libopenblas0-serial": "libblas",
     "gcc": "c-compiler",
 }
-# On conda python and c-compiler bring the first two, and there is no Chromium: what needs one is
+# On conda python and c-compiler bring the first two, and there is neither Chromium nor Slurm: what needs one is
 # skipped. PETSc is asked for with real numbers.
-NOT_ON_CONDA = {"python3-venv", "libc6-dev", "chromium-headless-shell"}
+NOT_ON_CONDA = {"python3-venv", "libc6-dev", "chromium-headless-shell", "slurm-wlm", "munge"}
 ONLY_ON_CONDA = {"python", "petsc"}
 
 # Not what legfem imports: the tools around it; and DOLFINx with its petsc4py, which PyPI has as another's wheel alone.

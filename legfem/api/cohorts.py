@@ -29,10 +29,12 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from legfem.cohort.population_model import PopulationFit
     from legfem.report.page import WebPage
 
 _log = logging.getLogger(__name__)
 DOCUMENT = "cohort.json"
+POPULATION = "population.json"
 _CODE: Mapping[str, tuple[str, ...]] = {
     "identify": ("legfem.legs.identification", "legfem.specimens.problem", "legfem.cohort.rows"),
     "diagnose": ("legfem.legs.diagnosis", "legfem.specimens.diagnosis", "legfem.cohort.rows"),
@@ -50,6 +52,8 @@ class Cohort(Result):
     rows: tuple[Row, ...]
     """In the members' order."""
     seconds: float = 0.0
+    population: tuple[PopulationFit, ...] = ()
+    """What new people are like, by parameter, where that was asked for."""
 
     def summary(self) -> str:
         """Return how many can be believed, what is odd, and what is missing."""
@@ -93,6 +97,7 @@ class Cohort(Result):
 
     def write(self, folder: Given) -> Path:
         """Write cohort.html and cohort.txt, the table as CSV and workbook, cohort.json; return cohort.txt's path."""
+        from legfem.cohort.population_model import population_document
         from legfem.common.documents import write_document
         from legfem.report.cohort import write_cohort_page
 
@@ -100,6 +105,8 @@ class Cohort(Result):
         write_document(out / DOCUMENT, self.document())
         frame = self.to_frame()
         write_tables(frame, units_frame(frame, self.rows), out)
+        if self.population:
+            write_document(out / POPULATION, population_document(self.population, self.members, self.rows))
         return write_cohort_page(self._page(), out)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
@@ -109,7 +116,7 @@ class Cohort(Result):
         from legfem.report.cohort import cohort_web_page
         from legfem.report.page import command_line
 
-        return cohort_web_page(self.members, self.rows, self.options.task, command_line())
+        return cohort_web_page(self.members, self.rows, self.options.task, command_line(), self.population)
 
 
 @dataclass(frozen=True)
@@ -172,6 +179,7 @@ def cohort(
     on: EngineName = "local",
     scheduler: str | None = None,
     jobs: int = 1,
+    population: bool = False,
     dry_run: bool = False,
     progress: bool = False,
 ) -> Cohort | ExpectedRun:
@@ -209,6 +217,8 @@ def cohort(
         Address of the dask scheduler, or the file that it writes.
     jobs : int
         Processes of ``local``. More than one needs the calling script's ``if __name__ == "__main__":``.
+    population : bool
+        Whether to fit what people are like, for priors of new legs: half a minute.
     dry_run : bool
         Whether only to say what would be done, for how long, and with how much memory.
     progress : bool
@@ -240,13 +250,22 @@ def cohort(
                 return known.expected(engine.workers)
             with progress_on(quiet=not progress) as shown:
                 found = _run(known, engine, shown)
-            return Cohort(members, options, tuple(found), time.perf_counter() - started)
+            people = _population(members, found, options) if population else ()
+            return Cohort(members, options, tuple(found), time.perf_counter() - started, people)
     raise SystemExit(0)  # another rank, which has served the first
+
+
+def _population(members: Members, rows: Sequence[Row], options: Options) -> tuple[PopulationFit, ...]:
+    from legfem.cohort.population_model import populations
+
+    if priors := options.given.get("prior"):
+        raise InputError("--population", ", ".join(priors), "would count twice: each leg has it", "leave out --prior")
+    return populations(members.every, rows, int(options.given.get("seed", 0)))
 
 
 _TAKES: Mapping[str, tuple[str, ...]] = {
     "identify": ("law", "identify", "prior", "fix", "depth", "correction", "model", "mesh", "seed"),
-    "diagnose": ("correction", "seed"),
+    "diagnose": ("correction", "prior", "seed"),
     "stocking": ("cells",),
 }
 
@@ -293,7 +312,8 @@ class _Known:
 
     def __init__(self, out: Path, members: Members, options: Options) -> None:
         self.out, self.members, self.options = out, members, options
-        depends = [options.task, options.given]
+        priors = (Path(text.partition("=")[2].strip()) for text in options.given.get("prior", ()))
+        depends = [options.task, options.given, [Contents(path) for path in priors if path.suffix == ".json"]]
         place = itemgetter("place")
         self._store = Store(out / "rows", list[Row], depends, _CODE[options.task], named=place)
         self._asked = {one.name: {"place": one.place.replace("/", "__"), "files": _files(one)} for one in members.every}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -194,6 +194,7 @@ def diagnose(
     jobs: int = 1,
     progress: bool = False,
     site: str = "",
+    prior: Sequence[str] = (),
 ) -> DiagnosedLeg: ...
 @overload
 def diagnose(
@@ -218,6 +219,7 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
     site: str = "",
+    prior: Sequence[str] = (),
 ) -> DiagnosedLeg | DiagnosedFolder: ...
 def diagnose(
     leg: Subject | SitedLeg | SpecimenFolder | Given,
@@ -230,6 +232,7 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
     site: str = "",
+    prior: Sequence[str] = (),
 ) -> DiagnosedLeg | DiagnosedFolder:
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
@@ -256,6 +259,8 @@ def diagnose(
         Of a folder of specimens those to diagnose; all without any.
     site : str
         Of a leg with several ``[[site]]`` which: a diagnosis takes one.
+    prior : sequence of str
+        What is known of the leg's C10 beforehand, as of `legfem.identify`: ``"deep.C10=cohort/population.json"``.
 
     Returns
     -------
@@ -263,6 +268,7 @@ def diagnose(
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
+    from legfem.inverse.parse_parameters import deep_prior
     from legfem.legs.correction import read_correction
     from legfem.legs.correction_of_leg import REFERENCE
     from legfem.legs.diagnosis import Diagnoser
@@ -275,7 +281,7 @@ def diagnose(
     responses = library_folder() if library is None else Path(library)
     check_folder("library", responses)
     if isinstance(leg, SpecimenFolder):
-        check_unused("specimens", {"site": site != "", "correction": correction is not None})
+        check_unused("specimens", {"site": site != "", "correction": correction is not None, "prior": bool(prior)})
         check_names("specimens", specimens)
         with progress_on(quiet=not progress) as shown:
             return _diagnosed_specimens(
@@ -283,6 +289,8 @@ def diagnose(
             )
     check_unused("a leg", {"specimens": bool(specimens)})
     subject = one_of(leg, site)
+    if prior:
+        subject = replace(subject, stiffness_prior=deep_prior(prior))
     started = time.perf_counter()
     diagnoser = Diagnoser(responses, read_correction(REFERENCE if correction is None else Path(correction)), jobs)
     with progress_on(quiet=not progress) as shown:

@@ -22,6 +22,19 @@ _DRIFTS = 0.01
 
 def drifts(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[str]:
     """Say which rigs' C10 steps at a date, in the same people where they came several times."""
+    for rig, step in rig_steps(known, rows):
+        size, low, high = (100 * np.expm1(step.size + k * step.sd) for k in (0, -2, 2))
+        where = f"rig {rig}: " if rig else ""
+        whose = "in the same people" if step.within else "from one set of people to another"
+        days = f"{date.fromordinal(step.before)} and {date.fromordinal(step.after)}"
+        yield (
+            f"{where}C10 changes by {size:+.1f} % ({low:+.1f} to {high:+.1f} %) {whose} between {days} "
+            f"(p = {step.p_value:.2g}). Was the rig's force, displacement or zero calibrated anew, or changed?"
+        )
+
+
+def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tuple[str, DriftStep]]:
+    """Yield the rigs whose C10 steps at a date, and how."""
     model = cohort_model(rows)
     by_rig: dict[str, list[_Test]] = defaultdict(list)
     for row, found in measured(rows, model):
@@ -40,14 +53,7 @@ def drifts(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[str]:
             np.array([visit.value for visit in visits]),
         )
         if step is not None and step.p_value <= _DRIFTS:
-            size, low, high = (100 * np.expm1(step.size + k * step.sd) for k in (0, -2, 2))
-            where = f"rig {rig}: " if rig else ""
-            whose = "in the same people" if step.within else "from one set of people to another"
-            days = f"{date.fromordinal(step.before)} and {date.fromordinal(step.after)}"
-            yield (
-                f"{where}C10 changes by {size:+.1f} % ({low:+.1f} to {high:+.1f} %) {whose} between {days} "
-                f"(p = {step.p_value:.2g}). Was the rig's force, displacement or zero calibrated anew, or changed?"
-            )
+            yield rig, step
 
 
 def day(member: Member) -> date | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 
@@ -19,6 +19,8 @@ class Measure:
     unit: str
     verdict: str = ""
     """``identifiable``, ``weakly identifiable``, ``not identifiable``, or empty."""
+    explanations: tuple[tuple[float, float, float | None, float | None], ...] = ()
+    """Of a diagnosis: probability, value and interval under each; interval and value are over all."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,7 @@ def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
         base, (law,) = document["base_model"], document["laws"].values()
         return {
             "before repair": ModelResult(_measures(base["parameters"]), base["p_value"]),
-            "after repair": ModelResult(_measures(law["parameters"])),
+            "after repair": ModelResult(_explained(_measures(law["parameters"]), document["explanations"])),
         }
     if "laws" in document:
         return {
@@ -131,6 +133,20 @@ def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
 
 def _measures(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Measure]:
     return {name: _measure(entry) for name, entry in entries.items() if entry["value"] is not None}
+
+
+def _explained(measures: Mapping[str, Measure], entries: Sequence[Mapping[str, Any]]) -> dict[str, Measure]:
+    return {name: replace(one, explanations=_explanations(entries, name)) for name, one in measures.items()}
+
+
+def _explanations(
+    entries: Sequence[Mapping[str, Any]], name: str
+) -> tuple[tuple[float, float, float | None, float | None], ...]:
+    """A parameter under each that has it; that nothing was left out isn't one, as in a diagnosis' own interval."""
+    having = [one for one in entries if one.get("parameters", {}).get(name, {}).get("value") is not None]
+    having = [one for one in having if one["mechanisms"] or one["unknown"]] or having
+    each = ((one["probability"], one["parameters"][name]) for one in having)
+    return tuple((p, of["value"], *(of["ci95"] or (None, None))) for p, of in each)
 
 
 def _measure(entry: Mapping[str, Any]) -> Measure:

@@ -24,6 +24,7 @@ FACTORS = ("group", "side", "session", "rater", "rig", "sex")
 COVARIATES = ("age", "bmi")
 REPEATS = {"session": ("person", "side", "rater"), "rater": ("person", "side", "session")}
 """What makes a target of repeated tests: all but the column itself."""
+_COLUMNS = ("value", "own", "person", "measure", "row", "date")
 _LEAST_TARGETS = 5
 _LEAST_PEOPLE = 4
 """Beyond the number of effects."""
@@ -155,7 +156,7 @@ def statistics_document(found: Statistics) -> dict[str, Any]:
 
 
 def _analysed(members: Sequence[Member], rows: Sequence[Row], name: str, reasons: dict[str, None]) -> Analysed | None:
-    table, unit = _values(members, rows, name)
+    table, unit = values_of(members, rows, name)
     people = table["person"].nunique()
     if people < 2:
         reasons["Statistics need several people: the table names one, or none has a result."] = None
@@ -175,7 +176,8 @@ def _analysed(members: Sequence[Member], rows: Sequence[Row], name: str, reasons
     return Analysed(name, unit, logarithmic, len(table), people, repeated, effects, fitted, own, needed)
 
 
-def _values(members: Sequence[Member], rows: Sequence[Row], name: str) -> tuple[pd.DataFrame, str]:
+def values_of(members: Sequence[Member], rows: Sequence[Row], name: str) -> tuple[pd.DataFrame, str]:
+    """Return a parameter's values with what is known of each, a row a test, and the unit."""
     import pandas as pd
 
     known = {one.name: one for one in members}
@@ -186,8 +188,18 @@ def _values(members: Sequence[Member], rows: Sequence[Row], name: str) -> tuple[
             continue
         unit = one.unit
         given = {key: member.given.get(key) for key in (*FACTORS, *COVARIATES)}
-        entries.append({"value": one.value, "own": one.sd or 0.0, "person": member.person, **given})
-    return pd.DataFrame(entries, columns=["value", "own", "person", *FACTORS, *COVARIATES]), unit
+        entries.append(
+            {
+                "value": one.value,
+                "own": one.sd or 0.0,
+                "person": member.person,
+                **given,
+                "measure": one,
+                "row": row.name,
+            }
+            | {"date": member.given.get("date")}
+        )
+    return pd.DataFrame(entries, columns=[*_COLUMNS, *FACTORS, *COVARIATES]), unit
 
 
 def _repeated(table: pd.DataFrame, by: str, reasons: dict[str, None]) -> Repeated | None:
@@ -216,8 +228,27 @@ def _repeated(table: pd.DataFrame, by: str, reasons: dict[str, None]) -> Repeate
 
 def _effects(table: pd.DataFrame, reasons: dict[str, None]) -> tuple[tuple[Effect, ...], Fitted | None]:
     """Differences by a mixed model that knows each member's own error."""
+    kept, shown, design = design_of(table, FACTORS, COVARIATES, reasons)
+    _, person = np.unique(kept["person"], return_inverse=True)
+    _, leg = np.unique(kept["person"].astype(str) + "\0" + kept["side"].fillna("").astype(str), return_inverse=True)
+    people = int(person.max(initial=-1)) + 1
+    count = design.shape[1]
+    if people < count + _LEAST_PEOPLE:
+        need = count + _LEAST_PEOPLE
+        reasons[f"No mixed model: {people} people are too few for {count} effects ({need} are needed)."] = None
+        return (), None
+    model = MixedModel(kept["value"].to_numpy(), design, kept["own"].to_numpy(), person, leg)
+    fitted = model.fit()
+    effects = (Effect(text, *fitted.effect(k + 1), of_group) for k, (text, of_group) in enumerate(shown))
+    return tuple(effects), fitted
+
+
+def design_of(
+    table: pd.DataFrame, factors: Sequence[str], covariates: Sequence[str], reasons: dict[str, None]
+) -> tuple[pd.DataFrame, list[tuple[str, bool]], FloatArray]:
+    """Return the rows that have all, what each column but the first is and whether of a group, and the design."""
     used = []
-    for name in (*FACTORS, *COVARIATES):
+    for name in (*factors, *covariates):
         there = table[name].notna()
         if table[name][there].nunique() < 2:
             if name == "group":
@@ -231,7 +262,7 @@ def _effects(table: pd.DataFrame, reasons: dict[str, None]) -> tuple[tuple[Effec
     kept = table.dropna(subset=used)
     columns: list[tuple[str, bool, FloatArray]] = []
     for name in used:
-        if name in COVARIATES:
+        if name in covariates:
             numbers = kept[name].to_numpy(dtype=np.float64)
             columns.append((f"{name}, by one more", False, numbers - numbers.mean()))
             continue
@@ -248,17 +279,7 @@ def _effects(table: pd.DataFrame, reasons: dict[str, None]) -> tuple[tuple[Effec
             continue
         design.append(column)
         shown.append((text, of_group))
-    _, person = np.unique(kept["person"], return_inverse=True)
-    _, leg = np.unique(kept["person"].astype(str) + "\0" + kept["side"].fillna("").astype(str), return_inverse=True)
-    people = int(person.max(initial=-1)) + 1
-    if people < len(design) + _LEAST_PEOPLE:
-        need = len(design) + _LEAST_PEOPLE
-        reasons[f"No mixed model: {people} people are too few for {len(design)} effects ({need} are needed)."] = None
-        return (), None
-    model = MixedModel(kept["value"].to_numpy(), np.column_stack(design), kept["own"].to_numpy(), person, leg)
-    fitted = model.fit()
-    effects = (Effect(text, *fitted.effect(k + 1), of_group) for k, (text, of_group) in enumerate(shown))
-    return tuple(effects), fitted
+    return kept, shown, np.column_stack(design)
 
 
 def _people_needed(effect_size: float) -> int:

@@ -58,8 +58,13 @@ def cohort(
             "What does members at once: processes here (the default), ranks of mpirun, or a dask scheduler's workers."
         ),
     ] = "local",
-    scheduler: Annotated[str | None, _option("Address of the dask scheduler, or the file that it writes.")] = None,
+    scheduler: Annotated[
+        str | None, _option("Address of the dask scheduler, the file that it writes, or a TOML of a queue ([slurm]).")
+    ] = None,
     jobs: Jobs = None,
+    population: Annotated[
+        bool, typer.Option("--population", help="Fit what people are like too; writes population.json, for --prior.")
+    ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would be done, for how long and with how much memory.")
     ] = False,
@@ -106,6 +111,7 @@ def cohort(
             on=on,
             scheduler=scheduler,
             jobs=processes or 1,
+            population=population,
             dry_run=dry_run,
             progress=not quiet,
         )

@@ -37,6 +37,13 @@ def diagnose(
     correction: Annotated[
         Path | None, typer.Option(help="3D correction behind end-effects; the one in legfem by default.")
     ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Of C10 of the deep tissue, as of identify: 'deep.C10=population.json' of a cohort.",
+            show_default=False,
+        ),
+    ] = None,
     jobs: Jobs = None,
     seed: Annotated[int, typer.Option(help="Of the draws behind p-values; 0 by default.", show_default=False)] = 0,
     quiet: Quiet = False,
@@ -73,5 +80,6 @@ def diagnose(
             progress=not quiet,
             specimens=specimens or (),
             site=site or "",
+            prior=prior or (),
         )
         finish(found, folder, DIAGNOSIS, quiet, as_json)

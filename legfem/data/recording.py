@@ -66,17 +66,20 @@ def backwards(time: FloatArray, row: int) -> str:
 
 
 def write_recording(recording: Recording, path: Path) -> None:
-    """Write ``time_s,displacement_mm,force_N``, to 0.1 um and 0.1 mN."""
+    """Write ``time_s,displacement_mm,force_N`` and a column for each channel, to 0.1 um and 0.1 mN.
+
+    A channel's readings stand in the rows nearest in time, several in one as their mean; its other cells are empty.
+    """
     import pandas as pd
 
-    table = pd.DataFrame(
-        {
-            "time_s": recording.time.round(4),
-            "displacement_mm": recording.displacement.round(4),
-            "force_N": recording.force.round(4),
-        }
-    )
-    table.to_csv(path, index=False)
+    columns = {"time_s": recording.time, "displacement_mm": recording.displacement, "force_N": recording.force}
+    for one in recording.channels:
+        between = 0.5 * (recording.time[1:] + recording.time[:-1])
+        row = np.searchsorted(between, one.time)
+        count = np.bincount(row, minlength=len(recording))
+        total = np.bincount(row, one.values, minlength=len(recording))
+        columns[one.kind.column] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    pd.DataFrame(columns).round(4).to_csv(path, index=False)
 
 
 Origin = Literal["measured", "reconstructed", "simulated"]

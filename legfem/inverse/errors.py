@@ -94,7 +94,7 @@ class ErrorModel:
 
     def whitened(self, values: FloatArray) -> FloatArray:
         """Return L^-1 times vectors (n,) or (n, k)."""
-        return np.asarray(solve_triangular(self.lower, values, lower=True))
+        return np.asarray(solve_triangular(self.lower, values, lower=True, check_finite=False))
 
     def part(self, kept: NDArray[np.bool_]) -> ErrorModel:
         """Return the errors of some of the observations."""

@@ -108,12 +108,7 @@ class Evidence:
         k, trials = self.errors.known.shape[1], self.errors.gains.shape[1]
         centred = about.residual + about.jacobian @ about.prior_z
         logs, means, spreads, effects = [], [], [], []
-        scales = np.array(
-            [
-                np.concatenate([np.ones(p + k), np.full(trials, gain), np.full(trials, zero)])
-                for gain, zero, _ in self._sizes
-            ]
-        )
+        scales = np.array([np.repeat([gain, zero], trials) for gain, zero, _ in self._sizes])
         log_sizes = [log_size for _, _, log_size in self._sizes]
         for number, factor in enumerate(self._factors):
             prior = factor.discrepancy.log_prior if log_unknown is None else log_unknown[number]
@@ -125,23 +120,26 @@ class Evidence:
                 spreads += [np.zeros((p, p))] * len(self._sizes)
                 continue
             mine = np.column_stack([centred, about.jacobian])
-            white = solve_triangular(factor.lower, mine, lower=True)
-            columns = np.hstack([white[:, 1:], factor.columns])
-            gram, along = columns.T @ columns, columns.T @ white[:, 0]
-            square = float(white[:, 0] @ white[:, 0])
-            # All sizes of gains and zeros at once: (sizes, m) and (sizes, m, m).
-            inner = np.eye(scales.shape[1]) + scales[:, :, None] * gram * scales[:, None, :]
-            lower = np.linalg.cholesky(inner)
-            inverse = np.linalg.inv(lower)
-            half = np.einsum("sij,sj->si", inverse, scales * along)
-            log_dets = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-            log_det = factor.log_det + 2 * log_dets
-            squares = square - np.sum(half**2, axis=1)
+            white = solve_triangular(factor.lower, mine, lower=True, check_finite=False)
+            fixed, sized = np.hstack([white[:, 1:], factor.columns[:, :k]]), factor.columns[:, k:]
+            # What has one size is eliminated once, by its Schur complement; then all sizes of gains and zeros at once.
+            lower = np.linalg.cholesky(np.eye(p + k) + fixed.T @ fixed)
+            given = np.column_stack([fixed.T @ white[:, 0], fixed.T @ sized, np.eye(p + k)[:, :p]])
+            solved = solve_triangular(lower, solve_triangular(lower, given, lower=True), lower=True, trans="T")
+            alone, taken, own = solved[:, 0], solved[:, 1 : 1 + 2 * trials], solved[:p, 1 + 2 * trials :]
+            rest = sized.T @ sized - given[:, 1 : 1 + 2 * trials].T @ taken
+            inner = np.eye(2 * trials) + scales[:, :, None] * rest * scales[:, None, :]
+            inverse = np.linalg.inv(inner)
+            along = scales * (sized.T @ white[:, 0] - taken.T @ given[:, 0])
+            strength = np.einsum("sij,sj->si", inverse, along)
+            log_det = factor.log_det + 2 * np.log(np.diag(lower)).sum() + np.linalg.slogdet(inner)[1]
+            squares = white[:, 0] @ white[:, 0] - given[:, 0] @ alone - np.sum(along * strength, axis=1)
             logs += list(-0.5 * (squares + log_det + n * np.log(2 * np.pi)) + prior + np.array(log_sizes))
-            mean = np.einsum("sji,sj->si", inverse, half)
+            mean = alone - (scales * strength) @ taken.T
             means += list(mean[:, :p])
-            effects += list(mean[:, p : p + k])
-            spreads += list(np.einsum("sji,sjk->sik", inverse[:, :, :p], inverse[:, :, :p]))
+            effects += list(mean[:, p:])
+            each_taken = taken[:p] * scales[:, None, :]
+            spreads += list(own + np.einsum("sia,sab,sjb->sij", each_taken, inverse, each_taken))
         total = float(logsumexp(logs))
         weights = np.exp(np.array(logs) - total)
         mean = weights @ np.array(means)

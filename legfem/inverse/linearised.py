@@ -9,9 +9,9 @@ force are found, searches begin there, and it is shown of a model that the recor
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, null_of, prior_of
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.predictor import Predictor
+from legfem.inverse.predictor import Predictor, onset_name
 from legfem.inverse.trial_noise import Noise
 
 _FEW, _MANY = 6, 40
@@ -325,20 +325,30 @@ def _fit_from(
     def values_at(z: FloatArray) -> dict[str, float]:
         return {**fixed, **{p.name: q.value_at(float(x)) for p, q, x in zip(free, priors, z, strict=True)}}
 
+    numbers = {onset_name(trial): trial for trial in range(len(predictor.observed.trials))}
+    onsets = {k: numbers[p.name] for k, p in enumerate(free) if p.name in numbers}
+    trial_of = predictor.observed.trial[predictor.observed.nearest]
+
+    # A search asks for derivatives where it has just predicted, and the fit for both where the search ended.
+    @lru_cache(maxsize=2)
+    def predicted(z: tuple[float, ...]) -> FloatArray:
+        return predictor(values_at(np.array(z)), mechanisms)
+
+    @lru_cache(maxsize=2)
+    def change_at(z: tuple[float, ...]) -> FloatArray:
+        return _change(predicted, np.array(z), ends, onsets, trial_of)
+
     def misfit(z: FloatArray) -> FloatArray:
-        left = predictor.observed.values - predictor(values_at(z), mechanisms)
-        return np.concatenate([problem.whitened(left), z])
+        return np.concatenate([problem.whitened(predictor.observed.values - predicted(tuple(z))), z])
 
     def slopes(z: FloatArray) -> FloatArray:
-        columns = problem.whitened(_change(predictor, mechanisms, values_at, z, ends))
-        return np.vstack([-columns, np.eye(len(z))])
+        return np.vstack([-problem.whitened(change_at(tuple(z))), np.eye(len(z))])
 
     found = least_squares(
         misfit, at, jac=slopes, bounds=(ends[:, 0], ends[:, 1]), xtol=1e-7, ftol=1e-8, gtol=1e-9, max_nfev=evaluations
     )
     values = values_at(found.x)
-    prediction = predictor(values, mechanisms)
-    change = _change(predictor, mechanisms, values_at, found.x, ends)
+    prediction, change = predicted(tuple(found.x)), change_at(tuple(found.x))
     count = len(found.fun) - len(free)
     return LinearisedFit(
         tuple(mechanisms),
@@ -353,15 +363,42 @@ def _fit_from(
     )
 
 
-def _change(predictor, mechanisms, values_at, z: FloatArray, ends: FloatArray) -> FloatArray:  # type: ignore[no-untyped-def]
-    """Return the prediction's derivatives (n, p) by the departures, by differences."""
-    here = predictor(values_at(z), mechanisms)
-    columns = []
+def _change(
+    predicted: Callable[[tuple[float, ...]], FloatArray],
+    z: FloatArray,
+    ends: FloatArray,
+    onsets: Mapping[int, int],
+    trial_of: NDArray[np.int_],
+) -> FloatArray:
+    """Return the prediction's derivatives (n, p) by the departures, by differences.
+
+    Parameters
+    ----------
+    predicted
+        The readings (n,) at departures.
+    z, ends
+        (p,) and (p, 2): departures, and between which they may be.
+    onsets
+        The trials whose first contacts departures are, by their places: each moves its trial's readings alone, so
+        that all are moved at once.
+    trial_of
+        Trial of each reading, (n,).
+    """
+    here = predicted(tuple(z))
+    moved = np.where(z + _STEP < ends[:, 1], z + _STEP, z - _STEP)
+    columns = np.zeros((len(here), len(z)))
+    if onsets:
+        together = z.copy()
+        together[list(onsets)] = moved[list(onsets)]
+        change = predicted(tuple(together)) - here
+        for k, trial in onsets.items():
+            columns[trial_of == trial, k] = change[trial_of == trial] / (moved[k] - z[k])
     for k in range(len(z)):
-        moved = z.copy()
-        moved[k] += _STEP if z[k] + _STEP < ends[k, 1] else -_STEP
-        columns.append((predictor(values_at(moved), mechanisms) - here) / (moved[k] - z[k]))
-    return np.column_stack(columns)
+        if k not in onsets:
+            one = z.copy()
+            one[k] = moved[k]
+            columns[:, k] = (predicted(tuple(one)) - here) / (moved[k] - z[k])
+    return columns
 
 
 _ROUNDS = 4

@@ -6,13 +6,14 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from legfem.common.errors import InputError
 from legfem.common.units import MPA_PER_KPA, kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values, check_held, check_known, parameter_of, unit_of
 from legfem.inverse.laws import LAWS, LawName
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.inverse.population import TISSUES, population_prior
+from legfem.inverse.population import TISSUES, cohort_prior, population_prior
 
 _NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
 _LINEAR, _FACTOR = r"±|∓|\+/-|\+-|-\+|-/\+", r"x/|×/|\*/"
@@ -22,7 +23,8 @@ _WRITTEN = re.compile(
 )
 _FACTORS = {"kPa": ("MPa", MPA_PER_KPA), "1/kPa": ("1/MPa", 1 / MPA_PER_KPA)}
 _PRIOR_EXAMPLES = (
-    "'superficial.C10=2±1 kPa', 'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population'"
+    "'superficial.C10=2±1 kPa', 'superficial.C10=2 x/ 1.5 kPa' for a factor, 'superficial.C10=population', or "
+    "'deep.C10=FILE.json' of a cohort"
 )
 _POPULATION = "population"
 _FIX_EXAMPLE = "'deep.D1=28 1/MPa'"
@@ -38,7 +40,7 @@ class Written:
         Full names; empty for the law's own.
     priors : sequence of str
         ``NAME=CENTRE±SD UNIT``, ``NAME=MEDIAN x/ FACTOR UNIT``, or ``NAME=population`` for that of
-        people's calves (`legfem.inverse.population`).
+        people's calves (`legfem.inverse.population`), or ``NAME=FILE.json`` for a cohort's.
     fixed : sequence of str
         ``NAME=VALUE UNIT``.
     c10_bounds, c20_bounds : tuple of float, optional
@@ -135,6 +137,9 @@ def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
                 "--prior", name, "is not in the population's table", f"there is one of {' and '.join(TISSUES)}"
             )
         return name, population_prior(name)
+    if wanted.endswith(".json"):
+        check_known([name], nominal, "--prior")
+        return name, cohort_prior(name, Path(wanted))
     found = _WRITTEN.fullmatch(text)
     if found is None or found["how"] is None:
         raise InputError("--prior", text, "can't be read", f"write {_PRIOR_EXAMPLES}")
@@ -147,6 +152,22 @@ def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
         raise InputError("--prior", text, "has no width", "give a standard deviation over 0")
     sd = math.log(width) if logarithmic else width * factor
     return name, Prior(centre * factor, sd, "log" if logarithmic else "linear", "--prior")
+
+
+def deep_prior(texts: Sequence[str]) -> Prior:
+    """Return the prior (MPa) of the deep tissue's C10, the one that a diagnosis takes.
+
+    Raises
+    ------
+    InputError
+        If it can't be read, or is another's.
+    """
+    (name, prior), *others = (read_prior(text, {DEEP_C10: 1.0}) for text in texts)
+    if others or name != DEEP_C10:
+        raise InputError("--prior", ", ".join(texts), "can't be taken by a diagnosis", f"give one of {DEEP_C10}")
+    if prior.scale != "log" and not 0 < prior.sd < prior.centre:
+        raise InputError("--prior", texts[0], "reaches below zero", "give a median and a factor")
+    return prior
 
 
 def read_value(text: str, nominal: Values) -> tuple[str, float]:

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import json
 from functools import cache
+from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel
+from pydantic import BaseModel, PositiveFloat, ValidationError
 
+from legfem.common.errors import InputError
+from legfem.common.input_files import read_text
 from legfem.common.units import kpa_to_mpa
 from legfem.data.folder import RESOURCES
+from legfem.inverse.catalogue import key_of
 from legfem.inverse.parameter import Prior
 
 TABLE = RESOURCES / "people" / "population.json"
@@ -80,3 +84,42 @@ def population_prior(name: str, site: str = CALF) -> Prior:
     table = population()
     tissue: TissuePopulation = getattr(table.sites[site], TISSUES[name])
     return Prior(kpa_to_mpa(tissue.C10_median_kPa), tissue.log_sd, "log", table.source)
+
+
+class CohortParameter(BaseModel):
+    """A stiffness over the people of a cohort: in somebody new its logarithm is normal."""
+
+    median: PositiveFloat
+    """kPa."""
+    log_sd: PositiveFloat
+    people: int
+    law: str
+    source: str
+
+
+class CohortPopulation(BaseModel):
+    """What ``python -m legfem.cohort --population`` writes."""
+
+    schema_version: Literal[1]
+    parameters: dict[str, CohortParameter]
+    """By key: ``c10_deep``."""
+
+
+def cohort_prior(name: str, path: Path) -> Prior:
+    """Return the prior of a stiffness (MPa) that a cohort's file holds.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, or doesn't have it.
+    """
+    remedy = "give the population.json that python -m legfem.cohort FOLDER --population wrote"
+    try:
+        found = CohortPopulation.model_validate_json(read_text(path, remedy, remedy))
+    except ValidationError:
+        raise InputError(path, "JSON", "holds no population", remedy) from None
+    if key_of(name) not in found.parameters:
+        raise InputError(path, key_of(name), "is not in it", f"there is {', '.join(found.parameters)}")
+    one = found.parameters[key_of(name)]
+    source = f"{one.people} people of {one.source}, {one.law}"
+    return Prior(kpa_to_mpa(one.median), one.log_sd, "log", source)

@@ -13,8 +13,8 @@ from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import PPoly
-from scipy.sparse import block_diag, csr_array
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
@@ -194,9 +194,9 @@ class Predictor:
             own_factor = mechanism.force_factor(mine, observed)
             force, factors = force * own_factor, factors * own_factor
         beyond: Columns = {}
-        elastically = [m.solution(its) for m, its in tissue if not m.along_path and not m.derivatives]
-        if whole and self.together is not None and len(elastically) == 2:
-            beyond = self.together(elastically, (c10, c20))
+        if whole and self.together is not None:
+            elastically = [m.solution(its) for m, its in tissue if not m.along_path and not m.derivatives]
+            beyond = self.together(elastically, (c10, c20)) if len(elastically) == 2 else {}
         if beyond:
             force = force * (1 + np.interp(observed.displacement, self.responses.grid, beyond["force"]))
         for mechanism in mechanisms:
@@ -213,13 +213,21 @@ class Predictor:
         for k, name in enumerate(names):
             if name in beyond:
                 courses[:, k] += at(beyond[name][:, None])[:, 0]
-        courses[:, [one.is_force for one in observed.channels]] *= factors[:, None]
-        return np.concatenate([force, self._read @ courses.ravel(order="F")]) + self.offset
+        for k, one in enumerate(observed.channels):
+            if one.is_force:
+                courses[:, k] *= factors
+        places, weights = self._read
+        return np.concatenate([force, np.einsum("rw,rw->r", weights, courses.ravel()[places])]) + self.offset
 
     @cached_property
-    def _read(self) -> csr_array:
-        """What all readings beside the force take of the channels' courses at the stations, one after the other."""
-        return block_diag([csr_array(one.weights) for one in self.observed.channels], format="csr")
+    def _read(self) -> tuple[NDArray[np.int_], FloatArray]:
+        """Where in the courses (n, k) every reading beside the force stands, and what it takes of it; (r, w) each."""
+        every = np.concatenate([one.weights for one in self.observed.channels])
+        channel = np.repeat(np.arange(len(self.observed.channels)), [len(one.values) for one in self.observed.channels])
+        width = int((every != 0).sum(axis=1).max())
+        at = np.argsort(every == 0, axis=1, kind="stable")[:, :width]
+        places = at * len(self.observed.channels) + channel[:, None]
+        return places, np.take_along_axis(every, at, axis=1)
 
     def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
         """Return the force at factors on the deep stiffness."""

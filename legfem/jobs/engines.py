@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from legfem.common.errors import InputError
+from legfem.common.input_files import read_toml
 from legfem.jobs.pool import interruptible, processes
 
 type EngineName = Literal["local", "mpi", "dask"]
@@ -59,7 +61,8 @@ def engine_named(name: EngineName, jobs: int, scheduler: str | None) -> Iterator
     jobs
         Processes of ``local``.
     scheduler
-        Address of a dask scheduler, or its file.
+        Address of a dask scheduler, or its file; or a TOML with the table of a queue (``[slurm]``), whose keys but
+        ``jobs`` are those of dask-jobqueue.
 
     Raises
     ------
@@ -116,23 +119,49 @@ def _dask(scheduler: str | None) -> Iterator[Engine]:
     if scheduler is None:
         remedy = "start one with: dask scheduler, workers with: dask worker ADDRESS --nthreads 1, and give its address"
         raise InputError("--scheduler", "missing", "dask needs a scheduler", remedy)
-    try:
-        address = {"scheduler_file": scheduler} if scheduler.endswith(".json") else {"address": scheduler}
-        client = Client(**address, timeout=_PATIENCE)
-    except (OSError, ValueError) as error:
-        said = " ".join(str(error).split())[:120]
-        raise InputError("--scheduler", scheduler, f"doesn't answer ({said})", "check the address") from None
-    with client:
+    with ExitStack() as stack:
+        expected, address = 0, {"scheduler_file" if scheduler.endswith(".json") else "address": scheduler}
+        if scheduler.endswith(".toml"):
+            cluster, expected = _queued(Path(scheduler), stack)
+            address = {"address": cluster}
+        try:
+            client = stack.enter_context(Client(**address, timeout=_PATIENCE))
+        except (OSError, ValueError) as error:
+            said = " ".join(str(error).split())[:120]
+            raise InputError("--scheduler", scheduler, f"doesn't answer ({said})", "check the address") from None
         threads = client.nthreads()
-        if not threads or max(threads.values()) > 1:
+        if not expected and (not threads or max(threads.values()) > 1):
             problem = "has workers of several threads, in which PETSc can't run" if threads else "has no workers"
             raise InputError("--scheduler", scheduler, problem, "start workers with dask worker ADDRESS --nthreads 1")
-        yield Engine(
-            len(threads),
-            lambda: client.get_executor(pure=False),
-            (KilledWorker,),
-            f", on {len(threads)} workers, shown at {client.dashboard_link}",
-        )
+        workers = expected or len(threads)
+        place = f", on {workers} workers{' when their jobs begin' * bool(expected)}, shown at {client.dashboard_link}"
+        yield Engine(workers, lambda: client.get_executor(pure=False), (KilledWorker,), place)
+
+
+def _queued(path: Path, stack: ExitStack) -> tuple[Any, int]:
+    """Return a scheduler in this process whose workers are jobs of a cluster's queue, and how many there will be."""
+    import dask
+    import dask_jobqueue
+
+    queues = {one.job_cls.config_name: one for one in vars(dask_jobqueue).values() if hasattr(one, "job_cls")}
+    given = read_toml(path, "--scheduler")
+    known = f"give one of [{'], ['.join(sorted(filter(None, queues)))}] with jobs, cores, memory and walltime"
+    name, table = next(iter(given.items()), ("", {}))
+    if len(given) != 1 or name not in queues or not isinstance(table, dict):
+        raise InputError(path, ", ".join(given) or "TOML", "is no queue that dask-jobqueue knows", known)
+    jobs, cores = table.pop("jobs", 1), table.get("cores", 1)
+    for key, value in (("jobs", jobs), ("cores", cores)):
+        if not isinstance(value, int) or value < 1:
+            raise InputError(path, f"{name}.{key}", f"is {value!r}", "give a whole number from 1")
+    # A task whose worker died is tried on one more.
+    stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 1}))
+    try:
+        # A process a core: PETSc can't run in several threads.
+        cluster = stack.enter_context(queues[name](**{"cores": cores, "processes": cores} | table))
+    except (TypeError, ValueError) as error:
+        raise InputError(path, name, " ".join(str(error).split())[:200], known) from None
+    cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)  # so that a job that is lost is submitted again
+    return cluster, jobs * cores
 
 
 def outcomes[Task, Outcome](

@@ -258,7 +258,12 @@ def accuracy_of(subject: Subject) -> Accuracy:
     """
     check_measured(subject.directory / "subject.toml", subject.measured)
     known = accuracy_of_shape(subject)
-    return replace(known, measured=elastography_priors(subject.elastography), effects=subject.measured)
+    measured = elastography_priors(subject.elastography)
+    if (prior := subject.stiffness_prior) is not None:
+        if DEEP_C10 in measured:
+            raise InputError("--prior", DEEP_C10, "was measured by shear waves, in subject.toml", "leave one out")
+        measured[DEEP_C10] = prior
+    return replace(known, measured=measured, effects=subject.measured)
 
 
 WITHOUT_ENDS: Mapping[str, str] = {

@@ -104,7 +104,7 @@ class Accuracy:
         if material.startswith(SIZE):
             return self.size_sd
         if (known := self.measured.get(material)) is not None:
-            return known.sd / known.centre
+            return known.sd if known.scale == "log" else known.sd / known.centre
         return MATERIAL_LOG_SD[material] if self.assumed_sd is None else self.assumed_sd
 
 

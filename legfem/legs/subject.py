@@ -12,6 +12,7 @@ from legfem.data import Instrument, Recording, Segmentation, segment_all
 from legfem.data.recording import Origin
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
+from legfem.inverse.parameter import Prior
 from legfem.legs.elastography import FibreRatio, ShearModulus
 
 Law = Literal["neo-hookean", "reduced-polynomial"]
@@ -105,6 +106,8 @@ class Subject:
     fibres: FibreRatio | None = None
     """Of the deep tissue, along the leg; None where nothing is known of them."""
     measured: tuple[MeasuredEffect, ...] = ()
+    stiffness_prior: Prior | None = None
+    """Of C10 of the deep tissue (MPa), for a diagnosis: of people like this one."""
     typical_shape: bool = False
     """Whether the section is a typical calf's of the measured girth and fat, in place of the leg's own outlines."""
 

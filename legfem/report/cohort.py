@@ -11,6 +11,7 @@ import numpy as np
 
 import legfem.report.page as web
 from legfem.cohort.members import Member, Members
+from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
@@ -42,7 +43,9 @@ _STATIONS = 25
 """Of a curve that is drawn."""
 
 
-def cohort_web_page(members: Members, rows: Sequence[Row], task: str, command: str = "") -> web.WebPage:
+def cohort_web_page(
+    members: Members, rows: Sequence[Row], task: str, command: str = "", population: Sequence[PopulationFit] = ()
+) -> web.WebPage:
     """Return the page of a cohort.
 
     Parameters
@@ -55,6 +58,8 @@ def cohort_web_page(members: Members, rows: Sequence[Row], task: str, command: s
         What was done.
     command
         That was given.
+    population
+        What people are like, where that was fitted.
     """
     every, model = members.every, cohort_model(rows)
     odd = suspicions(every, rows)
@@ -64,6 +69,7 @@ def cohort_web_page(members: Members, rows: Sequence[Row], task: str, command: s
         web.Chapter("What was found", _numbers(every, rows, model, found)),
         *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
         cohort_statistics.chapter(statistics(every, rows)),
+        *([cohort_statistics.population_chapter(population)] if population else []),
         web.Chapter(ODD, _odd(odd, missing(every, rows))),
         web.Chapter("Methods", [web.Prose(text) for text in methods(members, rows, task, model)]),
     ]

@@ -9,6 +9,7 @@ import numpy as np
 
 import legfem.report.page as web
 from legfem.cohort.agreement import ICC_FORM
+from legfem.cohort.population_model import LEVELS, PopulationFit
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
 from legfem.report.words import short_probability
 
@@ -160,3 +161,45 @@ def _needed(some: Sequence[Analysed]) -> web.WebTable:
         "two-sided t test of people's means), with these spreads and as many tests a person"
     )
     return web.WebTable(caption, header, rows)
+
+
+def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
+    """Return what people are like: a prior for new legs."""
+    words = {"person": "people", "leg": "legs of a person", "visit": "visits", "test": "what is left"}
+    levels = [level for level in LEVELS if any(level in one.draws.sd for one in found)]
+
+    def share(values: np.ndarray) -> str:
+        low, middle, high = 100 * np.expm1(np.quantile(values, (0.025, 0.5, 0.975)))
+        return f"{middle:.1f} % ({low:.1f} to {high:.1f} %)"
+
+    rows = []
+    for one in found:
+        low, middle, high = (math.exp(one.log_median + k * one.log_sd) for k in (-1.96, 0.0, 1.96))
+        sds = [share(one.draws.sd[level]) if level in one.draws.sd else "" for level in levels]
+        rows.append([one.key, f"{middle:.3g} kPa", f"{low:.3g} to {high:.3g} kPa", *sds])
+    header = ["what", "median of people", "95 % of people", *(words.get(level, f"{level}s") for level in levels)]
+    caption = "What people are like, and how much of it differs between whom, beyond each test's own errors (95 %)"
+    blocks: list[web.Block] = [
+        web.Prose(
+            "A hierarchical model in which each test's likelihood enters with its errors (NumPyro). Its file "
+            "population.json is a prior for new legs: --prior deep.C10=population.json. Its values of single tests "
+            "(shrunk) are drawn towards the others, the more the less a test says."
+        ),
+        web.WebTable(caption, header, rows),
+    ]
+    effects = [
+        [f"{one.key}: {name}", share(one.draws.effects[:, k]) if "exponent" not in name else _exponent(one, k)]
+        for one in found
+        for k, name in enumerate(one.given.names)
+    ]
+    if effects:
+        blocks.append(web.WebTable("Differences, exponents of covariates and steps of rigs", ["what", "95 %"], effects))
+    doubtful = [one.key for one in found if not one.converged]
+    if doubtful:
+        blocks.append(web.Prose(f"The draws of {', '.join(doubtful)} have not settled: do not rely on them."))
+    return web.Chapter("What people are like", blocks)
+
+
+def _exponent(one: PopulationFit, k: int) -> str:
+    low, middle, high = np.quantile(one.draws.effects[:, k], (0.025, 0.5, 0.975))
+    return f"{middle:.2f} ({low:.2f} to {high:.2f})"

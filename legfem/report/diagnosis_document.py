@@ -85,6 +85,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "unknown": e.unnamed,
                     "probability": e.probability,
                     "log_evidence": e.posterior.log_evidence,
+                    "parameters": {key_of(name): _parameter(e, name) for name in e.fit.stiffness},
                 }
                 for e in found.explained.every
                 if e.probability > 1e-4

@@ -165,6 +165,10 @@ def _headline(chosen: LegFit) -> web.Headline:
     else:
         sentence = f"{_stiffness(chosen)}. The {law} law describes {where}."
         wrong = "None. Only the loading part of the recordings was checked."
+        if _suspect(chosen).indenter.lies_along:
+            wrong += (
+                " Effects that C10 may hide are not looked for here: legfem diagnose says how far they could move it."
+            )
     c10 = _c10_value(chosen)
     return web.Headline(
         tone,
