@@ -134,6 +134,23 @@ def sensitivities(explained: Explained, name: str, most: int = 5) -> tuple[Sensi
     return tuple(found)
 
 
+_HEAVIEST = 3
+"""Mechanisms whose weight is varied for `robust_interval`."""
+
+
+def robust_interval(explained: Explained, name: str) -> tuple[float, float] | None:
+    """Return a parameter's interval whichever of the heaviest mechanisms is `TIMES` as common as is assumed.
+
+    How common effects are is mostly a judgement: the widest of the intervals by several of them (J. O. Berger, J. Stat.
+    Plan. Inference 25 (1990) 303).
+    """
+    own = averaged_interval(explained, name)
+    if own is None:
+        return None
+    others = [one.commoner for one in sensitivities(explained, name, _HEAVIEST)]
+    return min(low for low, _ in (own, *others)), max(high for _, high in (own, *others))
+
+
 def _averaged(explained: Explained, name: str) -> list[tuple[Explanation, float]]:
     """Return the explanations that count for a parameter, with their weights."""
     weights = probabilities([_log_weight(e) for e in explained.every])

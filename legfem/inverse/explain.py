@@ -16,10 +16,18 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales, possible_discrepancies, with_discrepancy
 from legfem.inverse.evidence import Evidence, probabilities
-from legfem.inverse.explanation import INEXACT, Explained, Explanation, counts_for, log_bayes_factor, singles_of
+from legfem.inverse.explanation import (
+    ADDS_FROM,
+    INEXACT,
+    Explained,
+    Explanation,
+    counts_for,
+    log_bayes_factor,
+    singles_of,
+)
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, ordinary_fit
-from legfem.inverse.mechanism import Mechanism
+from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior
 from legfem.inverse.predictor import Predictor, Responses
 
@@ -63,6 +71,9 @@ def with_probabilities(found: Sequence[Explanation]) -> list[Explanation]:
 
 INEXACT_SHARE = 0.4
 """Of what shows of a mechanism, what its form may leave at most."""
+FORM_SHARE = 0.1
+"""Of all that a mechanism changes, what its form may leave at most: a law, a place or a mesh is off by some per cent of
+the whole effect, of which a refit of the stiffness hides most."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 MOVED = 3.0
 """ln of the evidence by which a full solution may move a mechanism's before its pairs are fitted about it, too."""
@@ -124,7 +135,7 @@ def explain(
             found = _confirmed(found, base, evidence, unknowns, confirm)
         pairs = _untried(found)
         if not pairs:
-            found = _integrated(found, evidence, unknowns)
+            found = _integrated(found, base, evidence, unknowns)
             return Explained(tuple(found), _nothing(found))
 
 
@@ -187,13 +198,21 @@ def _explanation(
 
 
 def _shares_beside(
-    problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit, unknowns: Sequence[Discrepancy]
+    problem: LinearisedProblem,
+    fitted: LinearisedFit,
+    base: LinearisedFit,
+    unknowns: Sequence[Discrepancy],
+    hides: bool = False,
 ) -> list[float]:
-    """Return the logarithms of the shares of unknown errors beside a model with mechanisms."""
+    """Return the logarithms of the shares of unknown errors beside a model with mechanisms, or one that hides."""
     scales = discrepancy_scales(problem.predictor.observed, base.prediction)
     # In a channel that a mechanism doesn't change its form leaves nothing either.
-    shown = zip(shown_effects(problem, fitted, base), scales, strict=True)
-    most = [max(INEXACT_SHARE * effect / scale, unknowns[1].size) for effect, scale in shown]
+    shown = shown_effects(problem, fitted, base)
+    whole = _whole_effects(problem, fitted) if hides else [0.0] * len(shown)
+    most = [
+        max(INEXACT_SHARE * effect / scale, FORM_SHARE * all_of_it / scale, unknowns[1].size)
+        for effect, all_of_it, scale in zip(shown, whole, scales, strict=True)
+    ]
     fits = [
         u.covariance is not None and all(size <= own for size, own in zip(u.by_channel, most, strict=True))
         for u in unknowns
@@ -209,7 +228,9 @@ HIDDEN_FROM = 1e-3
 """Probability of a single mechanism from which it may hide: its strength is integrated out, for the stiffness."""
 
 
-def _integrated(found: list[Explanation], evidence: Evidence, unknowns: Sequence[Discrepancy]) -> list[Explanation]:
+def _integrated(
+    found: list[Explanation], base: LinearisedFit, evidence: Evidence, unknowns: Sequence[Discrepancy]
+) -> list[Explanation]:
     """Integrate out the strength of every explanation that may be what was left out, or may hide."""
 
     def matters(one: Explanation) -> bool:
@@ -220,15 +241,27 @@ def _integrated(found: list[Explanation], evidence: Evidence, unknowns: Sequence
             problem = one.problem
             # Steps are fitted as the fit itself was, or they begin at another minimum.
             aware = None if one.fit_without_discrepancy is None else _aware(problem, one.posterior, unknowns)
-            posterior = integrate_strength(
-                aware or problem,
-                one.fit,
-                one.posterior,
-                partial(laplace_posterior, problem, evidence, shares=one.log_discrepancy_weights),
-            )
+            hides = log_bayes_factor(one, _nothing(found)) < ADDS_FROM
+            of = partial(_with_its_form, problem, base, evidence, unknowns, one.log_discrepancy_weights, hides)
+            posterior = integrate_strength(aware or problem, one.fit, one.posterior, of)
             found[found.index(one)] = replace(one, posterior=posterior, strength_integrated=True)
         found = with_probabilities(found)
     return found
+
+
+def _with_its_form(
+    problem: LinearisedProblem,
+    base: LinearisedFit,
+    evidence: Evidence,
+    unknowns: Sequence[Discrepancy],
+    shares: Sequence[float],
+    hides: bool,
+    held: LinearisedFit,
+) -> Posterior:
+    """Return what the data say of a fit with its strength held, beside what so strong an effect's form may leave."""
+    if hides:
+        shares = _shares_beside(problem, held, base, unknowns, True)
+    return laplace_posterior(problem, evidence, held, shares)
 
 
 def _aware(problem: LinearisedProblem, posterior: Posterior, unknowns: Sequence[Discrepancy]) -> LinearisedProblem:
@@ -250,6 +283,13 @@ def shown_effects(problem: LinearisedProblem, fitted: LinearisedFit, base: Linea
     white = problem.whitened(change)
     rest = problem.errors.lower @ (white - basis @ (basis.T @ white)) if problem.kept is None else change
     return [float(np.sqrt(np.mean(rest[span] ** 2))) for span in problem.predictor.observed.data.spans]
+
+
+def _whole_effects(problem: LinearisedProblem, fitted: LinearisedFit) -> list[float]:
+    """Return the root mean square of all that mechanisms change at the fitted stiffness, by channel in its unit."""
+    nulls = {f"{m.name}.{m.parameters[0].name}": null_of(m.parameters[0]) for m in fitted.mechanisms}
+    change = fitted.prediction - problem.predictor({**fitted.values, **nulls}, fitted.mechanisms)
+    return [float(np.sqrt(np.mean(change[span] ** 2))) for span in problem.predictor.observed.data.spans]
 
 
 def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
-from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.averaging import robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.cross_validation import HeldOut, held_out
 from legfem.inverse.discrepancy import possible_discrepancies
@@ -146,7 +146,7 @@ class Diagnosis:
 
     @cached_property
     def _averaged(self) -> dict[str, tuple[float, float]]:
-        found = {name: averaged_interval(self.explained, name) for name in (DEEP_C10, DEEP_C20)}
+        found = {name: robust_interval(self.explained, name) for name in (DEEP_C10, DEEP_C20)}
         return {name: ends for name, ends in found.items() if ends is not None}
 
     @cached_property

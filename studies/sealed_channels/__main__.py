@@ -29,9 +29,9 @@ from studies.sealed_channels.diagnosing import Lab, Said, Task, diagnosed
 def table(said: Sequence[Said]) -> str:
     """Return what is right by channels and by case, in Markdown."""
     lines = [
-        "| channels | named first | listed | pairs first | outside unknown | false alarms | C10 held "
+        "| channels | named first | listed | pairs first | outside unknown | false alarms | F1 of names | C10 held "
         "| half-width, median | said with 0.8 or more and right |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for subset in SUBSETS:
         mine = [one for one in said if one.subset == subset]
@@ -46,6 +46,7 @@ def table(said: Sequence[Said]) -> str:
             _rate([one.right for one in by_kind["pair"]]),
             _rate([one.right for one in unknown]),
             _rate([not one.right for one in by_kind["none"]]),
+            f"{names_f1(mine):.2f}",
             _rate([one.holds for one in mine]),
             f"{100 * float(np.median([one.half_width for one in mine])):.0f} %" if mine else "",
             _rate([one.right for one in sure]),
@@ -59,6 +60,13 @@ def table(said: Sequence[Said]) -> str:
         cells = [_cell(row[subset]) if subset in row else "" for subset in SUBSETS]
         lines.append(f"| {number} | {truth}, C10 {some.true_c10:.2f} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def names_f1(said: Sequence[Said]) -> float:
+    """Return the F1 of the names in the first things said: of effects that were there, and of names that were right."""
+    right = sum(len(set(one.first) & set(one.truth)) for one in said)
+    either = sum(len(one.first) + len(one.truth) for one in said)
+    return 2 * right / either if either else 1.0
 
 
 def _rate(which: Sequence[bool]) -> str:
