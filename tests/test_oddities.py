@@ -15,7 +15,7 @@ from making_sites import write_sites
 from making_specimens import write_bars
 
 from legfem.common.errors import InputError
-from legfem.data import Instrument, Recording, segment
+from legfem.data import Instrument, Recording, read_samples, segment
 from legfem.data.plausibility import cut_off, trial_doubts
 from legfem.geometry.section import PARTS
 from legfem.geometry.section_from_outlines import polygons_of
@@ -156,3 +156,35 @@ def test_points_in_no_order_are_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="skin: its points are in no order"):
         polygons_of({"skin": [points]}, Path("points.csv"), "level 10 mm")
     assert time.monotonic() - start < 2.0
+
+
+def test_a_loading_with_a_gap_is_doubted() -> None:
+    one = made()
+    kept = (one.time < 15.0) | (one.time > 25.0)
+    line, *_ = doubted(Recording(one.time[kept], one.displacement[kept], one.force[kept], "t"))
+    assert "nothing was recorded between 14.9 and 25.1 s" in line
+
+
+@pytest.mark.parametrize("text", ["1e300", "-1e12"])
+def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text("time_s,displacement_mm,force_N\n" + "".join(f"{k / 10},{k / 100},{text}\n" for k in range(60)))
+    with pytest.raises(InputError, match="60 numbers are no readings"):
+        read_samples(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("force_sd_N = 0.04", "force_sd_N = 1e300", "is out of range; give a value at most 1e+06, in N"),
+        ('title = "Made for a test"', "title = 7", "7 is no text; write it in quotes: title = "),
+        ("aim_mm = [0.0, 0.0]", "aim_mm = true", "True is no list; write aim_mm = [...]"),
+    ],
+)
+def test_a_key_of_a_wrong_type_is_refused_with_how_to_write_it(tmp_path: Path, old: str, new: str, words: str) -> None:
+    folder = write_subject(tmp_path / "leg")
+    toml = folder / "subject.toml"
+    toml.write_text(toml.read_text().replace(old, new))
+    with pytest.raises(InputError) as caught:
+        load_subject(folder)
+    assert words in str(caught.value)

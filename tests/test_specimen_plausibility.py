@@ -57,6 +57,14 @@ def _copied(folder: Path) -> None:
     shutil.copy(_tables(folder)[0], folder / "recordings" / "again.csv")
 
 
+def _three_times(folder: Path) -> None:
+    """With a noise of its own: it is no copy."""
+    table = pd.read_csv(folder / "recordings" / "middle.csv")
+    noise = 0.01 * table["force_N"].max() * np.random.default_rng(3).standard_normal(len(table))
+    again = table.assign(force_N=3.0 * table["force_N"] + noise)
+    again.to_csv(folder / "recordings" / "again.csv", index=False)
+
+
 def _thinned(folder: Path) -> None:
     pd.read_csv(_tables(folder)[0])[::2].to_csv(folder / "recordings" / "again.csv", index=False)
 
@@ -81,6 +89,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     "force in mN": (_times("force_N", 1e3), "force_N"),
     "force in kN": (_times("force_N", 1e-3), "force_N"),
     "muscle ten times too stiff": (_every(MUSCLE, _times("force_N", 10.0)), "force_N"),
+    "one recording three times another of the same piece": (_three_times, "force_N"),
     "one recording in gf": (_times("force_N", 102.0, 1), "force_N"),
     "force of the other sign": (_times("force_N", -1.0), "force_N"),
     "force cut off": (_each(_clipped), "force_N"),

@@ -52,7 +52,7 @@ def look(
     """
     with command_context(quiet=quiet):
         from legfem.common.documents import write_atomically, write_document
-        from legfem.data import Scales, segment
+        from legfem.data import Scales, among_repeats, segment
         from legfem.data.contact import LEG
         from legfem.data.formats import read_sheets
         from legfem.data.formats.sheet import Quantity
@@ -79,7 +79,7 @@ def look(
         if len(set(names)) < len(names):
             twice = next(path for path in files if names.count(path.stem) > 1)
             raise InputError(twice, "name", "two files have it", "give each trial its own name")
-        seen, tomls = [], {}
+        read, tomls = [], {}
         for path in files:
             recording = read_own(path)
             layout = ""
@@ -93,7 +93,7 @@ def look(
                 recording = recording_of(path, sheets, proposal.channels)
                 layout = recordings_toml(proposal.channels)
             scales = Scales.of_specimen(recording) if specimens else LEG
-            seen.append(Looked(recording, proposal, quality_of(segment(recording, scales=scales))))
+            read.append((proposal, segment(recording, scales=scales)))
             tomls[path] = layout + channels_toml(recording.channels)
         first = files[0]
         other = next((path for path in files if tomls[path] != tomls[first]), None)
@@ -104,6 +104,8 @@ def look(
                 f"is laid out otherwise than {first.name}",
                 "look at files of each layout by themselves, and keep them in folders of their own",
             )
+        trials = among_repeats([trial for _, trial in read])
+        seen = [Looked(one.recording, how, quality_of(one)) for (how, _), one in zip(read, trials, strict=True)]
         folder.mkdir(parents=True, exist_ok=True)
         text = "\n".join(look_text(*parts) for parts in seen)
         pictures = [draw_look(recording, quality, folder) for recording, _, quality in seen]

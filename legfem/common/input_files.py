@@ -305,6 +305,14 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
             return f"{given!r} is no plain name", (
                 "begin with a letter or digit, and use these, dots, dashes, underscores and spaces"
             )
+        case "string_type" | "string_too_short":
+            return f"{given!r} is no text", f'write it in quotes: {keys[-1]} = "..."'
+        case "bool_type":
+            return f"{given!r} is neither true nor false", f"write {keys[-1]} = true or {keys[-1]} = false"
+        case "list_type":
+            return f"{given!r} is no list", f"write {keys[-1]} = [...], with commas between its parts"
+        case "model_type" | "model_attributes_type" | "dict_type":
+            return f"{given!r} is no table", f"write [{'.'.join(keys)}] on a line of its own, and its keys below"
         case "too_short" | "too_long":
             return f"{given!r} has the wrong length", "write [x, y]"
         case _:

@@ -6,7 +6,8 @@ from legfem.data.noise import Instrument, NoiseEstimate, seen_instrument
 from legfem.data.quality import check_trial, quality_of
 from legfem.data.reader import SourceColumn, SourceColumns, read_samples
 from legfem.data.recording import Recording, write_recording
-from legfem.data.segmentation import Segmentation, segment, segment_all
+from legfem.data.repeats import among_repeats, segment_all
+from legfem.data.segmentation import Segmentation, segment
 
 __all__ = [
     "Contact",
@@ -18,6 +19,7 @@ __all__ = [
     "Segmentation",
     "SourceColumn",
     "SourceColumns",
+    "among_repeats",
     "check_trial",
     "mean_loading_curve",
     "quality_of",

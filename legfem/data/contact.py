@@ -7,24 +7,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.data.noise import Instrument
 from legfem.data.recording import Recording
 from legfem.data.smoothing import sample_noise, without_outliers
 
 _DEPTH_FITTED, _AIR_FITTED = 3.0, 6.0
 """Ways of `Scales` after and before a rough contact that are fitted."""
-_MAX_POINTS = 400
-# Slow drifts of the force look like an earlier or later onset; found by simulation with noise
-# correlated over 1.2 mm.
-_SLOW_NOISE_FACTOR = 2.0
-# Drop in cost, in units of the noise's variance, below which air isn't believed.
-_LEAST_GAIN = 25.0
-_STIFFENING = (0.0, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3, 0.4)
+_MAX_POINTS = 200
+# Drop in cost, in units of the errors' variance, below which air isn't believed.
+_LEAST_GAIN = 10.0
+_MOST_STIFFENING = 0.4
 """By which the force's slope may grow, relative, over one way of `Scales`."""
 _SHAPE_ERROR = 0.03
-"""Of a way: what the fitted shape may misplace contact by, however little noise there is."""
+"""Of a way: what the fitted shapes may misplace contact by, however little noise there is."""
+_OF_FORCE = 0.02
+"""Of the force: what the shapes misdescribe."""
 _TRAVELS = 10.0
 _FEWEST = 8
 """Samples."""
+_SLOW_WAYS = (0.5, 5.0)
+"""Over which the load cell's slow error changes: as flicker noise, half of its variance over each."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,9 @@ class Scales:
     """N that a touch raises the force by at least: a leg pressed by some mm answers with tenths."""
     depth: float = 5.0
     """mm of loading after contact, less of which shows no stiffness."""
-    shape_known: bool = True
-    """Whether the force begins as under a cylinder on a leg, in proportion to the way at first."""
+    powers: tuple[tuple[float, float], ...] = ((1.0, 1.0), (1.15, 0.6), (1.3, 0.15), (1.5, 0.01))
+    """Powers of the way that the force may begin with, and how likely they are beforehand: a leg's under a cylinder
+    begins nearly in proportion to it."""
 
     @classmethod
     def of_specimen(cls, recording: Recording) -> Scales:
@@ -47,7 +50,8 @@ class Scales:
         Of the force its noise alone is the measure, any depth will do, and the force may begin in any way: under
         a ball with the power 3/2.
         """
-        return cls(min(1.0, float(np.ptp(without_outliers(recording.displacement))) / _TRAVELS), 0.0, 0.0, False)
+        way = min(1.0, float(np.ptp(without_outliers(recording.displacement))) / _TRAVELS)
+        return cls(way, 0.0, 0.0, tuple((power, 1.0) for power in (1.0, 1.25, 1.5, 1.75, 2.0)))
 
 
 LEG = Scales()
@@ -93,20 +97,18 @@ def contact_at_start() -> Contact:
     return Contact(0.0, 0.0, 0.0, float("inf"), 0.0, in_air=False, known=True)
 
 
-def first_contact(
-    smooth: FloatArray, recording: Recording, force_sd: float, displacement_sd: float, scales: Scales
-) -> Contact:
+def first_contact(smooth: FloatArray, recording: Recording, instrument: Instrument, scales: Scales) -> Contact:
     """Find the displacement at first contact and the force read before it.
 
-    F = b + a (x + k x^2) with x = max(0, d - d0), a >= 0 and 0 <= k <= 0.4 a way is fitted to the
-    first ways by least squares, with d the displacement smoothed over time: a long
-    cylinder's force grows nearly linearly at first and then stiffens. The standard error of d0 is
-    the half-width of its profile, the rest left free, with the residual's correlation counted.
+    F = b + a (x^p + k x^(p+1)) with x = max(0, d - d0), a >= 0 and 0 <= k <= 0.4 a way, for all
+    powers p of the scales, is fitted to the first ways by least squares, with d the displacement smoothed over time.
+    The load cell's white and slow errors weigh the readings. d0 and its standard error are the mean and the standard
+    deviation of exp(-cost / 2) over places and powers, the rest left free.
 
     A shift by a noisy d0 would bias the stiffness, and many recordings begin at first touch.
     So the displacement is shifted only if d0 lies after the recording's start by more than the
     sensor's standard deviation and fits far better than contact at the start (a drop in cost of
-    25 variances, five standard errors); only then has air been recorded and the baseline
+    10 variances, three standard errors); only then has air been recorded and the baseline
     measured. Else contact is taken at zero displacement, or at the first displacement if that
     differs from zero clearly and the force there does not.
 
@@ -116,28 +118,18 @@ def first_contact(
         The recording's displacement, smoothed over time, mm.
     recording : Recording
         The trial.
-    force_sd, displacement_sd : float
-        Standard deviations of a reading, N and mm; the recording's own noise where larger.
+    instrument : Instrument
+        Errors of a reading; the recording's own noise where larger.
     scales : Scales
-        Those of the test. Where the shape of the force isn't known, the error counts what it misplaces contact by:
-        that is in proportion to the way that is fitted, so half of it says how much; and what the load cell's
-        slow half of its error moves it by, which so short a way doesn't show.
+        Those of the test.
     """
-    noise = max(displacement_sd, sample_noise(recording.displacement))
+    noise = max(instrument.displacement_sd, sample_noise(recording.displacement))
     # Of presses by less than half of the way nothing is to be read: they are passed over.
     span = float(np.ptp(smooth))
     back = first_return(smooth, max(0.1 * span, 5.0 * noise), 0.5 * span)
     deepest = int(np.argmax(smooth[:back]))
     d, force = smooth[: deepest + 1], recording.force[: deepest + 1]
-    whole = fit_onset(d, force, force_sd, noise, scales.way)
-    after = (d > whole.estimate) & (d < whole.estimate + 0.5 * _DEPTH_FITTED * scales.way)
-    if scales.shape_known or np.count_nonzero(after) < _FEWEST:
-        return whole
-    half = fit_onset(d, force, force_sd, noise, 0.5 * scales.way)
-    misplaced = max(0.0, (whole.estimate - half.estimate) ** 2 - half.displacement_error**2)
-    slow = force_sd / max(float(np.polyfit(d[after], force[after], 1)[0]), 1e-12)
-    variance = whole.displacement_error**2 + 4.0 * misplaced + 0.5 * slow**2
-    return replace(whole, displacement_error=float(np.sqrt(variance)))
+    return fit_onset(d, force, replace(instrument, displacement_sd=noise), scales)
 
 
 def first_return(d: FloatArray, back: float, deep: float) -> int:
@@ -147,34 +139,36 @@ def first_return(d: FloatArray, back: float, deep: float) -> int:
     return int(np.argmax(turned)) if turned.any() else len(d)
 
 
-def fit_onset(d: FloatArray, force: FloatArray, force_sd: float, displacement_sd: float, way: float = 1.0) -> Contact:
+def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: Scales = LEG) -> Contact:
     """Fit the onset of force in samples with growing, smooth displacement.
 
-    See `first_contact`; arrays are (n,), mm and N.
+    See `first_contact`; arrays are (n,), mm and N. Of an instrument that isn't stated the slow error may be as large
+    as what is seen from sample to sample.
     """
-    noise = max(force_sd, sample_noise(force), 1e-9 * float(np.ptp(force)), 1e-12)
+    way, displacement_sd = scales.way, instrument.displacement_sd
+    white = max(sample_noise(force), 1e-9 * float(np.ptp(force)), 1e-12)
+    noise = max(instrument.force_sd, white)
     rough = _rough_contact(d, force, noise)
     near = (d >= rough - _AIR_FITTED * way) & (d <= rough + _DEPTH_FITTED * way)
-    x, y = _blocks(d[near], force[near])
+    x, y, size = _blocks(d[near], force[near])
     start = float(d[0])
     if len(x) < _FEWEST:
         return _at_start(d, force, start, noise, displacement_sd)
     first = float(x[0])
     last = max(rough + 0.5 * way, first + 0.1 * way)
-    onsets = np.linspace(first, last, 121)
-    best, residual, cost = _profile(x, y, onsets, way)
-    reach = max(3.0 * _half_width(onsets, cost, best, residual), 2 * (onsets[1] - onsets[0]))
-    onsets = np.linspace(max(first, best - reach), min(last, best + reach), 161)
-    best, residual, cost = _profile(x, y, onsets, way)
-    slope = float(np.polyfit(*_near(x, y, best), 1)[0])
-    resolved = float(np.hypot(_half_width(onsets, cost, best, residual), _SHAPE_ERROR * way))
-    slow = _SLOW_NOISE_FACTOR * _slow_part(residual) / max(slope, 1e-12)
-    error = float(np.hypot(resolved, slow))
+    slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else 0.5 * white
+    pressed = _OF_FORCE * np.maximum(y - y[:_FEWEST].mean(), 0.0)
+    whitened = _whitening(x, white / np.sqrt(size), slow, pressed, way)
+    onsets = np.linspace(first, last, 101)
+    best, error, cost = _places(x, whitened @ y, whitened, onsets, scales)
+    reach = max(4.0 * error, 2 * (onsets[1] - onsets[0]))
+    onsets = np.linspace(max(first, best - reach), min(last, best + reach), 101)
+    best, error, cost = _places(x, whitened @ y, whitened, onsets, scales)
+    error = float(np.hypot(error, _SHAPE_ERROR * way))
     air = x < best
     # Against the best fit that has contact at the start: noise alone gains little.
-    variance = float(cost.min()) / max(len(x) - 4, 1) * _inflation(residual)
-    _, _, without = _profile(x, y, np.array([first]), way)
-    gain = (float(without[0]) - float(cost.min())) / max(variance, 1e-30)
+    _, _, without = _places(x, whitened @ y, whitened, np.array([first]), scales)
+    gain = (without - cost) / max(1.0, cost / max(len(x) - 4, 1))
     significant = best - start > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
     if not significant:
         return _at_start(d, force, start, noise, displacement_sd, best, error)
@@ -226,51 +220,64 @@ def _rough_contact(d: FloatArray, force: FloatArray, noise: float) -> float:
     return float(d[min(below[-1] + 1, len(d) - 1)]) if len(below) else float(d[0])
 
 
-def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    size = -(-len(x) // _MAX_POINTS)
-    whole = len(x) // size * size if size else 0
-    if size <= 1:
-        return x, y
-    return x[:whole].reshape(-1, size).mean(axis=1), y[:whole].reshape(-1, size).mean(axis=1)
+def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """Return means of neighbours, so many that not too many are left, and how many."""
+    size = max(1, -(-len(x) // _MAX_POINTS))
+    whole = len(x) // size * size
+    return x[:whole].reshape(-1, size).mean(axis=1), y[:whole].reshape(-1, size).mean(axis=1), size
 
 
-def _profile(x: FloatArray, y: FloatArray, onsets: FloatArray, way: float) -> tuple[float, FloatArray, FloatArray]:
-    """Return the best onset, its residual (n,), and the least cost at each onset."""
-    depth = np.maximum(x[None, :] - onsets[:, None], 0.0)
-    force = y - y.mean()
-    cost, best, residual = np.full(len(onsets), np.inf), float(onsets[0]), force
-    for stiffening in _STIFFENING:
-        shape = depth * (1.0 + stiffening / way * depth)
-        shape -= shape.mean(axis=1, keepdims=True)
-        square = np.maximum(np.sum(shape**2, axis=1), 1e-30)
-        gain = np.maximum(shape @ force / square, 0.0)
-        total = np.sum((force[None, :] - gain[:, None] * shape) ** 2, axis=1)
-        i = int(np.argmin(total))
-        if total[i] < cost.min():
-            best, residual = float(onsets[i]), force - gain[i] * shape[i]
-        cost = np.minimum(cost, total)
-    return best, residual, cost
+def _whitening(x: FloatArray, white: float, slow: float, shape: FloatArray, way: float) -> FloatArray:
+    """Return the matrix (n, n), 1/N, that makes readings with white and slow errors independent of unit variance.
+
+    What no shape describes (n,), N, errs slowly too.
+    """
+    apart = np.abs(x[:, None] - x[None, :])
+    alike = np.mean([np.exp(-apart / (ways * way)) for ways in _SLOW_WAYS], axis=0)
+    covariance = alike * (slow**2 + np.outer(shape, shape))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + white**2 * np.eye(len(x)))))
 
 
-def _half_width(onsets: FloatArray, cost: FloatArray, best: float, residual: FloatArray) -> float:
-    variance = float(residual @ residual) / max(len(residual) - 4, 1) * _inflation(residual)
-    inside = onsets[cost <= float(cost.min()) + variance]
-    step = float(onsets[1] - onsets[0])
-    return max(float(np.max(np.abs(inside - best), initial=0.0)), 0.5 * step)
+def _places(
+    x: FloatArray, force: FloatArray, whitened: FloatArray, onsets: FloatArray, scales: Scales
+) -> tuple[float, float, float]:
+    """Return the mean and standard deviation of first contact over onsets (m,) and powers, mm, and the least cost."""
+    depth = np.maximum(x[:, None] - onsets[None, :], 0.0) / scales.way
+    level = whitened.sum(axis=1)
+    level /= np.sqrt(level @ level)
+
+    def without_level(values: FloatArray) -> FloatArray:
+        return np.asarray(values - np.multiply.outer(level, level @ values))
+
+    left = without_level(force)
+    costs = []
+    for power, likely in scales.powers:
+        rise = without_level(whitened @ depth**power)
+        more = without_level(whitened @ depth ** (power + 1.0))
+        explained = _explained(left, rise, more)
+        costs.append(float(left @ left) - explained - 2.0 * np.log(likely))
+    cost = np.array(costs)
+    least = float(cost.min())
+    # A misfit beyond the errors widens: what isn't described isn't known any better.
+    weight = np.exp(-0.5 * (cost - least) / max(1.0, least / max(len(x) - 4, 1))).sum(axis=0)
+    weight /= weight.sum()
+    best = float(weight @ onsets)
+    step = float(onsets[-1] - onsets[0]) / max(len(onsets) - 1, 1)
+    return best, max(float(np.sqrt(weight @ (onsets - best) ** 2)), 0.5 * step), least
 
 
-def _near(x: FloatArray, y: FloatArray, onset: float) -> tuple[FloatArray, FloatArray]:
-    loaded = x >= onset
-    return (x[loaded], y[loaded]) if loaded.sum() >= 4 else (x, y)
-
-
-def _slow_part(residual: FloatArray) -> float:
-    """Return the standard deviation of what is correlated from sample to sample."""
-    centred = residual - residual.mean()
-    variance = float(np.mean(centred**2))
-    neighbours = float(np.mean(centred[1:] * centred[:-1]))
-    significant = neighbours > 2.0 * variance / np.sqrt(len(residual))
-    return float(np.sqrt(neighbours)) if significant else 0.0
+def _explained(force: FloatArray, rise: FloatArray, more: FloatArray) -> FloatArray:
+    """Return the sum of squares (m,) of a force (n,) that rise and stiffening (n, m) explain, within their bounds."""
+    stiffest = rise + _MOST_STIFFENING * more
+    squares = [np.maximum(np.sum(one**2, axis=0), 1e-30) for one in (rise, stiffest)]
+    found = np.max([np.maximum(force @ one, 0.0) ** 2 / s for one, s in zip((rise, stiffest), squares, strict=True)], 0)
+    # Inside: both free, where the stiffening then lies between none and the most.
+    aa, ab, bb = squares[0], np.sum(rise * more, axis=0), np.sum(more**2, axis=0)
+    fa, fb = force @ rise, force @ more
+    det = np.maximum(aa * bb - ab**2, 1e-12 * aa * np.maximum(bb, 1e-30))
+    a, b = (bb * fa - ab * fb) / det, (aa * fb - ab * fa) / det
+    inside = (a > 0) & (b > 0) & (b < _MOST_STIFFENING * a)
+    return np.asarray(np.where(inside, np.maximum(a * fa + b * fb, found), found))
 
 
 def _inflation(residual: FloatArray) -> float:

@@ -6,9 +6,9 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, checked, read_toml, trouble
@@ -19,6 +19,9 @@ from legfem.geometry.indenter import IndenterShape
 _UNIFORM = 1.0 / math.sqrt(3.0)
 
 
+Accuracy = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+
+
 class InstrumentEntry(FileTable):
     """``[instrument]``: standard deviations, or accuracies and range.
 
@@ -26,11 +29,11 @@ class InstrumentEntry(FileTable):
     standard deviation is a / sqrt(3).
     """
 
-    force_sd_N: Positive | None = None
-    force_accuracy_percent: Positive | None = None
-    force_range_N: Positive | None = None
-    displacement_sd_mm: Positive | None = None
-    displacement_accuracy_mm: Positive | None = None
+    force_sd_N: Accuracy | None = None
+    force_accuracy_percent: Accuracy | None = None
+    force_range_N: Accuracy | None = None
+    displacement_sd_mm: Accuracy | None = None
+    displacement_accuracy_mm: Accuracy | None = None
 
     @model_validator(mode="after")
     def _each_once(self) -> InstrumentEntry:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -76,7 +76,7 @@ def loading_branch(trial: Segmentation) -> Branch:
 
 
 def align_branches(
-    branches: Sequence[Branch], contacts: Sequence[Contact], displacement_sd: float, step: float
+    branches: Sequence[Branch], contacts: Sequence[Contact], instrument: Instrument, step: float
 ) -> tuple[list[Branch], float]:
     """Bring branches onto each other and to first contact.
 
@@ -90,8 +90,8 @@ def align_branches(
         The trials' branches.
     contacts : sequence of Contact
         Their first contacts.
-    displacement_sd : float
-        Of a reading, mm.
+    instrument : Instrument
+        Errors of a reading.
     step : float
         Grid on which branches are compared, mm.
 
@@ -116,7 +116,7 @@ def align_branches(
         onto = [_onto(b, placed[:k] + placed[k + 1 :], step) for k, b in enumerate(placed)]
         # Half the way, lest two trials swap places.
         placed = [b.moved(0.5 * float(b.depth[0] - c.depth[0])) for b, c in zip(placed, onto, strict=True)]
-    common = _common_contact(placed, displacement_sd)
+    common = _common_contact(placed, instrument)
     if common.in_air:
         by, offset, error = common.displacement, common.baseline, common.displacement_error
     else:
@@ -125,8 +125,11 @@ def align_branches(
             float(b.depth[0] - a.depth[0]) for a, b, air in zip(branches, placed, in_air, strict=True) if not air
         ]
         by = float(np.mean(at_contact)) if at_contact else 0.0
-        offset, error = 0.0, max(displacement_sd, float(np.mean(errors)))
-    return [b.moved(by, offset).loaded() for b in placed], error
+        offset, error = 0.0, max(instrument.displacement_sd, float(np.mean(errors)))
+    # Where each trial by itself has its contact, once they lie on each other.
+    own = [float(a.depth[0] - b.depth[0]) for b, a, air in zip(branches, placed, in_air, strict=True) if air]
+    apart = float(np.linalg.norm(np.array(own) - by)) / len(own)
+    return [b.moved(by, offset).loaded() for b in placed], max(error, apart)
 
 
 def _onto(branch: Branch, others: Sequence[Branch], step: float, in_air: bool = True) -> Branch:
@@ -164,14 +167,14 @@ def _lowest(x: FloatArray, y: FloatArray, i: int) -> float:
     return float(x[i] + lean * (x[1] - x[0]))
 
 
-def _common_contact(branches: Sequence[Branch], displacement_sd: float) -> Contact:
+def _common_contact(branches: Sequence[Branch], instrument: Instrument) -> Contact:
     # Averaged rather than pooled: neighbours then keep the correlation that the error needs.
     start = max(float(b.depth[0]) for b in branches)
     end = min(float(b.depth[-1]) for b in branches)
     spacing = max(0.02, *(float(b.depth[-1] - b.depth[0]) / len(b.depth) for b in branches))
     grid = np.arange(start, end, spacing)
     mean = np.mean([local_line(b.depth, b.force, grid, 0.5 * spacing, 2).value for b in branches], axis=0)
-    return fit_onset(grid, mean, 0.0, displacement_sd)
+    return fit_onset(grid, mean, replace(instrument, force_sd=instrument.force_sd / np.sqrt(len(branches))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,9 +242,7 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
     if not trials:
         raise InputError("recordings", "*.csv", "there are none", "give at least one trial")
     instrument, contacts = trials[0].instrument, tuple(one.contact for one in trials)
-    branches, common = align_branches(
-        [loading_branch(one) for one in trials], contacts, instrument.displacement_sd, step
-    )
+    branches, common = align_branches([loading_branch(one) for one in trials], contacts, instrument, step)
     deepest = min(float(b.depth[-1]) for b in branches)
     # A trial to 20 mm ends at 19.99 or 20.01 by its sensor: a tenth of a step doesn't count.
     grid = step * np.arange(1, int(np.floor(deepest / step + 0.1)) + 1)

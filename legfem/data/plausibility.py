@@ -36,6 +36,8 @@ _OFF_START = 0.05
 _NEAR_START = 0.05
 _JUMP, _LEVEL_FORCE = 0.08, 0.03
 """Of the travel, and of the force's rise: what a drive doesn't go from one sample to the next, ..."""
+_GAP = 0.1
+"""Of the travel."""
 _TIMES_STEP = 12.0
 """... nor as many times as far as from sample to sample else, while the force stays as it is."""
 
@@ -50,6 +52,7 @@ def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
     """
     _refuse_jump(trial)
     yield from _spike_doubts(trial.source, trial.recording)
+    yield from _gap_doubts(trial)
     yield from _start_doubts(trial)
     yield from _drift_doubts(trial)
 
@@ -92,6 +95,24 @@ def _refuse_jump(trial: Segmentation) -> None:
             f"jumps from {d[k]:.4g} to {d[k + 1]:.4g} mm at {trial.recording.time[k + 1]:.4g} s, and the force stays "
             "as it is: a sensor or a counter that was reset",
             f"add {d[k] - d[k + 1]:.4g} mm to what follows, or keep the part before it",
+        )
+
+
+def _gap_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield a doubt about a part of the loading that wasn't recorded."""
+    time, d = trial.recording.time[: trial.deepest + 1], trial.smooth[: trial.deepest + 1]
+    if not trial.recording.timed or len(time) < _FEW:
+        return
+    steps, way = np.diff(time), np.diff(d)
+    gaps = np.flatnonzero((steps > _TIMES_STEP * float(np.median(steps))) & (way > _GAP * float(d[-1] - d[0])))
+    if len(gaps):
+        k = int(gaps[0])
+        yield Doubt(
+            trial.source,
+            "time_s",
+            f"nothing was recorded between {time[k]:.4g} and {time[k + 1]:.4g} s of the loading, from {d[k]:.3g} to "
+            f"{d[k + 1]:.3g} mm",
+            "export the whole test, or keep the part before the gap",
         )
 
 
@@ -154,7 +175,7 @@ def _drift_doubts(trial: Segmentation) -> Iterator[Doubt]:
             trial.source,
             "force_N",
             f"{problem}: it drifts, and the drift counts as stiffness",
-            "let the load cell warm up, tare it, and take its drift off; python -m legfem.diagnose tells drift apart",
+            "let the load cell warm up, tare it, and take its drift off; legfem diagnose distinguishes drift",
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
 from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measured_by, measures, unit_named
-from legfem.data.recording import Recording, backwards, not_increasing
+from legfem.data.recording import MOST, Recording, backwards, not_increasing
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
 if TYPE_CHECKING:
@@ -73,8 +73,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
     if _first_is_doubled(values["time"]):
         values = {q: v[1:] for q, v in values.items()}
     time = values["time"]
-    if not all(np.isfinite(v).all() for v in values.values()):
-        raise InputError(path, "rows", "numbers that aren't finite", "take those rows out")
+    _check_sizes(path, values.values())
     rows = not_increasing(time)
     if rows:
         raise InputError(
@@ -83,7 +82,9 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
             f"{backwards(time, rows[0])}; {len(rows)} such rows)",
             "keep one trial a file, and record time finely enough to tell samples apart",
         )
-    beside = tuple(_dense(sheet, kind, values["time"]) for kind in CHANNELS.values() if _columns_of(sheet, kind))
+    used = {getattr(channels, q).column for q in QUANTITIES}
+    left = tuple(column for column in sheet.columns if column.name not in used)
+    beside = tuple(_dense(left, kind, values["time"]) for kind in CHANNELS.values() if _columns_of(left, kind))
     return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
 
 
@@ -94,12 +95,12 @@ def channel_of(column: Column) -> ChannelKind | None:
     return next((kind for kind in named if measures(column, "force" if kind.is_force else "displacement")), None)
 
 
-def _columns_of(sheet: Sheet, kind: ChannelKind) -> list[Column]:
-    return [column for column in sheet.columns if channel_of(column) == kind]
+def _columns_of(columns: Sequence[Column], kind: ChannelKind) -> list[Column]:
+    return [column for column in columns if channel_of(column) == kind]
 
 
-def _dense(sheet: Sheet, kind: ChannelKind, time: FloatArray) -> RecordedChannel:
-    column = _columns_of(sheet, kind)[0]
+def _dense(columns: Sequence[Column], kind: ChannelKind, time: FloatArray) -> RecordedChannel:
+    column = _columns_of(columns, kind)[0]
     factor = (unit_named(column.unit or "") or Unit(None, 1.0)).factor
     return RecordedChannel(kind.name, time, factor * column.values[-len(time) :], kind.usual)
 
@@ -247,7 +248,10 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
             raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = SourceColumn(name, unit or str(columns[0].unit))
         return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
-    candidates = [c for c in sheet.columns if _may_be(c, quantity)]
+    able = [c for c in sheet.columns if _may_be(c, quantity)]
+    # A testing machine calls its only force axial, which is a channel beside the force in another's file.
+    candidates = [c for c in able if channel_of(c) is None]
+    candidates = candidates or [c for c in able if channel_of(c) == CHANNELS["axial_force"]]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     if not candidates:
         alike = [c for c in sheet.columns if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
@@ -290,8 +294,6 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
 
 def _may_be(column: Column, quantity: Quantity) -> bool:
     """Tell whether a column may be a quantity, by its unit; by its name where that says nothing."""
-    if channel_of(column) is not None:
-        return False
     unit: Unit | None = unit_named(column.unit) if column.unit else None
     if unit is not None:
         return unit.quantity == quantity
@@ -377,6 +379,14 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
         raise
 
 
+def _check_sizes(path: Path, values: Iterable[FloatArray]) -> None:
+    for one in values:
+        wrong = one[~(np.abs(one) < MOST)]
+        if len(wrong):
+            problem = f"{len(wrong)} numbers are no readings, as {wrong[0]:g}"
+            raise InputError(path, "rows", problem, "remove those rows, or export the file again")
+
+
 def _own_table(path: Path, area: float | None) -> Recording:
     column, factor = HEADER[2], 1.0
     if area is not None:
@@ -387,6 +397,7 @@ def _own_table(path: Path, area: float | None) -> Recording:
     if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
         table = table.iloc[1:]
     time = table["time_s"].to_numpy(dtype=np.float64)
+    _check_sizes(path, (table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column)))
     rows = not_increasing(time)
     if rows:
         raise InputError(

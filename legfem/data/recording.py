@@ -54,6 +54,10 @@ class Recording:
         return len(self.time)
 
 
+MOST = 1e9
+"""Of any reading in s, mm or N: beyond it a file is misread or damaged."""
+
+
 def not_increasing(time: FloatArray) -> list[int]:
     """Return the rows whose time isn't after that of the row before."""
     return [int(row) for row in np.flatnonzero(np.diff(time) <= 0) + 1]

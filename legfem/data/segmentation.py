@@ -5,7 +5,6 @@ Whatever looks at a recording (preview, plausibility, identification, diagnosis,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -162,8 +161,7 @@ class Segmentation:
     @cached_property
     def detected(self) -> Contact:
         """First contact as the recording by itself shows it, whatever is said of it."""
-        known = self.instrument
-        return first_contact(self.smooth, self.recording, known.force_sd, known.displacement_sd, self.scales)
+        return first_contact(self.smooth, self.recording, self.instrument, self.scales)
 
     def touching(self, contact: Contact) -> Segmentation:
         """Return the same recording with another first contact."""
@@ -352,13 +350,6 @@ def segment(
     return found if starts_at_contact else found.touching(found.detected)
 
 
-def segment_all(
-    recordings: Sequence[Recording], instrument: Instrument = UNSTATED, starts_at_contact: bool = False
-) -> tuple[Segmentation, ...]:
-    """Read the recordings of one leg and one instrument; see `segment`."""
-    return tuple(segment(one, instrument, starts_at_contact) for one in recordings)
-
-
 def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[np.int_]:
     """Return -1, 0 and 1 (n,) for unloading, still and loading.
 
@@ -440,15 +431,16 @@ def _mark_separation(trial: Segmentation, labels: NDArray[np.str_]) -> None:
     Unloading is read backwards for it. Where the first loading met no force there either, first
     contact isn't where it is said to be, and all that follows is called air.
     """
-    recording, smooth, contact, way = trial.recording, trial.smooth, trial.contact, trial.scales.way
+    recording, smooth, contact = trial.recording, trial.smooth, trial.contact
     runs = _runs(labels)
     for k, (start, end) in enumerate(runs):
         if labels[start] != UNLOADING or LOADING not in labels[:start] or end - start < 20:
             continue
         start = max(start, start + int(np.argmax(recording.displacement[start:end])) + 1)
         part = slice(start, end)
-        smooth_part, _ = smooth_displacement(recording.time[part], recording.displacement[part], way)
-        onset = fit_onset(smooth_part[::-1], recording.force[part][::-1], 0.0, trial.displacement_noise, way)
+        smooth_part, _ = smooth_displacement(recording.time[part], recording.displacement[part], trial.scales.way)
+        jitter = replace(UNSTATED, displacement_sd=trial.displacement_noise)
+        onset = fit_onset(smooth_part[::-1], recording.force[part][::-1], jitter, trial.scales)
         left = start + np.flatnonzero(smooth_part < onset.displacement)
         if not onset.in_air or len(left) == 0:
             continue

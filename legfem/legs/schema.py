@@ -114,7 +114,7 @@ class SectionEntry(ShapeEntry):
     """Thickness of skin and fat under the indenter, by ultrasound or half a skinfold."""
     level_mm: Finite | None = None
     """At which to cut, square to z; without it through the indenter's position."""
-    length_mm: Positive | None = None
+    length_mm: Annotated[float, Field(gt=0, le=1000.0, allow_inf_nan=False)] | None = None
     """Of the leg that a model in 3D holds, the cylinder at its middle; 120 mm without it."""
 
     @model_validator(mode="after")
@@ -340,7 +340,7 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
             toml,
             "site",
             f"the leg has {len(sites)} ({names}), and here one is taken by itself",
-            f"give --site {next(iter(sites))}; python -m legfem.identify fits them together",
+            f"give --site {next(iter(sites))}; legfem identify fits them together",
         )
     if site not in sites:
         raise InputError("--site", site, "is no site of the leg", f"give one of {names}")

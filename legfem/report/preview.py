@@ -17,7 +17,7 @@ from legfem.data.quality import BEST_GRADE, quality_of
 from legfem.data.reader import OWN_COLUMNS, Proposal, SourceColumns, propose, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
-from legfem.legs.loading import load_subject
+from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.plausibility import doubts_about, room_before
 from legfem.legs.schema import RECORDINGS, SUBJECTS, site_names, subject_entry
 from legfem.legs.subject import Subject
@@ -116,10 +116,16 @@ def _leg(folder: Path, out: Path) -> Preview:
     if not names:
         return _site(folder, out)
     sites = {name: _site(folder, out, name) for name in names}
+    trouble = next((site.trouble for site in sites.values() if site.trouble), "")
+    if not trouble:
+        try:
+            load_sites(folder)
+        except InputError as error:  # between sites, as copies
+            trouble = str(error)
     return Preview(
         f"{len(sites)} sites of one leg: {', '.join(site.title for site in sites.values())}",
         next(iter(sites.values())).origin,
-        next((site.trouble for site in sites.values() if site.trouble), ""),
+        trouble,
         tuple(f"{name}: {line}" for name, site in sites.items() for line in site.doubts),
         tuple((f"{name}: {what}", fact) for name, site in sites.items() for what, fact in site.facts),
         tuple(picture for site in sites.values() for picture in site.pictures),

@@ -11,7 +11,7 @@ from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, check_printable
 from legfem.common.units import kpa_to_mpa
-from legfem.data import Instrument
+from legfem.data import Instrument, among_repeats
 from legfem.data.formats import READERS, is_litter, read_sheets, recording_files
 from legfem.data.plausibility import refuse_copies, trial_doubts
 from legfem.data.recording import Origin
@@ -148,6 +148,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             used.append(SpecimenRecording(name, specimen, sizes[entry], course, trial))
     if not used:
         raise InputError(directory / "recordings", left[0].name, "no recording can be used", left[0].reason)
+    used = _agreeing(used)
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id,
@@ -169,6 +170,16 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         {key: sd for key in SIZES if (sd := getattr(given.accuracy, key)) is not None},
         _sizes_sd(given),
     )
+
+
+def _agreeing(used: Sequence[SpecimenRecording]) -> list[SpecimenRecording]:
+    """Return recordings whose contacts are known as well as those of the same specimen agree."""
+    found = list(used)
+    for group in {(one.specimen, one.sizes) for one in used}:
+        places = [k for k, one in enumerate(used) if (one.specimen, one.sizes) == group]
+        for k, trial in zip(places, among_repeats([used[k].trial for k in places]), strict=True):
+            found[k] = replace(used[k], trial=trial, course=replace(used[k].course, contact=trial.contact))
+    return found
 
 
 def _sizes_sd(given: SpecimenFile) -> float:
@@ -222,8 +233,7 @@ def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
             str(directory / "recordings"),
             "recordings",
             f"{', '.join(others[:5])} are not read",
-            "name them with a specimen, remove them, or give [recordings] from "
-            "`python -m legfem.data look --specimens`",
+            "name them with a specimen, remove them, or give [recordings] from `legfem data look --specimens`",
         )
     ]
 
@@ -249,7 +259,7 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
                     where,
                     f"there is no file {pattern!r}",
                     "put one CSV file a recording there: time_s,displacement_mm,force_N; or give "
-                    "the channels of your instrument's files, from `python -m legfem.data look`",
+                    "the channels of your instrument's files, from `legfem data look`",
                 )
             found += [(number, path) for path in files]
     for path, times in Counter(path for _, path in found).items():

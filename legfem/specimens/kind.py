@@ -184,6 +184,10 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
         """Return height over width where it could buckle, and the key of the width."""
         return None
 
+    def covers(self, body: Body) -> tuple[float, str] | None:
+        """Return the width of what presses over the specimen's, and the key of it; None where faces are one."""
+        return None
+
     def presses(self, body: Body) -> bool:
         """Return whether displacement shortens the specimen."""
         return True

@@ -17,8 +17,9 @@ from legfem.specimens.kinds import kinds
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.sizes import Sizes, bare, kind_in
 
-_APART = 5.0
-"""Of recordings of one specimen: rates a thousand times apart change tissues by less."""
+_APART, _REPEATS, _LIKE = 5.0, 2.0, 3.0
+"""Of recordings of one specimen: rates a thousand times apart change tissues by less, those at like rates differ less
+still, and which rates are alike."""
 _THREE = 3
 """Recordings at least, for the middle to tell which of them is off."""
 _CUT_OFF = 0.1
@@ -48,7 +49,11 @@ def doubts_about_sizes(toml: Path, table: str, entry: FileTable) -> Iterator[Dou
 
 
 def doubts_about_shape(toml: Path, sizes: Sizes) -> Iterator[Doubt]:
-    """Yield a doubt about a specimen so slender that it would buckle."""
+    """Yield doubts about a specimen so slender that it would buckle, or narrower than what presses it."""
+    covered = kind_in(sizes).covers(bare(sizes))
+    if covered is not None:
+        share, key = covered
+        yield from ranges.COVERED.doubts(toml, key, share, "check that both are diameters or widths in mm")
     found = kind_in(sizes).slenderness(bare(sizes))
     if found is not None:
         slender, key = found
@@ -115,10 +120,12 @@ def doubts_about_differing(stiffness: Mapping[SpecimenRecording, float]) -> Iter
     """
     for one, c10 in stiffness.items():
         same = {two: other for two, other in stiffness.items() if two.specimen == one.specimen}
-        if len(same) < _THREE:
-            same.pop(one)
-        ratio = c10 / statistics.median(same.values()) if same else 1.0
-        if not 1 / _APART < ratio < _APART:
+        like = {two: other for two, other in same.items() if 1 / _LIKE < two.course.rate / one.course.rate < _LIKE}
+        among, apart = (like, _REPEATS) if len(like) > 1 else (same, _APART)
+        if len(among) < _THREE:
+            among.pop(one)
+        ratio = c10 / statistics.median(among.values()) if among else 1.0
+        if not 1 / apart < ratio < apart:
             yield Doubt(
                 str(one.recording.source or one.name),
                 "force_N",

@@ -26,6 +26,9 @@ SHARE = {
 }
 """Of the thickness or length: pressed, or pulled."""
 SLENDER = PhysicalRange("a height", "times the width", (0.0, 3.0), (0.0, 100.0), "what is taller buckles")
+COVERED = PhysicalRange(
+    "what presses", "times the specimen's width", (0.0, 1.0), (0.0, 20.0), "it presses a part of it"
+)
 ANYTHING_SOFT = PhysicalRange(
     "a C10", "kPa", (0.02, 2e3), (1e-5, 1e6), "brain and gels to rubber, E of 0.1 kPa to 12 MPa"
 )

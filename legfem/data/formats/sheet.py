@@ -104,7 +104,7 @@ THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
 type Cell = str | float | None
 
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[(\[<{]\s*(?P<unit>[^)\]>}]*?)\s*[)\]>}]\s*$")
-_AT_THE_END = re.compile(r"^(?P<name>.+?)(?:_|,\s*|\s*/\s*|\s+in\s+|\s+)(?P<unit>[^\W\d]+)$")
+_AT_THE_END = re.compile(r"^(?P<name>.+?)(?:_|,\s*|\s*/\s*|\s+in\s+|\s+)(?P<unit>[^\W\d_]+)$")
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,6 +49,10 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
         radius = body.ball_radius
         return BallIndentation(body, law, round_indenter(radius, body.ball, depth, radius / 8))
 
+    def covers(self, body: BallOnLayer) -> tuple[float, str]:
+        """Return the width of what presses over the specimen's."""
+        return body.ball_radius / body.layer_radius, "ball_diameter_mm"
+
     def slipping(self, body: BallOnLayer) -> BallOnLayer:
         """Return it with a ball that lets the tissue slip."""
         return replace(body, ball="frictionless")

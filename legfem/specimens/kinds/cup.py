@@ -73,6 +73,10 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
 
         return SuctionTest(body, law, settings_to(depth))
 
+    def covers(self, body: CupOnLayer) -> tuple[float, str]:
+        """Return the width of what presses over the specimen's."""
+        return (body.opening_radius + body.rim_width) / body.layer_radius, "opening_mm"
+
     def slipping(self, body: CupOnLayer) -> CupOnLayer:
         """Return it with a rim that lets the skin slide."""
         return replace(body, rim="sliding")

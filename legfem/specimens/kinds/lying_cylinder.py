@@ -52,6 +52,10 @@ class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
         radius = body.cylinder_radius
         return LateralCylinder(body, law, round_indenter(radius, body.cylinder, depth, radius / 16))
 
+    def covers(self, body: CylinderOnBlock) -> tuple[float, str]:
+        """Return the width of what presses over the specimen's."""
+        return 2 * body.cylinder_radius / body.width, "cylinder_diameter_mm"
+
     def slipping(self, body: CylinderOnBlock) -> CylinderOnBlock:
         """Return it with a cylinder that lets the tissue slip."""
         return replace(body, cylinder="frictionless")

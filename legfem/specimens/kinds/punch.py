@@ -50,6 +50,10 @@ class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
         settings = replace(settings_to(depth), contact=onset_to(body.punch, depth))
         return FlatPunchIndentation(body, law, settings)
 
+    def covers(self, body: PunchOnLayer) -> tuple[float, str]:
+        """Return the width of what presses over the specimen's."""
+        return body.radius / body.layer_radius, "punch_diameter_mm"
+
     def slipping(self, body: PunchOnLayer) -> PunchOnLayer:
         """Return it with a punch that lets the tissue slip."""
         return replace(body, punch="frictionless")
