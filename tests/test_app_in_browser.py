@@ -247,6 +247,14 @@ def test_excel_girth_and_fat_lead_to_a_verdict_in_eight_clicks_and_six_numbers(s
     assert accessible(page)
 
 
+@pytest.fixture
+def without_lab(served):
+    """Take the lab's file away afterwards."""
+    yield
+    served[0].lab.unlink(missing_ok=True)
+
+
+@pytest.mark.usefixtures("without_lab")
 def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page, tmp_path):
     workspace, _ = served
     page.drop([loose_files(tmp_path)])
@@ -286,7 +294,6 @@ def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page
     path = workspace.input(workspace.inputs[0]) / "subject.toml"
     assert "[instrument]" not in path.read_text()
     assert load_subject(path.parent).instrument.force_sd == found.instrument.force_sd
-    workspace.lab.unlink()
 
 
 def test_a_leg_that_a_ball_pressed_is_dropped_and_described(served, page, tmp_path):

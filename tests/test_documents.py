@@ -43,6 +43,7 @@ COMMANDS = (
     "studies.meshes",
     "studies.bench",
     "studies.cohort",
+    "studies.cohort.two_layers",
     "studies.cohort.workers",
     "studies.expected_force",
     "studies.fibres",

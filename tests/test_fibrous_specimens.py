@@ -159,7 +159,7 @@ def test_two_directions_tell_the_ratio_and_one_says_that_it_cannot(tmp_path, rat
         assert estimate.ci95 == pytest.approx((1.0, 10.0))
         assert found.estimates["deep.C10"].identifiability != "identifiable"
         assert found.estimates["deep.C10"].ci95[0] < C10 < found.estimates["deep.C10"].ci95[1]
-        assert any("can't be told from C10" in text for text in found.warnings)
+        assert any("cannot be distinguished from C10" in text for text in found.warnings)
 
 
 def test_specimens_of_their_own_stiffness_tell_it_by_their_number(tmp_path: Path) -> None:

@@ -135,7 +135,7 @@ def test_zero_and_onset_of_the_instrument_are_found_in_closed_form(
     (found,) = identify(subject, laws=POLYNOMIAL, parameters=free(*deep, name))
     one = found.estimates[name]
     assert one.value == pytest.approx(truth, abs=0.02) and one.unit == unit
-    assert one.ci95[0] <= truth <= one.ci95[1] and "of what was open before" in one.why
+    assert one.ci95[0] <= truth <= one.ci95[1] and "of the range before" in one.why
     assert found.estimates["deep.C10"].shown.value == pytest.approx(0.7, rel=0.02)
     assert name in found.values and name not in found.model_values
     assert law_document(found)["parameters"][f"{name[11:]}_instrument"]["unit"] == unit

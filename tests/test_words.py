@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.page import WebPage
 from legfem.report.render.text import plain_page
 
+ROOT = Path(__file__).resolve().parents[1]
 UNWANTED = {
     r"reckon\w*": "calculate",
     r"mend(s|ed|ing)?": "fix",
@@ -72,3 +74,42 @@ def test_the_first_line_of_an_identification_is_the_number_that_was_asked_for(tm
         r"Muscle stiffness C10 = [\d.]+ kPa \([\d.]+ to [\d.]+\), shear modulus G = [\d.]+ kPa, Young's modulus E = "
     )
     assert re.match(sentence, page.headline.sentence)
+
+
+TOLD = {
+    turn: instead
+    for turn, instead in UNWANTED.items()
+    if turn not in ("beforehand", "unseen", r"likely causes, listed", r"python -m legfem")
+}
+"""What no text of the package may have; pages are read as a whole above."""
+
+
+def texts_of(path: Path) -> Iterator[tuple[int, str]]:
+    """Strings of a module that aren't its documentation."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    told = {id(one.value) for one in ast.walk(tree) if isinstance(one, ast.Expr)}
+    for one in ast.walk(tree):
+        if isinstance(one, ast.Constant) and isinstance(one.value, str) and id(one) not in told and " " in one.value:
+            yield one.lineno, one.value
+
+
+def test_what_the_package_says_is_in_plain_english():
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: {turn}: say {instead}"
+        for path in sorted((ROOT / "legfem").rglob("*.py"))
+        for line, text in texts_of(path)
+        for turn, instead in TOLD.items()
+        if re.search(rf"\b{turn}", text, re.IGNORECASE)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize(
+    "page", [*ROOT.glob("docs/*.md"), *ROOT.glob("docs/tutorials/*.md"), ROOT / "README.md"], ids=str
+)
+def test_documents_for_users_are_in_plain_english(page: Path):
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    if page.name == "old-and-new-names.md":
+        return
+    wrong = [f"{turn}: say {instead}" for turn, instead in TOLD.items() if re.search(rf"\b{turn}", text, re.IGNORECASE)]
+    assert not wrong

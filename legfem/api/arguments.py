@@ -17,11 +17,11 @@ from legfem.common.command_line import check_out_folder
 from legfem.common.errors import InputError
 
 _REMEDIES = (
-    (r"python -m legfem\.identify takes it", "load the folder with lf.load_subject"),
-    (r"python -m legfem\.stocking takes it", "load the folder with lf.load_leg"),
+    (r"legfem identify takes it", "load the folder with lf.load_subject"),
+    (r"legfem stocking takes it", "load the folder with lf.load_leg"),
     (r"give it as --specimen-dir", "load the folder with lf.load_specimen"),
-    (r"python -m legfem\.(identify|diagnose) --model 3d", r'lf.\1(leg, model="3d")'),
-    (r"python -m legfem\.(identify|diagnose)\b", r"lf.\1(folder)"),
+    (r"\blegfem (identify|diagnose) --model 3d", r'lf.\1(leg, model="3d")'),
+    (r"\blegfem (identify|diagnose)\b", r"lf.\1(folder)"),
     (r"--(site|model) ([\w.-]+)", r'\1="\2"'),
     (r"add --identify ([\w.]+), or --fix '[^']*'", r"put \1 into identify or fix"),
     (r"--prior, as in ('[^']*')", r"prior=[\1]"),

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
 _TAKEN_BY = {
-    "subject.toml": "python -m legfem.identify takes it",
-    "leg.toml": "python -m legfem.stocking takes it",
+    "subject.toml": "legfem identify takes it",
+    "leg.toml": "legfem stocking takes it",
     "specimen.toml": "give it as --specimen-dir",
 }
 

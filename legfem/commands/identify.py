@@ -49,9 +49,9 @@ def run(
     prior: Annotated[
         list[str] | None,
         _option(
-            "What is known of a parameter beforehand: 'superficial.C10=2±1 kPa' (+- does too), or "
+            "What is known of a parameter before the test: 'superficial.C10=2±1 kPa' (+- may be written for ±), or "
             "'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population' (also "
-            "deep.C10) for that of people's calves; one that isn't to be identified is let err by "
+            "deep.C10) for that of people's calves; one that isn't to be identified may deviate by "
             "it; may be given again."
         ),
     ] = None,

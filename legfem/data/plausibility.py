@@ -175,7 +175,7 @@ def _drift_doubts(trial: Segmentation) -> Iterator[Doubt]:
             trial.source,
             "force_N",
             f"{problem}: it drifts, and the drift counts as stiffness",
-            "let the load cell warm up, tare it, and take its drift off; python -m legfem.diagnose tells drift apart",
+            "let the load cell warm up, tare it, and take its drift off; legfem diagnose distinguishes drift",
         )
 
 

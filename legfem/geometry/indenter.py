@@ -78,5 +78,5 @@ class Indenter:
                 source,
                 "indenter",
                 f"a {self} isn't there in a section in plane strain",
-                "solve the leg in 3D: python -m legfem.identify --model 3d",
+                "solve the leg in 3D: legfem identify --model 3d",
             )

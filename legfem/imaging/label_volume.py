@@ -251,7 +251,7 @@ def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> 
         raise InputError(
             source,
             "affine",
-            "the grid's axes can't be told apart: it is sheared, or turned by 45 degrees",
+            "the grid's axes cannot be distinguished: it is sheared, or turned by 45 degrees",
             "resample the volume along the scanner's axes",
         )
     array = array.transpose(order)

@@ -105,7 +105,7 @@ _RULED_BY: Mapping[ErrorSource, str] = {
     "shape": "that of a typical shape in place of measured outlines",
     "fibres": "that of the muscle fibres' ratio and effect",
     "channels": "that of what was recorded beside the force",
-    "priors": "that of what was known beforehand",
+    "priors": "that of what was known before the test",
 }
 
 
@@ -185,7 +185,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             part = f"{100 * shares[k][source]:.0f} % of the error's square is {_RULED_BY[source]}"
             why += f"; {part}"
         if optimum.plane and parameter.name == DEEP_C10:
-            why += "; a constant 3D factor can't be told from it"
+            why += "; a constant factor cannot be distinguished from it"
         found[parameter.name] = Estimate(
             parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own, shares[k], told[k]
         )
@@ -238,7 +238,7 @@ def _why(known: Estimated, law_fits: bool, trade: str, moves: Mapping[str, float
         reasons = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
     else:
         share = _percent(known.relative_half_width)
-        of = " of what was open before" if parameter.scale == "linear" else ""
+        of = " of the range before" if parameter.scale == "linear" else ""
         reasons = [f"95 % interval {low:.3g} to {high:.3g} {unit}, {share}{of} either side"]
     if parameter.prior is not None:
         left = known.error_over_prior

@@ -92,7 +92,7 @@ class Estimated:
     def relative_half_width(self) -> float:
         """Half the interval over the value, infinite at 0.
 
-        Of a linear parameter, whose 0 is a value like others: over half of what was open before,
+        Of a linear parameter, whose 0 is a value like others: over half of the range before,
         the prior's 95 % interval or the bounds.
         """
         half = 0.5 * (self.ci95[1] - self.ci95[0])

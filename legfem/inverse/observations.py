@@ -252,7 +252,7 @@ def _on_driving(trial: Segmentation) -> list[str]:
     """Return what a reader should know of how a trial was driven."""
     remarks = [
         f"{trial.name}: {segment.phase} was driven at more than one speed; it is simulated at its "
-        "mean speed, so effects of rate can't be told from it. Give each speed a file of its own."
+        "mean speed, so effects of rate cannot be determined from it. Give each speed a file of its own."
         for segment in trial.segments
         if segment.changes_speed
     ]

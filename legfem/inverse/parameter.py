@@ -16,7 +16,7 @@ Scale = Literal["linear", "log"]
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a parameter beforehand: a normal distribution of it or of its logarithm.
+    """What is known of a parameter before the test: a normal distribution of it or of its logarithm.
 
     Parameters
     ----------

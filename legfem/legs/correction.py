@@ -211,10 +211,7 @@ def read_correction(path: Path) -> TabulatedCorrection:
         content = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(
-            path,
-            "--correction",
-            f"can't be read ({error})",
-            "give a file that python -m legfem.study correction wrote, or none",
+            path, "--correction", f"can't be read ({error})", "give a file that legfem study correction wrote, or none"
         ) from None
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise InputError(path, "kind", f"is not {KIND}", "give a file that legfem.study correction wrote")

@@ -147,7 +147,7 @@ def read_leg_corrections(path: Path) -> LegCorrections:
     InputError
         If there is none, or it is not a whole table.
     """
-    remedy = "give a file that python -m legfem.study correction --legs wrote"
+    remedy = "give a file that legfem study correction --legs wrote"
     try:
         content = json.loads(path.read_text())
         if content.get("kind") != LEGS_KIND or content.get("schema") != SCHEMA:
@@ -356,7 +356,7 @@ def why_uncorrected(subject: Subject) -> str | None:
     if other := _another_cylinder(subject, read_correction(REFERENCE).given["cylinder"]):
         return (
             f"legfem's own is for {other}; calibrate one with "
-            "python -m legfem.study correction --cylinder-length, and give it with --correction"
+            "legfem study correction --cylinder-length, and give it with --correction"
         )
     return None
 

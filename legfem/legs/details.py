@@ -93,7 +93,7 @@ class SpatialSites:
     errors: Mapping[str, float]
     """Greatest share of a site's force, by cause."""
     untold: str
-    """Why the fibres' ratio can't be told from C10, as a sentence; empty if it can, or isn't
+    """Why the fibres' ratio cannot be distinguished from C10, as a sentence; empty if it can, or isn't
     sought."""
 
 

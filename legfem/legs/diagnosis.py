@@ -110,8 +110,8 @@ class Diagnoser:
         if not subject.instrument.stated:
             remarks.append(
                 "subject.toml states no instrument accuracy: errors are those seen from sample to "
-                "sample and between repeats. What drifts slowly or is alike in all trials can't be "
-                "told from physics; state the data sheet's figures under [instrument]."
+                "sample and between repeats. What drifts slowly or is alike in all trials cannot be "
+                "distinguished from physics; state the data sheet's figures under [instrument]."
             )
         if subject.plane_strain and not subject.plane_strain_stated:
             remarks.append(

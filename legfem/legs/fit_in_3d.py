@@ -64,13 +64,13 @@ def ways_of_pressing(leg: SitedLeg) -> int:
 
 
 def why_fibres_undetermined(leg: SitedLeg) -> str:
-    """Return why the fibres' ratio can't be told from C10; empty where it can."""
+    """Return why the fibres' ratio cannot be distinguished from C10; empty where it can."""
     if ways_of_pressing(leg) > 1:
         return ""
     how = leg.sites[0].indenter
     where = "all sites are" if len(leg.sites) > 1 else "the leg is"
     return (
-        f"The fibres' ratio can't be told from C10: {where} pressed in one way (by a {how}), and "
+        f"The fibres' ratio cannot be distinguished from C10: {where} pressed in one way (by a {how}), and "
         "more of the one looks like more of the other. Press in another way too (a cylinder across "
         "the leg: axis_deg = 90; a punch, a ball), or state the ratio (fibre_ratio, "
         "[[elastography]])."

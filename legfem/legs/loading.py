@@ -179,7 +179,7 @@ def _recordings(folder: Path, there: Sequence[Path], channels: SourceColumns | N
             folder,
             "*.csv",
             "there are no recordings",
-            "run `python -m legfem.data look` on the instrument's files, and give [recordings]"
+            "run `legfem data look` on the instrument's files, and give [recordings]"
             if there
             else "put one CSV file a trial there: time_s,displacement_mm,force_N",
         )

@@ -265,6 +265,6 @@ def _without_correction(subject: Subject) -> str:
         )
     other = why_uncorrected(subject)
     return (
-        "a constant factor on the force can't be told from C10, so end effects are part of the "
+        "a constant factor on the force cannot be distinguished from C10, so end effects are part of the "
         f"stiffness given here.{'' if other is None else f' There is none by default: {other}.'}"
     )

@@ -139,7 +139,7 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
             str(next(iter(folders))),
             "recordings",
             f"{', '.join(others[:5])} are not read",
-            "remove them, or give [recordings] from `python -m legfem.data look`",
+            "remove them, or give [recordings] from `legfem data look`",
         )
 
 

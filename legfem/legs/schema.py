@@ -340,7 +340,7 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
             toml,
             "site",
             f"the leg has {len(sites)} ({names}), and here one is taken by itself",
-            f"give --site {next(iter(sites))}; python -m legfem.identify fits them together",
+            f"give --site {next(iter(sites))}; legfem identify fits them together",
         )
     if site not in sites:
         raise InputError("--site", site, "is no site of the leg", f"give one of {names}")

@@ -156,7 +156,7 @@ def tension_text(result: StockingResult) -> str | None:
         return None
     prior = result.leg.accuracy.tension_sd
     factor, half = 1 + tension.value, quantile(0) * tension.sd
-    return f"{factor:.3f} ({factor - half:.3f} to {factor + half:.3f}; known beforehand to {100 * prior:g} %, sd)"
+    return f"{factor:.3f} ({factor - half:.3f} to {factor + half:.3f}; known before the test to {100 * prior:g} %, sd)"
 
 
 def highest_place(result: StockingResult) -> str:

@@ -135,7 +135,7 @@ def _diagnosed(
         else:
             used.append(one)
     if not used:
-        raise InputError(folder.directory, left[0].name, f"no recording can be used: {left[0].reason}", "mend them")
+        raise InputError(folder.directory, left[0].name, f"no recording can be used: {left[0].reason}", "correct them")
     observed, sizes = _observed(folder, used), used[0].sizes
     solved = solved_responses(folder, sizes, observed, responses)
     progress.stage(f"how stiff {used[0].specimen} is, roughly")
@@ -178,8 +178,8 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
     if folder.instrument is None:
         remarks.append(
             "specimen.toml states no instrument accuracy: errors are those seen from sample to "
-            "sample and between repeats. What drifts slowly or is alike in all trials can't be "
-            "told from physics; state the data sheet's figures under [instrument]."
+            "sample and between repeats. What drifts slowly or is alike in all trials cannot be "
+            "distinguished from physics; state the data sheet's figures under [instrument]."
         )
     if not used[0].recording.timed:
         remarks.append(

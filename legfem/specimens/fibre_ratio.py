@@ -68,12 +68,12 @@ def why_ratio_undetermined(folder: SpecimenFolder, recordings: Sequence[Specimen
     directions = _directions(recordings)
     if len(directions) == 1:
         return (
-            f"The fibres' ratio can't be told from C10: all fitted tests have fibres "
+            f"The fibres' ratio cannot be distinguished from C10: all fitted tests have fibres "
             f"{directions[0]}, where more of one looks like more of the other. Test another "
             "direction too, or state [fibres] ratio."
         )
     return (
-        "The fibres' ratio can't be told from how specimens differ: each direction has one "
+        "The fibres' ratio cannot be determined from how specimens differ: each direction has one "
         "specimen of a stiffness of its own. Give them one name if they are one piece, turned; say "
         "[tissue] one_stiffness = true if they are equally stiff; test several in a direction; or "
         "state [fibres] ratio."

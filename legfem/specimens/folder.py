@@ -233,8 +233,7 @@ def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
             str(directory / "recordings"),
             "recordings",
             f"{', '.join(others[:5])} are not read",
-            "name them with a specimen, remove them, or give [recordings] from "
-            "`python -m legfem.data look --specimens`",
+            "name them with a specimen, remove them, or give [recordings] from `legfem data look --specimens`",
         )
     ]
 
@@ -260,7 +259,7 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
                     where,
                     f"there is no file {pattern!r}",
                     "put one CSV file a recording there: time_s,displacement_mm,force_N; or give "
-                    "the channels of your instrument's files, from `python -m legfem.data look`",
+                    "the channels of your instrument's files, from `legfem data look`",
                 )
             found += [(number, path) for path in files]
     for path, times in Counter(path for _, path in found).items():

@@ -232,7 +232,7 @@ def _page(found: LegBesideTable, cells: Cells) -> web.WebPage:
                     "the leg modelled, first contact).",
                 ),
                 ("What the table says", f"P {table:+.3f}, for idealised legs of this size."),
-                ("What to do", "Identify with the leg itself: python -m legfem.identify --model 3d"),
+                ("What to do", "Identify with the leg itself: legfem identify --model 3d"),
             ],
             "What plane strain leaves out",
         ),

@@ -300,7 +300,7 @@ def _warnings(found: Calibrated) -> list[str]:
 
 def _next() -> list[str]:
     return [
-        "Give it to an identification: python -m legfem.identify --subject 3 --correction correction.json",
+        "Give it to an identification: legfem identify --subject 3 --correction correction.json",
         "For a leg of another girth or depth to the bone, calibrate with --legs.",
     ]
 

@@ -71,9 +71,9 @@ def to_measure(result: StudyResult) -> list[str]:
     return [
         first,
         *(
-            f"{label_of(name)} is told within 50 % from {at:g} mm on."
+            f"{label_of(name)} is determined within 50 % from {at:g} mm on."
             if at is not None
-            else f"{label_of(name)} is never told within 50 % with fat and fascia known within their "
+            else f"{label_of(name)} is never determined within 50 % with fat and fascia known within their "
             "ranges only: don't identify it from this test alone."
             for name, at in depths.items()
         ),
@@ -260,7 +260,7 @@ def _not_before_5_mm(result: StudyResult) -> ClaimFinding:
     depths = [information.told_from(name, IDENTIFIED) for name in IDENTIFIED]
     at = ["never" if d is None else f"{d:g} mm" for d in depths]
     text = (
-        f"with the other tissues known, C10 and C20 are told within 50 % from {at[0]} and {at[1]}; "
+        f"with the other tissues known, C10 and C20 are determined within 50 % from {at[0]} and {at[1]}; "
         f"half-widths at 5 mm {_percent(shallow[0])} and {_percent(shallow[1])}, at full depth "
         f"{_percent(deep[0])} and {_percent(deep[1])}"
     )

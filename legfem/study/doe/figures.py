@@ -335,7 +335,7 @@ def _half_widths(axes: Axes, found: Information, unknown: Sequence[str] | None, 
     axes.text(
         found.displacement[-1],
         90 * IDENTIFIED_WITHIN,
-        "told within 50 %",
+        "determined within 50 %",
         ha="right",
         va="top",
         color=FAINT,
@@ -349,7 +349,7 @@ def _half_widths(axes: Axes, found: Information, unknown: Sequence[str] | None, 
 
 
 def _eigenvectors(axes: Axes, found: Information, depth: float) -> None:
-    panel(axes, "D", f"eigenvectors of the information at {depth:g} mm, best told first")
+    panel(axes, "D", f"eigenvectors of the information at {depth:g} mm, best determined first")
     spread, vectors = found.directions(depth)
     size = len(spread)
     axes.imshow(vectors, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
@@ -374,5 +374,5 @@ def _eigenvectors(axes: Axes, found: Information, depth: float) -> None:
 
 def _sd(percent: float) -> str:
     if not percent < 1e5:
-        return "not told"
+        return "not determined"
     return f"sd {percent:.0f} %" if percent >= 10 else f"sd {percent:.2g} %"

@@ -121,7 +121,7 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
             f"{point} (MPa, mm), for one trial with one independent reading a mm, "
             f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). A "
             "curve's model error isn't in them. 'Others within their ranges': what isn't deep C10 "
-            "or C20 is known beforehand, its range above being a 95 % interval of its logarithm. "
+            "or C20 is known before the test, its range above being a 95 % interval of its logarithm. "
             "Told: within 50 %."
         ),
         web.Prose("Eigenvectors of the information at full depth, best determined first:"),
@@ -216,7 +216,7 @@ def _headline(result: StudyResult) -> web.Headline:
                 "Of how runs differ that it hasn't seen, the fitted surface predicts "
                 f"{_percents(fits)} (R²). The runs are a model's, without noise.",
             ),
-            ("What must be known beforehand", to_know(result)),
+            ("What must be known before the test", to_know(result)),
             ("What to do", to_measure(result)[0]),
         ],
         "What a test of this leg can show",

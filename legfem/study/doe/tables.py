@@ -197,7 +197,7 @@ def information_cells(result: StudyResult) -> Cells | None:
         rows.append(
             {"parameter": label_of(name)}
             | {column: ", ".join(map(_half, values)) or "-" for column, values in sds.items()}
-            | {"others within ranges: told from": "never" if told is None else f"{told:g} mm"}
+            | {"others within ranges: determined from": "never" if told is None else f"{told:g} mm"}
         )
     return row_cells(rows)
 
