@@ -54,6 +54,7 @@ def cohort():
     return members, rows, sampled(members.every, rows, "c10_deep"), truth
 
 
+@pytest.mark.slow
 def test_planted_spreads_and_a_group_are_found_and_tests_are_drawn_together(cohort) -> None:
     _, rows, found, truth = cohort
     assert found.draws.divergent < 10 and found.draws.effective > 50
@@ -71,6 +72,7 @@ def test_planted_spreads_and_a_group_are_found_and_tests_are_drawn_together(coho
     assert 0.6 * wide < found.log_sd < 1.8 * wide
 
 
+@pytest.mark.slow
 def test_its_file_is_a_prior_for_new_legs(cohort, tmp_path: Path) -> None:
     members, rows, found, _ = cohort
     path = tmp_path / "population.json"

@@ -86,6 +86,7 @@ def test_own_errors_enter_as_a_dense_covariance_says():
         assert dense(aside)[0] > dense(np.array(found.sd))[0], "the fit is the least cost"
 
 
+@pytest.mark.slow
 def test_planted_variances_and_differences_lie_in_their_intervals():
     truth = Truth(people=0.25, sides=0.1, sessions=0.06, error=0.05, group=0.3)
     inside = np.zeros(5)

@@ -116,10 +116,11 @@ def test_a_key_holds_what_each_of_two_effects_adds(monkeypatch):
         d, time = observed.displacement[here], observed.time[here]
         drift = found["force-drift"][here] / (0.4 * (1 - np.exp(-time / 30)))
         stiffer = found["preconditioning"][here] / (0.02 * d**2 * excess)
-        # Each trial has a gain of its own, and its first contact isn't found exactly.
+        # Each trial has a gain of its own, and air that may go unseen: what it is said to err by counts twice in d**2.
+        off = 2 * observed.contacts[trial].displacement_error / d.mean()
         for ratio in (drift, stiffer):
-            assert ratio.mean() == pytest.approx(1.0, abs=0.1)
-            assert ratio.std() < 0.03
+            assert ratio.mean() == pytest.approx(1.0, abs=0.1 + off)
+            assert ratio.std() < 0.03 + off / 4
     whole = change_at_stations(recordings, key["recorded_change_N"], observed)
     np.testing.assert_allclose(whole, sum(found.values()), atol=1e-9)
     assert truths.without_each(replace(case, effects=effects[:1])) == {}
@@ -136,7 +137,7 @@ def test_what_an_effect_changes_is_taken_off_where_it_was_recorded():
     observed = observe(segment_all(recordings, INSTRUMENT))
     found = observe(segment_all(recorded(plain, 8), INSTRUMENT))
     pairs = zip(observed.contacts, found.contacts, strict=True)
-    assert all(there.displacement - here.displacement > 1.5 for here, there in pairs)
+    assert all(abs(there.displacement - here.displacement) > 1.5 for here, there in pairs)
     less = observed.force - change_at_stations(recordings, change, observed)
 
     def left(force):

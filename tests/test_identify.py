@@ -190,7 +190,7 @@ def test_result_json_has_the_interfaces_fields(tmp_path: Path) -> None:
         ([], "--subject-dir PATH"),
         (["--subject", "no such"], "unknown subject"),
         (["--subject-dir", "nowhere"], "not found"),
-        (["--subject-dir", "leg", "--correction", "P.json"], "legfem.study correction"),
+        (["--subject-dir", "leg", "--correction", "P.json"], "legfem study correction"),
         (["--subject-dir", "leg", "--depth", "1"], "--depth"),
         (["--subject-dir", "leg", "--c10-bounds", "3", "1"], "--c10-bounds"),
         (["--subject-dir", "leg", "--jobs", "0"], "--jobs"),

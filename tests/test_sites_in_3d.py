@@ -57,7 +57,7 @@ def test_two_ways_of_pressing_tell_the_fibres_ratio_from_c10(tmp_path):
         assert low < truth < high and one.identifiability != "not identifiable"
         assert one.value == pytest.approx(truth, rel=0.1)
     assert found.log.converged and found.details.spatial.untold == ""
-    assert not any("can't be told" in text for text in found.warnings)
+    assert not any("cannot be distinguished" in text for text in found.warnings)
     errors = found.details.spatial.errors
     assert errors["in 3D: leg's length"] == pytest.approx(1e-3, rel=0.02)
     assert errors["in 3D: mesh at along"] == pytest.approx(4e-3 / (1.3**2 - 1), rel=0.02)
@@ -73,7 +73,7 @@ def test_one_way_of_pressing_is_said_not_to_tell_it_and_c10_has_the_room_for_tha
     ratio, c10 = found.estimates[DEEP_RATIO], found.estimates[DEEP_C10]
     assert ratio.identifiability == "not identifiable"
     assert ratio.ci95[0] < TRUE_RATIO < ratio.ci95[1] and c10.ci95[0] < TRUE_C10 < c10.ci95[1]
-    (said,) = [text for text in found.warnings if "can't be told" in text]
+    (said,) = [text for text in found.warnings if "cannot be distinguished" in text]
     assert "axis_deg = 90" in said
     held = identified(leg, (DEEP_C10,), models=models_of(leg, start=None))
     assert np.ptp(c10.ci95) > 1.5 * np.ptp(held.estimates[DEEP_C10].ci95)
@@ -188,7 +188,7 @@ def test_report_and_document_say_that_the_leg_was_solved_in_3d(tmp_path):
     for text in ("All sites", "These sites", "by themselves", "departs most", "site by site"):
         assert text not in page, "there is one"
     document = law_document(found)
-    assert document["model"] == "3d" and "can't be told" in document["spatial"]["untold"]
+    assert document["model"] == "3d" and "cannot be distinguished" in document["spatial"]["untold"]
     assert document["spatial"]["full_solves"] == found.details.spatial.full_solves
 
 
@@ -219,7 +219,7 @@ def test_the_command_identifies_fibres_of_a_leg_with_sites_and_of_one_without(tm
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     (law,) = found["laws"].values()
     assert [one["name"] for one in law["tests"]] == list(names) and law["model"] == "3d"
-    assert "can't be told" in law["spatial"]["untold"]
-    assert "can't be told" in (tmp_path / "out" / "report.txt").read_text()
+    assert "cannot be distinguished" in law["spatial"]["untold"]
+    assert "cannot be distinguished" in (tmp_path / "out" / "report.txt").read_text()
     refused = CliRunner().invoke(identify_app, [*asked, "--correction", "own"])
     assert refused.exit_code == 2 and "--correction" in refused.stderr

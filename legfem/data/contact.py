@@ -220,14 +220,19 @@ def _rough_contact(d: FloatArray, force: FloatArray, noise: float) -> float:
     return float(d[min(below[-1] + 1, len(d) - 1)]) if len(below) else float(d[0])
 
 
-def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-    """Return means of neighbours, so many that not too many are left, and how many."""
-    size = max(1, -(-len(x) // _MAX_POINTS))
-    whole = len(x) // size * size
-    return x[:whole].reshape(-1, size).mean(axis=1), y[:whole].reshape(-1, size).mean(axis=1), size
+def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return means within equal steps of displacement, so that not too many are left, and of how many each is.
+
+    A rest before the loading is one of them, however long it is.
+    """
+    if len(x) <= _MAX_POINTS:
+        return x, y, np.ones(len(x))
+    step = np.floor((x - x.min()) / np.ptp(x) * _MAX_POINTS * (1 - 1e-12)).astype(int)
+    _, index, counts = np.unique(step, return_inverse=True, return_counts=True)
+    return np.bincount(index, x) / counts, np.bincount(index, y) / counts, counts.astype(float)
 
 
-def _whitening(x: FloatArray, white: float, slow: float, shape: FloatArray, way: float) -> FloatArray:
+def _whitening(x: FloatArray, white: FloatArray, slow: float, shape: FloatArray, way: float) -> FloatArray:
     """Return the matrix (n, n), 1/N, that makes readings with white and slow errors independent of unit variance.
 
     What no shape describes (n,), N, errs slowly too.
@@ -235,7 +240,7 @@ def _whitening(x: FloatArray, white: float, slow: float, shape: FloatArray, way:
     apart = np.abs(x[:, None] - x[None, :])
     alike = np.mean([np.exp(-apart / (ways * way)) for ways in _SLOW_WAYS], axis=0)
     covariance = alike * (slow**2 + np.outer(shape, shape))
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + white**2 * np.eye(len(x)))))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + np.diag(white**2))))
 
 
 def _places(

@@ -46,6 +46,7 @@ NOT_OFFERED: Mapping[str, str] = {
     "contact-slip": "the idealised leg's contact is rough: its skin never slips",
     "fascia-stiffness": "the idealised leg has no fascia",
     "superficial-stiffness": "the idealised leg has no fat",
+    "fat-sliding": "the idealised leg has no fat",
     "superficial-stiffening": "the idealised leg has no fat",
     "prestress": "the idealised leg has no fascia",
     "dermis": "the idealised leg has no skin apart from its one tissue",
