@@ -122,16 +122,21 @@ TIMES = 3.0
 
 def sensitivities(explained: Explained, name: str, most: int = 5) -> tuple[Sensitivity, ...]:
     """Return what a parameter's interval owes to how common the mechanisms are taken to be that weigh most."""
-    weights: dict[str, float] = {}
-    for one, weight in _averaged(explained, name):
-        for mechanism in one.names:
-            weights[mechanism] = weights.get(mechanism, 0.0) + weight
     found = []
-    for mechanism, weight in sorted(weights.items(), key=lambda pair: -pair[1])[:most]:
+    for mechanism, weight in _heaviest(explained, name, most):
         ends = [averaged_interval(explained, name, more_common={mechanism: f}) for f in (1 / TIMES, TIMES)]
         if ends[0] is not None and ends[1] is not None:
             found.append(Sensitivity(mechanism, weight, ends[0], ends[1]))
     return tuple(found)
+
+
+def _heaviest(explained: Explained, name: str, most: int) -> list[tuple[str, float]]:
+    """Return the mechanisms that weigh most in a parameter's interval, with their weights."""
+    weights: dict[str, float] = {}
+    for one, weight in _averaged(explained, name):
+        for mechanism in one.names:
+            weights[mechanism] = weights.get(mechanism, 0.0) + weight
+    return sorted(weights.items(), key=lambda pair: -pair[1])[:most]
 
 
 _HEAVIEST = 3
@@ -144,11 +149,10 @@ def robust_interval(explained: Explained, name: str) -> tuple[float, float] | No
     How common effects are is mostly a judgement: the widest of the intervals by several of them (J. O. Berger, J. Stat.
     Plan. Inference 25 (1990) 303).
     """
-    own = averaged_interval(explained, name)
-    if own is None:
-        return None
-    others = [one.commoner for one in sensitivities(explained, name, _HEAVIEST)]
-    return min(low for low, _ in (own, *others)), max(high for _, high in (own, *others))
+    assumed: list[dict[str, float]] = [{}, *({one: TIMES} for one, _ in _heaviest(explained, name, _HEAVIEST))]
+    every = [averaged_interval(explained, name, more_common=one) for one in assumed]
+    ends = [one for one in every if one is not None]
+    return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
 
 
 def _averaged(explained: Explained, name: str) -> list[tuple[Explanation, float]]:

@@ -172,13 +172,13 @@ class Diagnosis:
     def estimates(self) -> dict[str, Estimate]:
         """What was fitted in the best model, by full name: the stiffness with its interval over all explanations."""
         found, fits = self.best, not self.withheld
-        return {name: found.estimate(name, self.intervals.get(name), fits) for name in _told(found)}
+        return {name: found.estimate(name, self.intervals.get(name), fits) for name in _fitted_names(found)}
 
     @property
     def base_estimates(self) -> dict[str, Estimate]:
         """The same of the base model, by itself."""
         fits = self.verdict == "consistent"
-        return {name: self.base.estimate(name, None, fits) for name in _told(self.base)}
+        return {name: self.base.estimate(name, None, fits) for name in _fitted_names(self.base)}
 
     @property
     def hidden(self) -> tuple[tuple[Limit, HiddenEnd], ...]:
@@ -189,7 +189,7 @@ class Diagnosis:
         return tuple((limit, end) for _, limit, end in far)
 
 
-def _told(model: Explanation) -> tuple[str, ...]:
+def _fitted_names(model: Explanation) -> tuple[str, ...]:
     """Return the names of the stiffness and of the mechanisms' parameters."""
     own = tuple(f"{m.name}.{p.name}" for m in model.fit.mechanisms for p in m.parameters)
     return (*model.fit.stiffness, *own)
