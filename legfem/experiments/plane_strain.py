@@ -31,7 +31,7 @@ from legfem.fem.fields import most_stretched
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import BONES, LegSection
+from legfem.geometry.section import BONES, LegSection, across
 from legfem.mechanics.contact import ContactSettings, RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
@@ -85,7 +85,7 @@ class LateralPlacement:
 
     def aim(self, aim: FloatArray, direction: FloatArray) -> FloatArray:
         """Return a point on the shifted line, from one on the line stated (mm)."""
-        return aim + self.offset_mm * np.array([-direction[1], direction[0]])
+        return aim + self.offset_mm * across(direction)
 
     def travel(self, direction: FloatArray) -> FloatArray:
         """Return the turned unit vector of travel."""

@@ -10,8 +10,9 @@ from typing import Protocol
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.fem.outlines import Crossing, Outline, across, first_crossing, outline_between, outline_of_facets
+from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
 from legfem.fem.system import System
+from legfem.geometry.section import across
 from legfem.meshing.section import BONE, DEEP, FASCIA, SKIN, SUPERFICIAL
 from legfem.solve.sensitivity import SensitivityTracker
 

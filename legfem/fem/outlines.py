@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.fem.spaces import LegSpaces
+from legfem.geometry.section import across
 
 _EDGES = np.array([[1, 2, 3], [2, 0, 4], [0, 1, 5]])
 """Nodes of a quadratic triangle's edges: their ends, then their middle."""
@@ -77,11 +78,6 @@ class Crossing:
         """Return the derivative of its place along the line, from those of the edges' nodes (m, 3, 2)."""
         moves = _shapes(self.position) @ rates[self.edge]
         return float(moves @ direction - self.slip * (moves @ across(direction)))
-
-
-def across(direction: FloatArray) -> FloatArray:
-    """Return a plane's direction turned by 90 degrees, counter-clockwise."""
-    return np.array([-direction[1], direction[0]])
 
 
 def first_crossing(

@@ -126,6 +126,11 @@ def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray)
     return min(float(section.polygon(bone).distance(Point(touched))) for bone in BONES)
 
 
+def across(direction: FloatArray) -> FloatArray:
+    """Return a plane's direction (2,) turned by 90 degrees, counter-clockwise."""
+    return np.array([-direction[1], direction[0]])
+
+
 def line_of_travel(section: LegSection, point: FloatArray, about: float = 15.0) -> tuple[FloatArray, float]:
     """Skin's point (2,) next to a point (2,), mm, and the direction inwards from there, degrees from +x.
 
@@ -135,7 +140,7 @@ def line_of_travel(section: LegSection, point: FloatArray, about: float = 15.0) 
     at = skin.project(Point(point))
     near = [np.array(skin.interpolate((at + way) % skin.length).coords[0]) for way in (-about, 0.0, about)]
     along = near[2] - near[0]
-    inward = np.array([-along[1], along[0]])  # contours are counter-clockwise
+    inward = across(along)  # contours are counter-clockwise
     return near[1], float(np.degrees(np.arctan2(inward[1], inward[0]))) % 360.0
 
 

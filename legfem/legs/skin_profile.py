@@ -22,7 +22,7 @@ from legfem.data import Recording
 from legfem.data.channel_reader import RecordedChannelEntry, channel_file
 from legfem.data.channels import CHANNELS, RecordedChannel
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import LegSection, across
 
 _NEAR_MM = 4.0
 """Of an offset, on either side: points that a parabola goes through."""
@@ -54,7 +54,7 @@ class TravelLine:
     def skin_at(self, points: FloatArray, offset: float) -> float:
         """Return where along the travel (mm) points (n, 2) have the skin at an offset; NaN where they haven't."""
         along = (points - self.aim) @ self.direction
-        left = (points - self.aim) @ np.array([-self.direction[1], self.direction[0]])
+        left = (points - self.aim) @ across(self.direction)
         near = (np.abs(left - offset) <= _NEAR_MM) & (along < self.half)
         at = left[near] - offset
         if len(at) < 2 or at.min() > 0 or at.max() < 0 or np.ptp(at) == 0:

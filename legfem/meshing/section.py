@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import ClosedCurve, smooth_closed_curve
-from legfem.geometry.section import BONES, LegSection
+from legfem.geometry.section import BONES, LegSection, across
 from legfem.meshing.gmsh_mesh import (
     MeshQuality,
     element_quality,
@@ -95,8 +95,7 @@ class MeshMotion:
             )
             share = np.where(inside, _share(np.minimum(to_fascia, *others), own), 0.0)
             angle = np.radians(self.turned)
-            across = np.array([-travel[1], travel[0]])
-            return share[:, None] * self.size * (np.cos(angle) * travel + np.sin(angle) * across)
+            return share[:, None] * self.size * (np.cos(angle) * travel + np.sin(angle) * across(travel))
         if self.outline == "skin":
             share = np.where(inside, 0.0, _share(to_fascia, to_skin))
         else:
@@ -269,9 +268,8 @@ def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: 
         (2,), mm.
     """
     ring = shapely.LinearRing(outline)
-    across = np.array([-direction[1], direction[0]])
     along = (outline - aim) @ direction
-    near = np.abs((outline - aim) @ across) < 0.9 * radius
+    near = np.abs((outline - aim) @ across(direction)) < 0.9 * radius
     if not near.any():
         raise InputError(
             "subject.toml",

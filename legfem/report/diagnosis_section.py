@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.geometry.section import first_crossing
+from legfem.geometry.section import across, first_crossing
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.mechanisms.uneven_muscle import RADIUS_MM, UnevenMuscle, place_in_section
 from legfem.legs.subject import Subject
@@ -64,7 +64,7 @@ def seen_at(channel: str, subject: Subject) -> FloatArray:
         return np.asarray(centre + (fascia + RADIUS_MM) * travel)
     if channel.startswith("skin_rise"):
         _, _, side, beside = channel.split("_")
-        origin = centre + (1 if side == "left" else -1) * float(beside) * np.array([-travel[1], travel[0]])
+        origin = centre + (1 if side == "left" else -1) * float(beside) * across(travel)
         return np.asarray(origin + first_crossing(section.polygon("skin").exterior, origin, travel) * travel)
     return centre
 

@@ -53,13 +53,13 @@ def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tu
     side
         To the left of the line of travel (mm).
     """
-    from legfem.geometry.section import first_crossing
+    from legfem.geometry.section import across, first_crossing
     from legfem.meshing.section import first_touch
 
     travel, radius = leg.indenter.direction, leg.indenter.radius
     centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
     fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
-    x, y = centre + (fascia + depth) * travel + side * np.array([-travel[1], travel[0]])
+    x, y = centre + (fascia + depth) * travel + side * across(travel)
     return float(x), float(y)
 
 
