@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
+from itertools import product
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 from pydantic import create_model, model_validator
 
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Frames, FramesError, Read, Site
+from legfem.channels.registry import CHANNELS, OF_FRAMES, UNITS
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
-from legfem.data.channels import CHANNELS, ChannelAccuracy, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import Column, Quantity, measures, unit_named
 from legfem.data.reader import channel_of
-from legfem.data.recording import Recording, backwards, not_increasing
+from legfem.data.recording import RecordedChannel, Recording, backwards, not_increasing
 
 TRIAL, SITE = "{trial}", "{site}"
 """In the name of a file: the name of the trial that it belongs to, and of the leg's site."""
@@ -58,9 +60,8 @@ class RecordedChannelEntry(FileTable):
             If an error is given in another unit, or clocks that are a second apart.
         """
         usual, field = kind.usual, f"channels.{kind.name}"
-        other = "mm" if kind.is_force else "N"
-        for name in ("sd", "bias", "slow"):
-            if getattr(self, f"{name}_{other}") is not None:
+        for name, other in product(("sd", "bias", "slow"), UNITS):
+            if other != kind.unit and getattr(self, f"{name}_{other}") is not None:
                 raise InputError(
                     source, f"{field}.{name}_{other}", f"the channel is in {kind.unit}", f"give {name}_{kind.unit}"
                 )
@@ -81,9 +82,7 @@ class RecordedChannelEntry(FileTable):
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
-SKIN_PROFILE = "skin_profile"
-"""Of ``[channels]``: points of the skin, which become several channels where the line of travel is known."""
-_FIELDS: dict[str, Any] = dict.fromkeys((*CHANNELS, SKIN_PROFILE), (RecordedChannelEntry | None, None))
+_FIELDS: dict[str, Any] = dict.fromkeys((*CHANNELS, *OF_FRAMES), (RecordedChannelEntry | None, None))
 ChannelsEntry: type[FileTable] = create_model("ChannelsEntry", __base__=FileTable, __module__=__name__, **_FIELDS)
 """``[channels]``: an entry for each of what was recorded beside the force."""
 
@@ -92,9 +91,22 @@ LONGEST_LAG_S = 1.0
 
 
 def with_channels(
-    toml: Path, given: FileTable, recordings: Sequence[Recording], site: str = ""
+    toml: Path, given: FileTable, recordings: Sequence[Recording], site: Site, name: str = ""
 ) -> tuple[Recording, ...]:
     """Return recordings with the channels that a subject's file names, and the accuracy that it states.
+
+    Parameters
+    ----------
+    toml
+        The subject's file.
+    given
+        Its ``[channels]``.
+    recordings
+        Of one site.
+    site
+        Where the leg is pressed.
+    name
+        Of the site, where a leg has several.
 
     Raises
     ------
@@ -102,29 +114,39 @@ def with_channels(
         If a channel's file or column isn't there or can't be read.
     """
     entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
-    for name, entry in entries.items():
-        if name == SKIN_PROFILE:
-            continue
-        kind = CHANNELS[name]
-        accuracy = entry.accuracy(kind, toml)
+    for key, entry in entries.items():
+        kind = CHANNELS.get(key)
+        accuracy = None if kind is None else entry.accuracy(kind, toml)
         if not recordings:
             continue
-        if entry.file is None:
+        if kind is None and (entry.file is None or entry.column is not None):
+            columns = ",".join(("time_s", *OF_FRAMES[key].columns))
+            raise InputError(toml, f"channels.{key}", "frames have a file of their own", f"give file, of {columns}")
+        if kind is not None and accuracy is not None and entry.file is None:
             recordings = [_stated(one, kind, accuracy) for one in recordings]
-            if not any(channel.name == name for one in recordings for channel in one.channels):
+            if not any(channel.name == key for one in recordings for channel in one.channels):
                 raise InputError(
                     toml,
-                    f"channels.{name}",
+                    f"channels.{key}",
                     f"no recording has a column {kind.column}",
                     "add it, its cells empty where nothing was read, or name a file",
                 )
             continue
-        paths = [channel_file(toml, entry, one, len(recordings), name, site) for one in recordings]
-        recordings = [_with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)]
+        paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
+        if kind is None or accuracy is None:
+            read = [_frames(path, OF_FRAMES[key], site, one) for path, one in zip(paths, recordings, strict=True)]
+            recordings = [
+                _with_frames(toml, path, entry, found, one)
+                for path, found, one in zip(paths, read, recordings, strict=True)
+            ]
+        else:
+            recordings = [
+                _with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)
+            ]
     return tuple(recordings)
 
 
-def channel_file(
+def _channel_file(
     toml: Path, entry: RecordedChannelEntry, recording: Recording, trials: int, name: str, site: str
 ) -> Path:
     """Return the file of an entry for one of a number of trials: within the folder, or beside the recording.
@@ -156,6 +178,27 @@ def is_channel_file(path: Path, given: FileTable, site: str = "") -> bool:
 def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) -> Recording:
     stated = (replace(one, accuracy=accuracy) if one.name == kind.name else one for one in recording.channels)
     return replace(recording, channels=tuple(stated))
+
+
+def _frames(path: Path, file: ChannelFile, site: Site, recording: Recording) -> Sequence[Read]:
+    """Return the channels that a file of frames gives."""
+    table = read_table(path, ("time_s", *file.columns)).to_numpy(dtype=np.float64)
+    try:
+        return file.of_frames(Frames(table[:, 0], table[:, 1:], recording.time, recording.force), site)
+    except FramesError as error:
+        raise InputError(path, error.field, error.what, error.remedy) from None
+
+
+def _with_frames(
+    toml: Path, path: Path, entry: RecordedChannelEntry, found: Sequence[Read], recording: Recording
+) -> Recording:
+    taken = {one.name for one in recording.channels} & {one.name for one in found}
+    if taken:
+        raise InputError(path, "channels", f"{', '.join(taken)} is there already", "keep one of both")
+    channels = (
+        RecordedChannel(one.name, one.time, one.values, entry.accuracy(CHANNELS[one.name], toml), path) for one in found
+    )
+    return replace(recording, channels=(*recording.channels, *channels))
 
 
 def _with_file(

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from legfem.channels.kind import ChannelKind
+from legfem.channels.registry import CHANNELS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
-from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measured_by, measures, unit_named
-from legfem.data.recording import MOST, Recording, backwards, not_increasing
+from legfem.data.recording import MOST, RecordedChannel, Recording, backwards, not_increasing
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
 if TYPE_CHECKING:

@@ -8,8 +8,46 @@ from typing import Literal
 
 import numpy as np
 
+from legfem.channels.kind import ChannelAccuracy, ChannelKind
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray, frozen_array
-from legfem.data.channels import RecordedChannel
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedChannel:
+    """What one channel read in a trial.
+
+    Parameters
+    ----------
+    name : str
+        Of its kind in `CHANNELS`.
+    time : (k,) array
+        s, on the recording's clock, increasing; read-only.
+    values : (k,) array
+        In the kind's unit; read-only.
+    accuracy : ChannelAccuracy
+        Of the instrument.
+    source : Path, optional
+        File of its own; a column of the recording without it.
+    """
+
+    name: str
+    time: FloatArray
+    values: FloatArray
+    accuracy: ChannelAccuracy
+    source: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
+        for field in ("time", "values"):
+            object.__setattr__(self, field, frozen_array(getattr(self, field)))
+        if not (self.time.ndim == 1 and self.time.shape == self.values.shape):
+            raise ValueError("time and values must be (k,) arrays of one length")
+
+    @property
+    def kind(self) -> ChannelKind:
+        """What it is."""
+        return CHANNELS[self.name]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,8 @@ import numpy as np
 from mpi4py import MPI
 from shapely import Point
 
+from legfem.channels.reading import ChannelReader
+from legfem.channels.registry import files_of
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
@@ -26,7 +28,6 @@ from legfem.experiments.indentation import (
     RecentSolutions,
     leg_model,
 )
-from legfem.experiments.section_channels import SectionChannels
 from legfem.fem.fields import most_stretched
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
@@ -331,7 +332,7 @@ class PlaneStrainIndentation(IndentationTest):
             self.indenter.radius,
             self.indenter.length,
             self.settings.steps,
-            SectionChannels(system),
+            ChannelReader(system, files_of("2d")),
         )
 
     def _placed(self, placement: LateralPlacement) -> IndentationModel:

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from legfem.channels.kind import ChannelAccuracy, ChannelKind
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
-from legfem.data.channels import CHANNELS, ChannelAccuracy, ChannelKind, RecordedChannel
+from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import HOLD, LOADING, Segmentation
 from legfem.data.smoothing import sample_noise
 from legfem.inverse.data import Channel

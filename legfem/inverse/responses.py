@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.data.channels import CHANNELS
 from legfem.inverse.grid_spline import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from legfem.channels.registry import plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
@@ -258,31 +259,14 @@ def with_channels(same: Protocol) -> list[Design]:
     depth = float(max(same.displacement))
     frames = 0.5 * depth, depth
     at = f"{frames[0]:.0f} and {frames[1]:.0f} mm"
-    given: list[tuple[str, tuple[PlannedChannel, ...], str]] = [
-        (
-            "record the lateral force too",
-            (PlannedChannel("lateral_force"),),
-            "a load cell of two or more axes, and no more time",
-        ),
-        (
-            f"take an ultrasound frame under the cylinder at {at}, and read the thickness of fat and muscle",
-            tuple(PlannedChannel(name, frames) for name in ("fat_thickness", "muscle_thickness")),
-            "an ultrasound probe in the indenter, and a minute to read each frame",
-        ),
-        (
-            f"photograph the skin 25 mm to either side of the cylinder at {at}",
-            tuple(PlannedChannel(f"skin_rise_{side}_25", frames) for side in ("left", "right")),
-            "two cameras with a scale, or a scanner",
-        ),
-        (
-            "record the lateral force, and ultrasound all along",
-            tuple(PlannedChannel(name) for name in ("lateral_force", "fat_thickness", "muscle_thickness")),
-            "both instruments, and software that follows the boundaries",
-        ),
-    ]
     return [
-        Design(f"{name}, in the same test", (same,) * REPEATS, channels=channels, effort=effort)
-        for name, channels, effort in given
+        Design(
+            f"{plan.asks.format(at=at)}, in the same test",
+            (same,) * REPEATS,
+            channels=tuple(PlannedChannel(name, frames if plan.frames else ()) for name in plan.channels),
+            effort=plan.effort,
+        )
+        for plan in plans()
     ]
 
 

@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve, Segmentation
-from legfem.data.channels import CHANNELS, RecordedChannel
 from legfem.data.noise import slowest_error
+from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import LOADING
 from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.channel_errors import model_covariance, reading_covariance, shared_errors

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
+from legfem.channels.kind import ChannelKind
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import LoadingCurve, mean_loading_curve
-from legfem.data.channels import ChannelKind
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test

@@ -11,9 +11,9 @@ from typing import Any
 
 from legfem.common.documents import markdown_table
 from legfem.data import Recording, SourceColumns
-from legfem.data.channels import RecordedChannel
 from legfem.data.quality import Quality
 from legfem.data.reader import QUANTITIES, Proposal
+from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
 
@@ -63,7 +63,7 @@ def _channel_row(one: RecordedChannel) -> tuple[str, str]:
     kind, accuracy = one.kind, one.accuracy
     low, high = float(one.values.min()), float(one.values.max())
     errors = f"± {accuracy.reading:g} {kind.unit} a reading, ± {accuracy.bias:g} {kind.unit} of all"
-    return (kind.name.replace("_", " "), f"{len(one.values)} readings, {low:.3g} to {high:.3g} {kind.unit}, {errors}")
+    return (kind.title, f"{len(one.values)} readings, {low:.3g} to {high:.3g} {kind.unit}, {errors}")
 
 
 def recording_name(recording: Recording) -> str:
@@ -182,7 +182,7 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
     ]
     for row, one in enumerate(beside, 2):
         lowest = figure.add_subplot(grid[row, 0], sharex=moved)
-        drawn.append((lowest, one.time, one.values, f"{one.name.replace('_', ' ')} ({one.kind.unit})"))
+        drawn.append((lowest, one.time, one.values, f"{one.kind.title} ({one.kind.unit})"))
     for (axes, time, values, label), letter in zip(drawn, _LETTERS, strict=False):
         shown = set()
         for part in quality.trial.parts:

@@ -1,0 +1,223 @@
+"""What a channel is: its name, unit and usual accuracy, and what a file that adds one has to say of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from legfem.channels.seen import Seen
+from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Indenter
+from legfem.geometry.section import LegSection
+from legfem.meshing.section import first_touch
+
+Channels = Mapping[str, tuple[float, FloatArray]]
+"""Value and derivatives (p,) by a course's name."""
+
+
+@dataclass(frozen=True)
+class ChannelAccuracy:
+    """Standard deviations of a channel's errors, in the channel's unit unless stated."""
+
+    reading: float
+    """Of a single reading, independent of the others."""
+    bias: float = 0.0
+    """Of an error that is the same in all of a site's readings."""
+    gain: float = 0.0
+    """Of a relative error that is the same in all of a site's readings, dimensionless."""
+    slow: float = 0.0
+    """Of an error that changes slowly along the test."""
+    lag: float = 0.0
+    """Of the channel's clock against the recording's, s."""
+
+
+@dataclass(frozen=True)
+class ChannelKind:
+    """One kind of channel.
+
+    Parameters
+    ----------
+    name
+        As in columns of a recording, which end with the unit.
+    unit
+        Of its values.
+    words
+        What it is, for a sentence that begins with "The".
+    usual
+        Accuracy where none is stated.
+    model_share
+        Standard deviation of a model's error over the displacement, in the unit per mm: effects at once, and outlines
+        that are off beside them, are more than the sum of each.
+    """
+
+    name: str
+    unit: str
+    words: str
+    usual: ChannelAccuracy
+    model_share: float = 0.0
+    models: frozenset[str] = frozenset({"2d"})
+    """Which of a leg's models give it: of its section, or in 3D."""
+
+    @property
+    def column(self) -> str:
+        """Column of a recording that holds it."""
+        return f"{self.name}_{self.unit}"
+
+    @property
+    def title(self) -> str:
+        """Its name as a page writes it."""
+        return self.name.replace("_", " ")
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is a force on the cylinder; else it is a length."""
+        return self.unit == "N"
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """Where a leg is pressed: its section in the plane of the travel, and the indenter."""
+
+    section: LegSection
+    indenter: Indenter
+
+    @property
+    def touch(self) -> FloatArray:
+        """The cylinder's axis at first touch (2,), mm."""
+        return np.asarray(first_touch(self.section.skin, self.indenter.radius, self.indenter.aim, self.direction))
+
+    @property
+    def direction(self) -> FloatArray:
+        """Unit vector of the travel (2,)."""
+        return np.asarray(self.indenter.direction)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What a channel read in a trial, beside what is known of the trial; arrays are (k,).
+
+    Parameters
+    ----------
+    values
+        In the channel's unit.
+    depth
+        Of the cylinder after first contact where the reading lies in the first loading, mm; NaN elsewhere.
+    force
+        Along the travel, N.
+    accuracy
+        Of the instrument.
+    site
+        Where the leg is pressed.
+    outline_sd
+        Standard deviation of the section's outlines, mm.
+    """
+
+    values: FloatArray
+    depth: FloatArray
+    force: FloatArray
+    accuracy: ChannelAccuracy
+    site: Site
+    outline_sd: float = 0.0
+
+
+@dataclass(frozen=True)
+class Impossible:
+    """What a channel can't be, and how to mend it."""
+
+    what: str
+    remedy: str
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """A table of several readings a time, as it was read: points of the skin, sensels, or points within the section.
+
+    Parameters
+    ----------
+    time
+        Of each row, (n,), s, on the recording's clock.
+    columns
+        The others of the table, (n, q), in its order.
+    trial_time, trial_force
+        Of the recording, (m,): s, and N.
+    """
+
+    time: FloatArray
+    columns: FloatArray
+    trial_time: FloatArray
+    trial_force: FloatArray
+
+
+class FramesError(Exception):
+    """Frames that can't be read: the table's column, what is wrong with it, and how to mend it."""
+
+    def __init__(self, field: str, what: str, remedy: str) -> None:
+        super().__init__(what)
+        self.field, self.what, self.remedy = field, what, remedy
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """What frames give of one channel: ``time`` (k,), s, and ``values`` (k,) in its unit."""
+
+    name: str
+    time: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class ChannelPlan:
+    """A way to record channels that a plan may recommend.
+
+    Parameters
+    ----------
+    asks
+        What to do, as "record the lateral force too"; ``{at}`` stands for the displacements of single frames.
+    channels
+        Names of kinds.
+    effort
+        What it takes.
+    frames
+        Whether it is recorded in single frames, or all along the test.
+    """
+
+    asks: str
+    channels: tuple[str, ...]
+    effort: str
+    frames: bool = False
+
+
+class ChannelFile(ABC):
+    """What one file of ``legfem/channels/kinds`` adds: kinds that are read in the same way."""
+
+    kinds: ClassVar[tuple[ChannelKind, ...]]
+    plans: ClassVar[tuple[ChannelPlan, ...]] = ()
+    entry: ClassVar[str] = ""
+    """Of ``[channels]``, whose file holds frames of ``time_s`` and `columns`; nothing where a kind's own name is."""
+    columns: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def read(self, seen: Seen) -> Channels:
+        """Return what there is of its kinds in a state; collective over the system's ranks."""
+
+    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+        """Return why a recorded channel can't be one of the kind; None where it can."""
+        return None
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return where in the section it is seen (2,), mm: where the cylinder touches, if it doesn't say otherwise."""
+        return site.touch
+
+    def of_frames(self, frames: Frames, site: Site) -> Sequence[Read]:
+        """Return the channels that frames give.
+
+        Raises
+        ------
+        FramesError
+            If they can't.
+        """
+        raise NotImplementedError
