@@ -10,7 +10,7 @@ from making import TOML, press, write_subject
 
 import legfem
 from legfem.channels.kind import ChannelFile, ChannelPlan
-from legfem.channels.registry import CHANNELS, FILE_OF, OF_FRAMES, UNITS, files_of, plans
+from legfem.channels.registry import CHANNELS, FILE_OF, IN_COLUMNS, OF_FRAMES, UNITS, files_of, plans
 from legfem.data.recording import RecordedChannel, Recording, write_recording
 from legfem.geometry.section import layer_thicknesses
 from legfem.legs.loading import load_subject
@@ -49,7 +49,7 @@ def test_no_other_room_names_a_kind():
     assert named == ["data/reader.py: axial_force"]
 
 
-@pytest.mark.parametrize("name", [name for name in CHANNELS if name != "muscle_thickness"])
+@pytest.mark.parametrize("name", [kind.name for kind in IN_COLUMNS if kind.name != "muscle_thickness"])
 def test_a_column_of_any_kind_is_read_and_its_errors_are_proposed(tmp_path, name):
     """But for the muscle: in this leg the line of travel meets no bone."""
     kind = CHANNELS[name]

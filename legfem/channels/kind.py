@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.channels.seen import Seen
 from legfem.common.units import FloatArray
@@ -33,6 +34,12 @@ class ChannelAccuracy:
     """Of an error that changes slowly along the test."""
     lag: float = 0.0
     """Of the channel's clock against the recording's, s."""
+    shift: float = 0.0
+    """Of where an image lies in the section, in either direction, mm."""
+    turn: float = 0.0
+    """Of how an image is turned against the section, degrees."""
+    apart: float = 0.0
+    """Distance over which the errors of readings at different places of one frame are alike, mm."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +81,12 @@ class ChannelKind:
 
     @property
     def is_force(self) -> bool:
-        """Whether it is a force on the cylinder; else it is a length."""
+        """Whether it is a force on the cylinder, and follows what acts on that by a factor; else it is a length."""
         return self.unit == "N"
+
+    def courses(self, places: int) -> tuple[str, ...]:
+        """Return the names of its courses along a test: one, or one for each of a number of places."""
+        return tuple(f"{self.name}:{k}" for k in range(places)) if places else (self.name,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +125,8 @@ class Recorded:
         Where the leg is pressed.
     outline_sd
         Standard deviation of the section's outlines, mm.
+    places
+        Where each was read, (k, q).
     """
 
     values: FloatArray
@@ -121,7 +134,8 @@ class Recorded:
     force: FloatArray
     accuracy: ChannelAccuracy
     site: Site
-    outline_sd: float = 0.0
+    outline_sd: float
+    places: FloatArray
 
 
 @dataclass(frozen=True)
@@ -162,11 +176,25 @@ class FramesError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """What frames give of one channel: ``time`` (k,), s, and ``values`` (k,) in its unit."""
+    """What frames give of one channel.
+
+    Parameters
+    ----------
+    name
+        Of its kind.
+    time, values : (k,) array
+        s, not falling, and the kind's unit.
+    course : (k,) int array
+        Number of the place that each reading was taken at; none of a channel that has but one course.
+    places
+        The same in all trials of a site.
+    """
 
     name: str
     time: FloatArray
     values: FloatArray
+    course: NDArray[np.int_] | None = None
+    places: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -212,8 +240,30 @@ class ChannelFile(ABC):
         """Return where in the section it is seen (2,), mm: where the cylinder touches, if it doesn't say otherwise."""
         return site.touch
 
-    def of_frames(self, frames: Frames, site: Site) -> Sequence[Read]:
-        """Return the channels that frames give.
+    def apart(self, places: FloatArray) -> FloatArray:
+        """Return how far apart readings at places (k, q) are, (k, k), mm; infinite where errors aren't alike."""
+        return np.zeros((len(places), len(places)))
+
+    def registration(
+        self, places: FloatArray, frame: NDArray[np.int_], values: FloatArray, accuracy: ChannelAccuracy
+    ) -> dict[str, FloatArray]:
+        """Return by name what one standard deviation does of how an image lies in the section, (k,).
+
+        Parameters
+        ----------
+        places
+            Of the readings, (k, q).
+        frame
+            Number of each reading's frame, (k,).
+        values
+            Predicted, (k,).
+        accuracy
+            Of the instrument.
+        """
+        return {}
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the channels that every trial's frames give.
 
         Raises
         ------

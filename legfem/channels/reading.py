@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from legfem.channels.kind import ChannelFile, Channels
-from legfem.channels.seen import ReadState, Seen, SeenModel
+from legfem.channels.seen import ReadState, Seen, SeenModel, Sight
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.solve.sensitivity import SensitivityTracker
@@ -25,14 +25,17 @@ class ChannelReader:
         The model: a section with its line of travel, or a leg with its axis along z, pressed square to that.
     files
         Of the kinds that the model gives.
+    sights
+        Places at which some kinds are seen.
     """
 
     system: System
     files: tuple[ChannelFile, ...]
+    sights: tuple[Sight, ...] = ()
 
     @cached_property
     def _model(self) -> SeenModel:
-        return SeenModel(self.system)
+        return SeenModel(self.system, self.sights)
 
     def read(self, state: ReadState) -> Channels:
         """Return the channels there are in a state; collective over the system's ranks."""

@@ -22,6 +22,8 @@ FILE_OF: Mapping[str, ChannelFile] = MappingProxyType({kind.name: file for file 
 """By a kind's name what reads it."""
 OF_FRAMES: Mapping[str, ChannelFile] = MappingProxyType({file.entry: file for file in _FILES if file.entry})
 """By an entry of ``[channels]`` what reads its file of frames."""
+IN_COLUMNS = tuple(kind for kind in CHANNELS.values() if kind.name not in OF_FRAMES)
+"""Kinds that have one reading a time, which a column of a recording may hold."""
 UNITS = tuple(dict.fromkeys(kind.unit for kind in CHANNELS.values()))
 """That channels are in."""
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
+from legfem.fem.points import PointsInside
 from legfem.fem.system import System
 from legfem.geometry.section import across
 from legfem.meshing.section import BONE, DEEP, FASCIA, SKIN, SUPERFICIAL
@@ -36,6 +37,22 @@ class ReadState:
     contact_force_rates: FloatArray
 
 
+@dataclass(frozen=True)
+class Sight:
+    """Places at which a channel is seen, each of which has a course of its own.
+
+    Parameters
+    ----------
+    name
+        Of the channel's kind.
+    places
+        What tells each from others, as its kind has it.
+    """
+
+    name: str
+    places: tuple[tuple[float, ...], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class SeenModel:
     """A model that channels are read off.
@@ -44,9 +61,12 @@ class SeenModel:
     ----------
     system
         A section with its line of travel, or a leg with its axis along z, pressed square to that.
+    sights
+        Places at which kinds are seen that have no course without them.
     """
 
     system: System
+    sights: tuple[Sight, ...] = ()
 
     @cached_property
     def outlines(self) -> dict[str, Outline]:
@@ -58,6 +78,17 @@ class SeenModel:
             "deep": outline_between(spaces, DEEP, FASCIA),
             "bone": outline_of_facets(spaces, BONE),
         }
+
+    @cached_property
+    def _inside(self) -> dict[bytes, PointsInside]:
+        return {}
+
+    def inside(self, points: FloatArray) -> PointsInside:
+        """Return points (m, 2) of a section, mm, in its mesh; found once."""
+        key = points.tobytes()
+        if key not in self._inside:
+            self._inside[key] = PointsInside.found(self.system.spaces, points)
+        return self._inside[key]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +111,19 @@ class Seen:
         """Unit vector to the left of the travel, in a leg in 3D square to its axis."""
         travel = self.model.system.direction
         return across(travel) if len(travel) == 2 else np.cross([0.0, 0.0, 1.0], travel)
+
+    def places(self, name: str) -> FloatArray:
+        """Return the places (s, q) at which a kind is seen; none where nobody looked."""
+        return np.array([place for sight in self.model.sights if sight.name == name for place in sight.places])
+
+    def moves(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return displacements (m, 2) of points (m, 2) of the undeformed section, mm, and derivatives (p, m, 2).
+
+        NaN of those that lie outside the tissue.
+        """
+        inside, state, dofs = self.model.inside(points), self.state, self.model.system.spaces.displacement_dofs
+        found = [inside.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
+        return found[0], np.array(found[1:]).reshape(-1, *found[0].shape)
 
     def force(self, way: FloatArray) -> tuple[float, FloatArray]:
         """Return the contact's force along a unit vector (N), and its derivatives (p,)."""

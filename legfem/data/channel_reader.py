@@ -42,6 +42,9 @@ class RecordedChannelEntry(FileTable):
     slow_N: NotNegative | None = None
     gain_percent: NotNegative | None = None
     lag_s: NotNegative | None = None
+    shift_mm: NotNegative | None = None
+    turn_deg: NotNegative | None = None
+    apart_mm: NotNegative | None = None
 
     @model_validator(mode="after")
     def _file_within(self) -> RecordedChannelEntry:
@@ -72,12 +75,19 @@ class RecordedChannelEntry(FileTable):
                 f"clocks that may be {self.lag_s:g} s apart say nothing of where the cylinder was",
                 "bring both to one clock (tap the cylinder, and look for it in both)",
             )
+        for name in ("shift", "turn", "apart"):
+            stated = f"{name}_{'deg' if name == 'turn' else 'mm'}"
+            if getattr(self, stated) is not None and not getattr(usual, name):
+                raise InputError(source, f"{field}.{stated}", "the channel has no image or film", "leave it out")
         given = {
             "reading": getattr(self, f"sd_{kind.unit}"),
             "bias": getattr(self, f"bias_{kind.unit}"),
             "slow": getattr(self, f"slow_{kind.unit}"),
             "gain": None if self.gain_percent is None else self.gain_percent / 100,
             "lag": self.lag_s,
+            "shift": self.shift_mm,
+            "turn": self.turn_deg,
+            "apart": self.apart_mm,
         }
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
@@ -115,7 +125,7 @@ def with_channels(
     """
     entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
     for key, entry in entries.items():
-        kind = CHANNELS.get(key)
+        kind = None if key in OF_FRAMES else CHANNELS[key]
         accuracy = None if kind is None else entry.accuracy(kind, toml)
         if not recordings:
             continue
@@ -134,7 +144,7 @@ def with_channels(
             continue
         paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
         if kind is None or accuracy is None:
-            read = [_frames(path, OF_FRAMES[key], site, one) for path, one in zip(paths, recordings, strict=True)]
+            read = _of_frames(paths, OF_FRAMES[key], site, recordings)
             recordings = [
                 _with_frames(toml, path, entry, found, one)
                 for path, found, one in zip(paths, read, recordings, strict=True)
@@ -180,13 +190,19 @@ def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) 
     return replace(recording, channels=tuple(stated))
 
 
-def _frames(path: Path, file: ChannelFile, site: Site, recording: Recording) -> Sequence[Read]:
-    """Return the channels that a file of frames gives."""
-    table = read_table(path, ("time_s", *file.columns)).to_numpy(dtype=np.float64)
+def _of_frames(
+    paths: Sequence[Path], file: ChannelFile, site: Site, recordings: Sequence[Recording]
+) -> Sequence[Sequence[Read]]:
+    """Return the channels that every trial's file of frames gives."""
+    frames = []
+    for path, one in zip(paths, recordings, strict=True):
+        table = read_table(path, ("time_s", *file.columns)).to_numpy(dtype=np.float64)
+        table = table[np.argsort(table[:, 0], kind="stable")]
+        frames.append(Frames(table[:, 0], table[:, 1:], one.time, one.force))
     try:
-        return file.of_frames(Frames(table[:, 0], table[:, 1:], recording.time, recording.force), site)
+        return file.of_frames(frames, site)
     except FramesError as error:
-        raise InputError(path, error.field, error.what, error.remedy) from None
+        raise InputError(paths[0], error.field, error.what, error.remedy) from None
 
 
 def _with_frames(
@@ -196,7 +212,10 @@ def _with_frames(
     if taken:
         raise InputError(path, "channels", f"{', '.join(taken)} is there already", "keep one of both")
     channels = (
-        RecordedChannel(one.name, one.time, one.values, entry.accuracy(CHANNELS[one.name], toml), path) for one in found
+        RecordedChannel(
+            one.name, one.time, one.values, entry.accuracy(CHANNELS[one.name], toml), path, one.course, one.places
+        )
+        for one in found
     )
     return replace(recording, channels=(*recording.channels, *channels))
 

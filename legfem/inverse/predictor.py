@@ -203,7 +203,7 @@ class Predictor:
             force = force + mechanism.added_force(own[mechanism.name], observed)
         if not observed.channels:
             return force + self.offset
-        names = [one.name for one in observed.channels]
+        names = [course for one in observed.channels for course in one.courses]
         at = self._grid.at(pressed)
         courses = self._courses(names, c10, c20, factor, at)
         if np.isnan(force).any():
@@ -213,8 +213,8 @@ class Predictor:
         for k, name in enumerate(names):
             if name in beyond:
                 courses[:, k] += at(beyond[name][:, None])[:, 0]
-        for k, one in enumerate(observed.channels):
-            if one.is_force:
+        for k, follows in enumerate(one.is_force for one in observed.channels for _ in one.courses):
+            if follows:
                 courses[:, k] *= factors
         places, weights = self._read
         return np.concatenate([force, np.einsum("rw,rw->r", weights, courses.ravel()[places])]) + self.offset
@@ -222,11 +222,18 @@ class Predictor:
     @cached_property
     def _read(self) -> tuple[NDArray[np.int_], FloatArray]:
         """Where in the courses (n, k) every reading beside the force stands, and what it takes of it; (r, w) each."""
-        every = np.concatenate([one.weights for one in self.observed.channels])
-        channel = np.repeat(np.arange(len(self.observed.channels)), [len(one.values) for one in self.observed.channels])
+        channels = self.observed.channels
+        every = np.concatenate([one.weights for one in channels])
+        starts = np.cumsum([0, *(len(one.courses) for one in channels)])
+        course = np.concatenate(
+            [
+                start + (0 if one.course is None else one.course) + np.zeros(len(one.values), dtype=int)
+                for start, one in zip(starts, channels, strict=False)
+            ]
+        )
         width = int((every != 0).sum(axis=1).max())
         at = np.argsort(every == 0, axis=1, kind="stable")[:, :width]
-        places = at * len(self.observed.channels) + channel[:, None]
+        places = at * int(starts[-1]) + course[:, None]
         return places, np.take_along_axis(every, at, axis=1)
 
     def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:

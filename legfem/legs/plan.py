@@ -11,7 +11,7 @@ from legfem.channels.registry import plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.channel_readings import PlannedChannel
+from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
@@ -79,7 +79,7 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     rates = found.observed.rates
     library, _ = diagnoser.library(subject, found.observed, progress)
     tests = designs(found.observed.depth, rates[0], float(library.grid[-1]), found.observed.shows_air)
-    tests = _beside(tests, [one.name for one in found.observed.channels])
+    tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
     plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)
@@ -93,9 +93,10 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     return ranked([*found_by_tests, *by_readings])
 
 
-def _beside(tests: Sequence[Design], recorded: Sequence[str]) -> list[Design]:
+def _beside(tests: Sequence[Design], channels: Sequence[StationChannel]) -> list[Design]:
     """Return tests in which channels that were recorded are recorded again; those that add none of theirs are left."""
-    again = tuple(PlannedChannel(name) for name in recorded)
+    again = tuple(PlannedChannel(one.name, places=one.places) for one in channels)
+    recorded = {one.name for one in channels}
     news = [tuple(one for one in test.channels if one.name not in recorded) for test in tests]
     return [
         replace(test, channels=(*again, *new))

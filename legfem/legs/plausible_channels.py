@@ -42,7 +42,7 @@ def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter,
         _check_time(channel, trial, source)
         force = np.interp(channel.time, trial.recording.time, trial.recording.force - trial.contact.baseline)
         depths, values = loading_depths(channel, trial), channel.values
-        recorded = Recorded(values, depths, force, channel.accuracy, Site(section, indenter), outline_sd)
+        recorded = Recorded(values, depths, force, channel.accuracy, Site(section, indenter), outline_sd, channel.place)
         found = FILE_OF[channel.name].check(channel.kind, recorded)
         if found is not None:
             raise InputError(source, channel.name, found.what, found.remedy)
@@ -74,7 +74,8 @@ def _check_time(channel: RecordedChannel, trial: Segmentation, source: str) -> N
             f"from {t[0]:g} to {t[-1]:g} s",
             "give its times on the recording's clock",
         )
-    lag = seen_lag(channel, trial)
+    # The place that moves most shows it best.
+    lag = seen_lag(max((one for _, one in channel.at_each_place()), key=lambda one: float(np.ptp(one.values))), trial)
     if abs(lag) >= LONGEST_LAG_S:
         raise InputError(
             source,

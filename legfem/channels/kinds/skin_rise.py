@@ -79,8 +79,12 @@ class SkinRises(ChannelFile):
         skin = site.section.polygon("skin").exterior
         return np.asarray(origin + first_crossing(skin, origin, site.direction) * site.direction)
 
-    def of_frames(self, frames: Frames, site: Site) -> Sequence[Read]:
-        """Return the rises at the offsets where all frames have the skin."""
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the rises at the offsets where all frames of a trial have the skin."""
+        return [self._of_trial(one, site) for one in frames]
+
+    @staticmethod
+    def _of_trial(frames: Frames, site: Site) -> Sequence[Read]:
         times, frame = np.unique(frames.time, return_inverse=True)
         if len(times) < 2:
             raise FramesError(
