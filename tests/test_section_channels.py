@@ -42,7 +42,9 @@ def solved(test) -> Solved:
 
 def test_every_channel_is_a_known_kind(solved):
     assert set(solved.path.channels) <= set(CHANNELS)
-    assert {"lateral_force", *THICKNESSES, *(kind.name for kind in RISES.values())} == set(solved.curve.channels)
+    assert {"lateral_force", "contact_width", *THICKNESSES, *(kind.name for kind in RISES.values())} == set(
+        solved.curve.channels
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -168,7 +170,9 @@ def test_forces_in_3d_turn_with_the_travel():
     direction = np.array([0.6, -0.8, 0.0])
     reader = ChannelReader(SimpleNamespace(direction=direction), (ContactForces(),))
     force = 2.0 * direction + 0.5 * np.array([0.8, 0.6, 0.0]) + np.array([0.0, 0.0, 0.1])
-    read = reader.read(ReadState(np.zeros(0), np.zeros((1, 0)), force, 3.0 * force[None]))
+    read = reader.read(
+        ReadState(np.zeros(0), np.zeros((1, 0)), force, 3.0 * force[None], np.zeros((0, 3)), np.zeros((1, 0, 3)))
+    )
     assert read["lateral_force"][0] == pytest.approx(0.5) and read["axial_force"][0] == pytest.approx(0.1)
     assert read["lateral_force"][1] == pytest.approx([1.5]) and read["axial_force"][1] == pytest.approx([0.3])
     assert set(read) == {name for name, kind in CHANNELS.items() if "3d" in kind.models}

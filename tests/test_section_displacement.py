@@ -18,7 +18,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.points import PointsInside
-from legfem.inverse.channel_errors import reading_covariance, registration_errors
+from legfem.inverse.channel_errors import errors_of_places, reading_covariance
 from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings
@@ -98,7 +98,7 @@ def test_an_image_that_lies_elsewhere_reads_what_registration_says(test, solved)
     accuracy = replace(INSIDE.usual, shift=1.0, turn=1.0)
     values = columns(solved)
     frame = np.zeros(len(places), dtype=int)
-    modes = SectionDisplacements().registration(places, frame, values.ravel(), accuracy)
+    modes = SectionDisplacements().shared(places, np.zeros(len(places)), frame, values.ravel(), accuracy)
     middle, angle = points.mean(axis=0), np.deg2rad(1.0)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     squares = np.zeros(2)
@@ -185,5 +185,5 @@ def test_readings_of_one_frame_share_errors_and_the_image_s_place(tmp_path):
     far = same & np.equal.outer(one.place[:, 2], one.place[:, 2])
     apart = np.linalg.norm(one.place[:, None, :2] - one.place[None, :, :2], axis=-1)
     assert alike[far & (apart > 20)].max() < alike[far & (apart > 0) & (apart < 8)].max()
-    names = set(registration_errors(one, one.values))
+    names = set(errors_of_places(one, one.values))
     assert {f"section displacement: {name}" for name in ("shift in x", "shift in y", "turn")} == names

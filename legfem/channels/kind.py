@@ -40,6 +40,10 @@ class ChannelAccuracy:
     """Of how an image is turned against the section, degrees."""
     apart: float = 0.0
     """Distance over which the errors of readings at different places of one frame are alike, mm."""
+    creep: float = 0.0
+    """Relative error for every tenfold of the time under load, the same in all of a site's readings."""
+    threshold: float | None = None
+    """Below which readings say nothing, and are left out."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +85,13 @@ class ChannelKind:
 
     @property
     def is_force(self) -> bool:
-        """Whether it is a force on the cylinder, and follows what acts on that by a factor; else it is a length."""
+        """Whether it is a force on the cylinder."""
         return self.unit == "N"
+
+    @property
+    def follows_force(self) -> bool:
+        """Whether it is a force or a pressure on the cylinder: what acts on the force by a factor acts on it."""
+        return self.unit in ("N", "kPa")
 
     def courses(self, places: int) -> tuple[str, ...]:
         """Return the names of its courses along a test: one, or one for each of a number of places."""
@@ -244,15 +253,24 @@ class ChannelFile(ABC):
         """Return how far apart readings at places (k, q) are, (k, k), mm; infinite where errors aren't alike."""
         return np.zeros((len(places), len(places)))
 
-    def registration(
-        self, places: FloatArray, frame: NDArray[np.int_], values: FloatArray, accuracy: ChannelAccuracy
+    def shared(
+        self,
+        places: FloatArray,
+        time: FloatArray,
+        frame: NDArray[np.int_],
+        values: FloatArray,
+        accuracy: ChannelAccuracy,
     ) -> dict[str, FloatArray]:
-        """Return by name what one standard deviation does of how an image lies in the section, (k,).
+        """Return by name what one standard deviation of an error does that all readings share, (k,).
+
+        Of how an image lies in the section, or of a film that creeps: what only channels with places have.
 
         Parameters
         ----------
         places
             Of the readings, (k, q).
+        time
+            Since first contact, (k,), s.
         frame
             Number of each reading's frame, (k,).
         values

@@ -62,8 +62,16 @@ class ChannelLog:
         if reader is not None:
             number, size = len(self._parameters), len(reader.system.direction)
             at_rest = np.zeros_like(reader.system.unknown.x.array)
+            nodes = len(reader.system.spaces.trace) // size
             first = reader.read(
-                ReadState(at_rest, np.zeros((number, len(at_rest))), np.zeros(size), np.zeros((number, size)))
+                ReadState(
+                    at_rest,
+                    np.zeros((number, len(at_rest))),
+                    np.zeros(size),
+                    np.zeros((number, size)),
+                    np.zeros((nodes, size)),
+                    np.zeros((number, nodes, size)),
+                )
             )
             self.values = {name: [value] for name, (value, _) in first.items()}
             self._rates = {name: [rates] for name, (_, rates) in first.items()}
@@ -86,13 +94,20 @@ class ChannelLog:
         """
         if self._reader is None:
             return
-        unknown = self._reader.system.unknown.x.array
+        system = self._reader.system
+        unknown, nodal = system.unknown.x.array, system.nodal_contact_force()
         rates: FloatArray = np.zeros((0, len(unknown)))
         force_rates: FloatArray = np.zeros((0, len(contact_force)))
+        nodal_rates: FloatArray = np.zeros((0, *nodal.shape))
         if tracker is not None:
             rates = chain.T @ np.array(list(tracker.state_rates().values()))
             force_rates = chain.T @ tracker.contact_force_rates
-        read = self._reader.read(ReadState(unknown, rates, whole * contact_force, whole * force_rates))
+            nodal_rates = np.tensordot(chain.T, tracker.nodal_force_rates, axes=1)
+        read = self._reader.read(
+            ReadState(
+                unknown, rates, whole * contact_force, whole * force_rates, nodal, nodal_rates, system.displacement
+            )
+        )
         for name, values in self.values.items():
             value, by = read.get(name, (np.nan, np.full(len(self._parameters), np.nan)))
             values.append(value)

@@ -12,6 +12,7 @@ from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_betwe
 from legfem.fem.points import PointsInside
 from legfem.fem.system import System
 from legfem.geometry.section import across
+from legfem.mechanics.terms.contact import NormalContact
 from legfem.meshing.section import BONE, DEEP, FASCIA, SKIN, SUPERFICIAL
 
 
@@ -29,12 +30,21 @@ class ReadState:
         Of the cylinder on the skin in d dimensions, N: that of its whole length.
     contact_force_rates : (p, d) array
         Its derivatives.
+    nodal_force : (k, d) array
+        What the rank adds to that on each of its skin's nodes; N per mm of the cylinder's length in a section.
+    nodal_force_rates : (p, k, d) array
+        Its derivatives.
+    displacement
+        Of the cylinder, mm.
     """
 
     unknown: FloatArray
     unknown_rates: FloatArray
     contact_force: FloatArray
     contact_force_rates: FloatArray
+    nodal_force: FloatArray
+    nodal_force_rates: FloatArray
+    displacement: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -92,6 +102,24 @@ class SeenModel:
 
 
 @dataclass(frozen=True, eq=False)
+class SkinOnFace:
+    """Nodes of a section's skin, from the cylinder's axis.
+
+    Parameters
+    ----------
+    arc, arc_rates : (k,), (p, k) array
+        Way along the cylinder's face from its deepest point, to the left of the travel, mm; and its derivatives.
+    load, load_rates : (k,), (p, k) array
+        Of the cylinder's normal pressure, N per mm of its length; and its derivatives.
+    """
+
+    arc: FloatArray
+    arc_rates: FloatArray
+    load: FloatArray
+    load_rates: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Seen:
     """A state of a model, as kinds of channel see it; all turns with the line of travel.
 
@@ -124,6 +152,43 @@ class Seen:
         inside, state, dofs = self.model.inside(points), self.state, self.model.system.spaces.displacement_dofs
         found = [inside.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
         return found[0], np.array(found[1:]).reshape(-1, *found[0].shape)
+
+    @property
+    def radius(self) -> float:
+        """Of the cylinder, mm."""
+        return self.model.system.model.parameters["indenter.radius"]
+
+    @property
+    def onset(self) -> float:
+        """Gap below which the skin is pressed, mm."""
+        terms = self.model.system.model.at("skin")
+        return float(next(term.law.onset for term in terms if isinstance(term, NormalContact)))
+
+    @property
+    def centre(self) -> FloatArray:
+        """The cylinder's axis, mm."""
+        system = self.model.system
+        return np.asarray(system.start + self.state.displacement * system.direction)
+
+    @cached_property
+    def face(self) -> SkinOnFace:
+        """The rank's nodes of a section's skin as the cylinder's face sees them."""
+        system, state = self.model.system, self.state
+        trace = system.spaces.trace
+        places = system.spaces.skin_space.tabulate_dof_coordinates()[:, :2]
+        away = places + state.unknown[trace].reshape(-1, 2) - self.centre
+        moving = state.unknown_rates[:, trace].reshape(-1, *away.shape)
+        ahead, beside = away @ system.direction, away @ self.left
+        squared = ahead**2 + beside**2
+        turning = (ahead * (moving @ self.left) - beside * (moving @ system.direction)) / squared
+        far = np.sqrt(squared)
+        out = away / far[:, None]
+        along = np.einsum("kd,pkd->pk", out, moving)
+        swing = (moving - along[..., None] * out) / far[:, None]
+        load = np.einsum("kd,kd->k", state.nodal_force, out)
+        loading = np.einsum("pkd,kd->pk", state.nodal_force_rates, out)
+        loading += np.einsum("kd,pkd->pk", state.nodal_force, swing)
+        return SkinOnFace(self.radius * np.arctan2(beside, ahead), self.radius * turning, load, loading)
 
     def force(self, way: FloatArray) -> tuple[float, FloatArray]:
         """Return the contact's force along a unit vector (N), and its derivatives (p,)."""

@@ -26,6 +26,16 @@ TRIAL, SITE = "{trial}", "{site}"
 """In the name of a file: the name of the trial that it belongs to, and of the leg's site."""
 
 
+_OF_IMAGES_AND_FILMS = {
+    "shift_mm": "shift",
+    "turn_deg": "turn",
+    "apart_mm": "apart",
+    "creep_percent": "creep",
+    "threshold_kPa": "threshold",
+}
+"""Keys that few channels have, and what of their accuracy each is."""
+
+
 class RecordedChannelEntry(FileTable):
     """``[channels.NAME]``: where a channel is found, and how accurate it is; what isn't given is usual."""
 
@@ -45,6 +55,11 @@ class RecordedChannelEntry(FileTable):
     shift_mm: NotNegative | None = None
     turn_deg: NotNegative | None = None
     apart_mm: NotNegative | None = None
+    sd_kPa: Positive | None = None
+    bias_kPa: NotNegative | None = None
+    slow_kPa: NotNegative | None = None
+    creep_percent: NotNegative | None = None
+    threshold_kPa: NotNegative | None = None
 
     @model_validator(mode="after")
     def _file_within(self) -> RecordedChannelEntry:
@@ -75,10 +90,9 @@ class RecordedChannelEntry(FileTable):
                 f"clocks that may be {self.lag_s:g} s apart say nothing of where the cylinder was",
                 "bring both to one clock (tap the cylinder, and look for it in both)",
             )
-        for name in ("shift", "turn", "apart"):
-            stated = f"{name}_{'deg' if name == 'turn' else 'mm'}"
-            if getattr(self, stated) is not None and not getattr(usual, name):
-                raise InputError(source, f"{field}.{stated}", "the channel has no image or film", "leave it out")
+        for stated, of in _OF_IMAGES_AND_FILMS.items():
+            if getattr(self, stated) is not None and not getattr(usual, of):
+                raise InputError(source, f"{field}.{stated}", f"the channel has no such {of}", "leave it out")
         given = {
             "reading": getattr(self, f"sd_{kind.unit}"),
             "bias": getattr(self, f"bias_{kind.unit}"),
@@ -88,6 +102,8 @@ class RecordedChannelEntry(FileTable):
             "shift": self.shift_mm,
             "turn": self.turn_deg,
             "apart": self.apart_mm,
+            "creep": None if self.creep_percent is None else self.creep_percent / 100,
+            "threshold": self.threshold_kPa,
         }
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
@@ -211,13 +227,22 @@ def _with_frames(
     taken = {one.name for one in recording.channels} & {one.name for one in found}
     if taken:
         raise InputError(path, "channels", f"{', '.join(taken)} is there already", "keep one of both")
-    channels = (
-        RecordedChannel(
-            one.name, one.time, one.values, entry.accuracy(CHANNELS[one.name], toml), path, one.course, one.places
-        )
-        for one in found
-    )
+    channels = [_at_places(path, one, entry.accuracy(CHANNELS[one.name], toml)) for one in found]
     return replace(recording, channels=(*recording.channels, *channels))
+
+
+def _at_places(path: Path, one: Read, accuracy: ChannelAccuracy) -> RecordedChannel:
+    """Return a channel that frames give, without what is below the instrument's threshold."""
+    told = np.ones(len(one.values), dtype=bool) if accuracy.threshold is None else one.values >= accuracy.threshold
+    if not told.any():
+        raise InputError(
+            path,
+            one.name,
+            f"no reading reaches {accuracy.threshold:g} {CHANNELS[one.name].unit}",
+            "give a lower threshold, or leave the file out",
+        )
+    course = None if one.course is None else one.course[told]
+    return RecordedChannel(one.name, one.time[told], one.values[told], accuracy, path, course, one.places)
 
 
 def _with_file(

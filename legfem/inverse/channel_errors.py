@@ -98,7 +98,7 @@ def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray
     force
         (k,), N, along the travel: a cell that reads several forces mixes them by as much as its gains are off.
     """
-    alike = "zero" if one.kind.is_force else "boundary"
+    alike = "zero" if one.kind.follows_force else "boundary"
     found: dict[str, FloatArray] = {alike: one.accuracy.bias * np.ones(len(predicted))}
     if one.accuracy.gain > 0:
         found["gain"] = one.accuracy.gain * predicted
@@ -107,9 +107,9 @@ def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
 
 
-def registration_errors(one: ChannelReadings, predicted: FloatArray) -> dict[str, FloatArray]:
-    """Return by name what one standard deviation does of how a channel's image lies in the section, (k,)."""
+def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, FloatArray]:
+    """Return by name what one standard deviation does of what readings at several places share, (k,)."""
     if one.course is None:
         return {}
-    found = FILE_OF[one.name].registration(one.place, one.frame, predicted, one.accuracy)
+    found = FILE_OF[one.name].shared(one.place, one.time, one.frame, predicted, one.accuracy)
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}

@@ -110,6 +110,11 @@ class ChannelReadings:
         return self.kind.is_force
 
     @property
+    def follows_force(self) -> bool:
+        """Whether what acts on the force by a factor acts on it."""
+        return self.kind.follows_force
+
+    @property
     def channel(self) -> Channel:
         """The readings as a channel of a test's data."""
         sd = np.sqrt(self.white_variance)

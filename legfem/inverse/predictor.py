@@ -2,7 +2,8 @@
 
 The tissue's response comes from `Responses`, solved once for a section; everything else is exact
 arithmetic on it. How far the tissue is pressed follows from the force; further channels are read there. What acts by
-a factor on the force acts so on other forces on the cylinder (`ChannelReadings.is_force`), and on nothing else.
+a factor on the force acts so on other forces and pressures on the cylinder (`ChannelReadings.follows_force`), and on
+nothing else.
 """
 
 from __future__ import annotations
@@ -213,7 +214,7 @@ class Predictor:
         for k, name in enumerate(names):
             if name in beyond:
                 courses[:, k] += at(beyond[name][:, None])[:, 0]
-        for k, follows in enumerate(one.is_force for one in observed.channels for _ in one.courses):
+        for k, follows in enumerate(one.follows_force for one in observed.channels for _ in one.courses):
             if follows:
                 courses[:, k] *= factors
         places, weights = self._read

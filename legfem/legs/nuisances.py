@@ -220,7 +220,7 @@ def nuisance_effects(
         for mode_name, mode in ends.errors.items():
             relative = np.interp(d, ends.displacement, mode) / factor_now
             relative = np.concatenate(
-                [relative, *(one.weights @ (one.is_force * relative) for one in observed.channels)]
+                [relative, *(one.weights @ (one.follows_force * relative) for one in observed.channels)]
             )
             name = f"3D correction: {mode_name}"
             found.append(NuisanceEffect(name, prediction * relative, Cause(name)))

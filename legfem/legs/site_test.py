@@ -15,7 +15,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
-from legfem.inverse.channel_errors import registration_errors
+from legfem.inverse.channel_errors import errors_of_places
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.errors import numerical_covariance
@@ -160,7 +160,7 @@ class SiteTest(Test):
         level = curve.channel(course, at)
         by = {p: curve.channel_sensitivity(course, p, at) for p in curve.sensitivities}
         change, by_change = level[1:] - level[0], {p: one[1:] for p, one in by.items()}
-        if kind.is_force:
+        if kind.follows_force:
             change, by_change = self._corrected(change, by_change, values)
         return np.concatenate([level[:1], change]), {p: np.concatenate([by[p][:1], by_change[p]]) for p in by}
 
@@ -223,7 +223,7 @@ class SiteTest(Test):
         """Errors of the correction and of a typical shape, alike at all sites of a leg; about readings (n,)."""
         found: dict[str, Mode] = {}
         for one, span in zip(self.beside, self.data.spans[1:], strict=True):
-            for name, effect in registration_errors(one.readings, predicted[span]).items():
+            for name, effect in errors_of_places(one.readings, predicted[span]).items():
                 whole = np.zeros(len(predicted))
                 whole[span] = effect
                 found[f"{self.name}, {name}"] = Mode("channels", whole)
@@ -242,10 +242,10 @@ class SiteTest(Test):
         unlike: list[FloatArray] = [np.zeros(len(self.curve.force))]
         for one, span in zip(self.beside, self.data.spans[1:], strict=True):
             along = self.correction.relative_errors(one.depth, *of_deep)
-            lateral = one.readings.kind.is_force
+            follows = one.readings.kind.follows_force
             for name, parts in effects.items():
-                parts.append(along[name] * predicted[span] if lateral else np.zeros(len(one)))
-            unlike.append(np.zeros(len(one)) if lateral else _ENDS_BESIDE * one.slope * one.depth)
+                parts.append(along[name] * predicted[span] if follows else np.zeros(len(one)))
+            unlike.append(np.zeros(len(one)) if follows else _ENDS_BESIDE * one.slope * one.depth)
         found |= {name: Mode(source_of_mode(name), np.concatenate(parts)) for name, parts in effects.items()}
         if self.beside:
             found["ends: shape under the cylinder"] = Mode("ends", np.concatenate(unlike))

@@ -444,8 +444,13 @@ class OtherCode(OtherPressing):
         }
         inside = self._sights.get("section_displacement", np.zeros((0, 3)))
         moves = self.displacements(u, inside[:, :2])[np.arange(len(inside)), inside[:, 2].astype(int)]
+        at, load = self._face if np.any(resultant) else (np.zeros(0), np.zeros(0))
+        ends = self._sights.get("contact_pressure", ())
+        pressures = [1e3 * float(load[(at >= a) & (at < b)].sum()) / (b - a) for a, b in ends]
         return {
             **rises,
+            **{f"contact_pressure:{k}": value for k, value in enumerate(pressures)},
+            "contact_width": float(np.ptp(at)) if len(at) else 0.0,
             **{f"section_displacement:{k}": float(value) for k, value in enumerate(moves)},
             "lateral_force": float(resultant @ left) * self.whole,
             "fat_thickness": outer - skin,
@@ -525,6 +530,7 @@ class OtherCode(OtherPressing):
             slope = weights * self.case.friction * self.penalty * np.sign(pull) * sliding
             K = K - slope[:, :, None, None] * tau[:, :, :, None] * n[:, :, None, :]
         outer, tangent = spread(self._shape, edges, f, K, len(u))
+        self._face = s[touching], (weights * pressure)[touching]
         held = np.where(touching, np.where(np.isnan(stuck), s, stuck), np.nan)
         held = np.where(sliding, s - drag / self.along, held)
         return outer, tangent, f.sum(axis=(0, 1)), held

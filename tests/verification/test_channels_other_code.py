@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from legfem.channels.kinds.contact_pressure import PRESSURE
 from legfem.channels.kinds.section_displacement import INSIDE
 from legfem.channels.seen import Sight
 from legfem.experiments.plane_strain import PlaneStrainIndentation
@@ -23,7 +25,7 @@ def test_both_codes_have_the_same_channels():
     """felupe's penalty is softer: its cylinder sinks in by some hundredths of a millimetre; its mesh errs by 0.5 %."""
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     bare = plane_strain_test(subject)
-    sights = (inside(bare),)
+    sights = (inside(bare), SENSELS)
     other = OtherCode(subject, OtherCase(1.2), sights=sights).solve(DEPTH, 1.0)
     own = replace(bare, sights=sights).solve({"deep.C10": 1.2e-3, "deep.C20": 0.0}, DEPTH).curve
     assert other.reached
@@ -37,6 +39,16 @@ def test_both_codes_have_the_same_channels():
     # Two hundredths of what the cylinder moves by.
     assert np.abs(moves[:, 0] - moves[:, 1]).max() < 0.02 * DEPTH
     assert np.abs(moves).max() > 0.3 * DEPTH
+    # Its Gauss points are 0.5 mm apart, and a film spreads the load by 1.5 mm.
+    assert own.channel("contact_width", DEPTH) == pytest.approx(other.channels["contact_width"][-1], abs=1.0)
+    pressures = [[own.channel(name, DEPTH), other.channels[name][-1]] for name in PRESSURE.courses(len(SENSELS.places))]
+    ours, theirs = np.array(pressures).T
+    assert np.abs(ours - theirs).max() < 0.08 * theirs.max()
+    assert ours.sum() == pytest.approx(theirs.sum(), rel=0.02)
+
+
+EDGES = np.arange(-18.0, 19.0, 4.0).tolist()
+SENSELS = Sight(PRESSURE.name, tuple(pairwise(EDGES)))
 
 
 def inside(test: PlaneStrainIndentation) -> Sight:

@@ -111,8 +111,13 @@ class SectionDisplacements(ChannelFile):
         between = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=-1)
         return np.where(np.equal.outer(places[:, 2], places[:, 2]), between, np.inf)
 
-    def registration(
-        self, places: FloatArray, frame: NDArray[np.int_], values: FloatArray, accuracy: ChannelAccuracy
+    def shared(
+        self,
+        places: FloatArray,
+        time: FloatArray,
+        frame: NDArray[np.int_],
+        values: FloatArray,
+        accuracy: ChannelAccuracy,
     ) -> dict[str, FloatArray]:
         """Return what a shift of the image in either direction does, and a turn about its middle."""
         found: dict[str, FloatArray] = {name: np.zeros(len(values)) for name in ("shift in x", "shift in y", "turn")}
