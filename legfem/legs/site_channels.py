@@ -16,7 +16,7 @@ from legfem.data.noise import slowest_error
 from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import LOADING
 from legfem.geometry.section import layer_thicknesses
-from legfem.inverse.channel_errors import model_covariance, reading_covariance, shared_errors
+from legfem.inverse.channel_errors import errors_of_places, model_covariance, reading_covariance, shared_errors
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
 from legfem.inverse.data import Channel
 from legfem.legs.nuisances import accuracy_of_shape
@@ -141,7 +141,8 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
     )
     own = reading_covariance(readings, slope, slowest, [sorted({int(k) for k in readings.trial})])
     force = np.interp(readings.displacement, curve.displacement, curve.force, left=0.0)
-    alike = [np.outer(effect, effect) for effect in shared_errors(readings, level, force).values()]
+    shared = shared_errors(readings, level, force) | errors_of_places(readings, level)
+    alike = [np.outer(effect, effect) for effect in shared.values()]
     # Where contact is put, in each trial by itself and in all.
     contact = curve.noise.shift_sd**2 * np.equal.outer(readings.trial, readings.trial) + curve.noise.common_shift_sd**2
     instrument = own + sum(alike) + contact * np.outer(slope, slope)

@@ -15,7 +15,6 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
-from legfem.inverse.channel_errors import errors_of_places
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.errors import numerical_covariance
@@ -222,11 +221,6 @@ class SiteTest(Test):
     def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:
         """Errors of the correction and of a typical shape, alike at all sites of a leg; about readings (n,)."""
         found: dict[str, Mode] = {}
-        for one, span in zip(self.beside, self.data.spans[1:], strict=True):
-            for name, effect in errors_of_places(one.readings, predicted[span]).items():
-                whole = np.zeros(len(predicted))
-                whole[span] = effect
-                found[f"{self.name}, {name}"] = Mode("channels", whole)
         if self.subject.typical_shape:
             forces = np.zeros(len(predicted))
             forces[self.data.spans[0]] = predicted[self.data.spans[0]]
