@@ -25,6 +25,7 @@ from legfem.inverse.grid_spline import At
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import channels_of, derivative_of
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.legs.problem import measured_curve
 from legfem.legs.site_channels import site_channels
@@ -233,3 +234,9 @@ def test_readings_at_places_are_means_of_their_own_course(stiff_fat):
             one.read(linear)[rows] == pytest.approx(one.displacement[rows])
             and not np.delete(one.read(linear), rows).any()
         )
+
+
+def test_a_solution_s_derivatives_are_no_channels():
+    own = ("force", "deep.C10", *INSIDE.courses(2), "fat_thickness")
+    columns = {name: np.zeros(1) for one in own for name in (one, derivative_of(one, "deep.C10"))}
+    assert set(channels_of(columns)) == set(own[2:])

@@ -123,7 +123,7 @@ def derivative_of(channel: str, parameter: str) -> str:
 
 def channels_of(columns: Mapping[str, FloatArray]) -> tuple[str, ...]:
     """Return the names of the channels that a solution has beside the force."""
-    return tuple(name for name in columns if name.partition(":")[0] in CHANNELS)
+    return tuple(name for name in columns if " by " not in name and name.partition(":")[0] in CHANNELS)
 
 
 @dataclass(frozen=True, eq=False)
