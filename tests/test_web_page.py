@@ -64,7 +64,7 @@ def pressed(film):
 
 
 def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subject, both, pressed):
-    command = "python -m legfem.identify --subject-dir 'my <leg>'"
+    command = "legfem identify --subject-dir 'my <leg>'"
     html = rendered(leg_page(both, pressed, command))
     page = read(html)
     assert len(html.encode()) < MOST_BYTES

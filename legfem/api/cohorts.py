@@ -155,7 +155,7 @@ _TYPICAL: Mapping[str, tuple[float, float]] = {
     "diagnose": (200.0, 900.0),
     "stocking": (60.0, 900.0),
 }
-"""Seconds of a processor and MB of the members that come with legfem (``python -m legfem.cohort`` writes both)."""
+"""Seconds of a processor and MB of the members that come with legfem (``legfem cohort`` writes both)."""
 
 
 def cohort(

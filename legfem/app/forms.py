@@ -112,16 +112,14 @@ def setting_field(setting: Setting) -> Callable[[], str]:
     """Put a field; return what reads it."""
     label = setting.key[-1] + (" *" if setting.needed else "")
     now = _written(setting.value)
-    hint = setting.help or (f"{_written(setting.default)} by default" if setting.default else "")
+    usual = "" if setting.default is None else f"{_written(setting.default)} by default"
     if setting.choices or setting.kind is bool:
-        choices = {one: one or "–" for one in ("", *(setting.choices or ("yes", "no")))}
+        choices = {one: one or usual or "–" for one in ("", *(setting.choices or ("yes", "no")))}
         chosen = ui.select(choices, value=now if now in choices else "", label=label)
-        if hint:
-            chosen.props["hint"] = hint
+        chosen.props["hint"] = setting.help
         return lambda: str(chosen.value or "")
-    typed = ui.input(label, value=now)
-    if hint:
-        typed.props["hint"] = hint
+    typed = ui.input(label, value=now, placeholder=usual)
+    typed.props["hint"] = setting.help
     return lambda: str(typed.value or "").strip()
 
 

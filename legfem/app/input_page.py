@@ -40,15 +40,19 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
         tag("h2", action.name)
         tag("p", action.does)
         boxes: dict[str, ui.select | ui.number] = {}
+        box: ui.select | ui.number
         with ui.element("div").classes("fields"):
             for choice in action.choices:
                 if choice.choices:
-                    boxes[choice.option] = ui.select(
+                    box = ui.select(
                         {"": "by default", **{one: one for one in choice.choices}}, value="", label=choice.label
                     )
                 else:
-                    boxes[choice.option] = ui.number(choice.label, placeholder="by default")
+                    box = ui.number(choice.label, placeholder="by default")
+                box.props["hint"] = choice.help
+                boxes[choice.option] = box
             more = ui.input("more options", placeholder="as on the command line")
+            more.props["hint"] = f"legfem {action.name} --help lists them"
 
         def options(run: str) -> list[str]:
             chosen = {
@@ -74,8 +78,8 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
                 trouble.text = str(error)
                 trouble.set_visibility(True)
 
-        for box in (*boxes.values(), more):
-            box.on_value_change(update)
+        for typed in (*boxes.values(), more):
+            typed.on_value_change(update)
 
         def start() -> None:
             update()

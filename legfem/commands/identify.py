@@ -1,4 +1,4 @@
-"""``python -m legfem.identify``."""
+"""``legfem identify``."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def run(
     With --specimen-dir a tissue is identified from all recordings of a folder of specimens
     (specimen.toml, recordings/*.csv) together.
 
-    Example: python -m legfem.identify --subject 3 --law both --out results/subject-3
+    Example: legfem identify --subject 3 --law both --out results/subject-3
     """
     with _edge(model, jobs, quiet) as processes:
         from mpi4py import MPI
