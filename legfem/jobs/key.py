@@ -113,7 +113,6 @@ def _imported(modules: tuple[str, ...]) -> set[str]:
     return found
 
 
-@cache
 def _file(name: str) -> Path | None:
     if name.partition(".")[0] not in ("legfem", "studies"):
         return None
