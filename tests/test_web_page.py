@@ -121,7 +121,7 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
         low, _ = model.shown(DEEP_C10).ci95
         assert f"{low:.2f} to " in page.words
     if verdict == "unexplained":
-        assert "Write down no number" in page.words and " kPa (most likely" not in page.words
+        assert "Write down no number" in page.words and "Write down: C10" not in page.words
     if verdict in ("named", "ambiguous"):
         advice = page.words.lower().index("press to 25 mm (70 % chance")
         assert advice < page.words.index("Recordings and model")
