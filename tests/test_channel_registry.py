@@ -10,7 +10,7 @@ from making import TOML, press, write_subject
 
 import legfem
 from legfem.channels.kind import ChannelFile, ChannelPlan
-from legfem.channels.registry import CHANNELS, FILE_OF, IN_COLUMNS, OF_FRAMES, UNITS, files_of, plans
+from legfem.channels.registry import CHANNELS, FILE_OF, IN_COLUMNS, OF_FRAMES, OF_LEGS, UNITS, files_of, plans
 from legfem.data.recording import RecordedChannel, Recording, write_recording
 from legfem.geometry.section import layer_thicknesses
 from legfem.legs.loading import load_subject
@@ -23,7 +23,7 @@ def test_every_kind_has_a_file_a_usual_accuracy_and_a_model():
     for name, kind in CHANNELS.items():
         assert name == kind.name and kind in FILE_OF[name].kinds
         assert isinstance(FILE_OF[name], ChannelFile)
-        assert kind.usual.reading > 0 and kind.models <= {"2d", "3d"} and kind.models
+        assert kind.usual.reading > 0 and kind.models <= {"2d", "3d", "specimen"} and kind.models
         assert all(FILE_OF[name] in files_of(model) for model in kind.models)
     assert set(UNITS) >= {"N", "mm"}
 
@@ -49,7 +49,9 @@ def test_no_other_room_names_a_kind():
     assert named == ["data/reader.py: axial_force"]
 
 
-@pytest.mark.parametrize("name", [kind.name for kind in IN_COLUMNS if kind.name != "muscle_thickness"])
+@pytest.mark.parametrize(
+    "name", [kind.name for kind in IN_COLUMNS if kind in OF_LEGS and kind.name != "muscle_thickness"]
+)
 def test_a_column_of_any_kind_is_read_and_its_errors_are_proposed(tmp_path, name):
     """But for the muscle: in this leg the line of travel meets no bone."""
     kind = CHANNELS[name]

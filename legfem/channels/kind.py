@@ -71,12 +71,12 @@ class ChannelKind:
     usual: ChannelAccuracy
     model_share: float = 0.0
     models: frozenset[str] = frozenset({"2d"})
-    """Which of a leg's models give it: of its section, or in 3D."""
+    """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
 
     @property
     def column(self) -> str:
         """Column of a recording that holds it."""
-        return f"{self.name}_{self.unit}"
+        return self.name if self.unit == "-" else f"{self.name}_{self.unit}"
 
     @property
     def title(self) -> str:

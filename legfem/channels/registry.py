@@ -24,8 +24,10 @@ OF_FRAMES: Mapping[str, ChannelFile] = MappingProxyType({file.entry: file for fi
 """By an entry of ``[channels]`` what reads its file of frames."""
 IN_COLUMNS = tuple(kind for kind in CHANNELS.values() if kind.name not in OF_FRAMES)
 """Kinds that have one reading a time, which a column of a recording may hold."""
-UNITS = tuple(dict.fromkeys(kind.unit for kind in CHANNELS.values()))
-"""That channels are in."""
+OF_LEGS = tuple(kind for kind in CHANNELS.values() if kind.models & {"2d", "3d"})
+"""Kinds that a leg's models give."""
+UNITS = tuple(dict.fromkeys(kind.unit for kind in OF_LEGS))
+"""That a leg's channels are in."""
 
 
 def files_of(model: str) -> tuple[ChannelFile, ...]:

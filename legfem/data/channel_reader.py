@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import create_model, model_validator
 
 from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Frames, FramesError, Read, Site
-from legfem.channels.registry import CHANNELS, OF_FRAMES, UNITS
+from legfem.channels.registry import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
@@ -124,7 +124,9 @@ class RecordedChannelEntry(FileTable):
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
-_FIELDS: dict[str, Any] = dict.fromkeys((*CHANNELS, *OF_FRAMES), (RecordedChannelEntry | None, None))
+_FIELDS: dict[str, Any] = dict.fromkeys(
+    (*(kind.name for kind in OF_LEGS), *OF_FRAMES), (RecordedChannelEntry | None, None)
+)
 
 
 class _SomeChannels(FileTable):

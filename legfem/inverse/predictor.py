@@ -203,7 +203,7 @@ class Predictor:
             force = force + mechanism.added_force(own[mechanism.name], observed)
         if not observed.channels:
             return force + self.offset
-        names = [course for one in observed.channels for course in one.courses]
+        names = self._names
         at = self._grid.at(pressed)
         courses = self._courses(names, c10, c20, factor, at)
         if np.isnan(force).any():
@@ -213,11 +213,20 @@ class Predictor:
         for k, name in enumerate(names):
             if name in beyond:
                 courses[:, k] += at(beyond[name][:, None])[:, 0]
-        for k, follows in enumerate(one.follows_force for one in observed.channels for _ in one.courses):
-            if follows:
-                courses[:, k] *= factors
+        if self._follows.any():
+            courses[:, self._follows] *= factors[:, None]
         places, weights = self._read
         return np.concatenate([force, np.einsum("rw,rw->r", weights, courses.ravel()[places])]) + self.offset
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        """Of the channels' courses."""
+        return tuple(course for one in self.observed.channels for course in one.courses)
+
+    @cached_property
+    def _follows(self) -> NDArray[np.bool_]:
+        """Which courses are multiplied by what acts by a factor on the force."""
+        return np.array([one.follows_force for one in self.observed.channels for _ in one.courses])
 
     @cached_property
     def _read(self) -> tuple[NDArray[np.int_], FloatArray]:
@@ -245,10 +254,10 @@ class Predictor:
             known, weights = [_unknown], None
         return _Elastic(known, weights, self.observed.half_width)
 
-    def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
+    def _courses(self, names: tuple[str, ...], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
         """Return elastic channels (n, k) at factors on the deep stiffness."""
         nodes, weights = _nodes_of(factor)
-        each = [at(self._beside(tuple(names), c10 * n, c20 * n)) for n in nodes]
+        each = [at(self._beside(names, c10 * n, c20 * n)) for n in nodes]
         return each[0] if weights is None else np.einsum("ij,ijk->jk", weights, np.array(each))
 
     @cached_property

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from legfem.channels.registry import OF_LEGS
 from legfem.common.documents import markdown_table
 from legfem.data import Recording, SourceColumns
 from legfem.data.quality import Quality
@@ -47,6 +48,8 @@ def channels_toml(channels: Sequence[RecordedChannel]) -> str:
     """Return the blocks that state the accuracy of channels beside the force, which is usual until it is changed."""
     lines = []
     for one in channels:
+        if one.kind not in OF_LEGS:
+            continue
         unit, accuracy = one.kind.unit, one.accuracy
         lines += [
             f"[channels.{one.name}]",
