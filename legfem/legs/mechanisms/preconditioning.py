@@ -41,7 +41,7 @@ class Preconditioning(Mechanism):
             statement="change of the excess from first touch to full depth, over its mean",
         ),
     )
-    would_be: ClassVar[str] = "a first trial that is stiffer by a share of {}"
+    would_be: ClassVar[str] = "a first trial that is stiffer than the later ones by a share of {} (softer, if negative)"
     next_experiment: ClassVar[str] = "cycle five to ten times before recording, and rest between trials"
     measured_sd: ClassVar[float | None] = 0.03
     """An estimate: the gains of trials, over several cycles."""
