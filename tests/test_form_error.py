@@ -29,7 +29,7 @@ def test_a_part_that_asks_for_another_stiffness_departs_by_that_beyond_its_error
     found = departure_of(PARTS, measured, FORCE, 1e-8 * np.eye(30))
     assert (found.part, found.factor) == ("the first third of the depth", pytest.approx(1.5))
     assert found.by == pytest.approx(np.log(1.5), rel=1e-4)
-    assert found.carried(2.0, (1.9, 2.1), (0.1, 10.0)) == pytest.approx((2.0 / 1.5, 3.0), rel=1e-3)
+    assert found.carried(2.0, (1.9, 2.1), (0.1, 10.0)) == pytest.approx((2.0 / 1.5**1.96, 2.0 * 1.5**1.96), rel=1e-3)
     assert found.carried(2.0, (0.5, 4.0), (0.1, 10.0)) == (0.5, 4.0)
 
 

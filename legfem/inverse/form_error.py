@@ -5,8 +5,8 @@ the part that was looked at. Of forces m and predictions f in a part, with error
 
 .. math:: k = f^T m / f^T f, \qquad s^2 = f^T C f / (f^T f)^2
 
-is the factor on all stiffness that the part asks for, with its standard error. The greatest :math:`|\ln k|` beyond
-errors is how far the law's misfit may move a stiffness either way.
+is the factor on all stiffness that the part asks for, with its standard error. Parts are a few readings of one number:
+the greatest :math:`|\ln k|` beyond errors is taken as one standard deviation of what the misfit may do to a stiffness.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from legfem.inverse.data import Channel
 THIRDS = "first", "second", "last"
 _FEWEST = 3
 """Readings of a part."""
+_DEVIATIONS = 1.96
+"""Of 95 %, either way."""
 _LARGEST = 50.0
 """Logarithm of a factor that is beyond all bounds."""
 
@@ -40,10 +42,10 @@ class PartDeparture:
     """Logarithm of that without what errors make, 0 at least; infinite where no stiffness describes it."""
 
     def carried(self, value: float, interval: tuple[float, float], bounds: tuple[float, float]) -> tuple[float, float]:
-        """Return a stiffness' 95 % interval, no narrower than that either way, within its bounds."""
+        """Return a stiffness' 95 % interval, no narrower than that leaves it, within its bounds."""
         if not self.by or value <= 0.0:
             return interval
-        factor = math.exp(min(self.by, _LARGEST))
+        factor = math.exp(min(_DEVIATIONS * self.by, _LARGEST))
         return max(bounds[0], min(interval[0], value / factor)), min(bounds[1], max(interval[1], value * factor))
 
     @property
