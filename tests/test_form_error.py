@@ -30,7 +30,7 @@ def test_a_part_that_asks_for_another_stiffness_departs_by_that_beyond_its_error
     assert (found.part, found.factor) == ("the first third of the depth", pytest.approx(1.5))
     assert found.by == pytest.approx(np.log(1.5), rel=1e-4)
     assert found.carried(2.0, (1.9, 2.1), (0.1, 10.0)) == pytest.approx((2.0 / 1.5**1.96, 2.0 * 1.5**1.96), rel=1e-3)
-    assert found.carried(2.0, (0.5, 4.0), (0.1, 10.0)) == (0.5, 4.0)
+    assert found.carried(2.0, (0.5, 5.0), (0.1, 10.0)) == (0.5, 5.0)
 
 
 def test_what_errors_make_of_a_part_is_no_departure():
