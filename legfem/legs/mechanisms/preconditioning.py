@@ -20,9 +20,9 @@ class Preconditioning(Mechanism):
 
     .. math:: 1 + s\, \rho^{t} \left(1 + k \left(\tfrac{d}{D} - \tfrac12\right)\right)
 
-    in trial t from 0. The reference is the settled tissue: at the null all trials are alike. Tissue that was stretched has
-    softened by the way back (R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861, for rubber): in unloading the
-    excess is
+    in trial t from 0. The reference is the settled tissue: at the null all trials are alike. Tissue that was stretched
+    has softened by the way back (R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861, for rubber): there
+    the excess is
 
     .. math:: s\, \rho^{t} \left(r + (1 - r) \tfrac{d}{D}\right) \left(1 + k \left(\tfrac{d}{D} - \tfrac12\right)\right)
 
