@@ -153,7 +153,7 @@ def _text(path: Path, text: str) -> None:
     ui.button("Save the text", on_click=save).props("outline")
 
 
-_SIGNS = {1: "as it is", -1: "turned round (-1)"}
+_SIGNS = {1: "as it is", -1: "reversed (-1)"}
 
 
 def first_readable(looking: Run) -> dict[str, Any] | None:
