@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder, tested
-from legfem.common.command_line import AsJson, Quiet, command_context, parallel_context, process_count
+from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context, parallel_context, process_count
 from legfem.common.errors import InputError, UnsolvedError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -21,7 +21,7 @@ def _option(text: str) -> Any:
     return typer.Option(help=text, show_default=False)
 
 
-@app.command(name="identify")
+@app.command(name="identify", cls=FiniteNumbers)
 def run(
     subject: Subject = None,
     subject_dir: SubjectDir = None,

@@ -10,6 +10,7 @@ import typer
 
 from legfem.common.command_line import (
     AsJson,
+    FiniteNumbers,
     Quiet,
     brief_output,
     check_out_folder,
@@ -33,7 +34,7 @@ app = typer.Typer(
 )
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def convergence(
     subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
     subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
@@ -65,7 +66,7 @@ class Weighting(StrEnum):
     COVARIANCE = "covariance"
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Of the genetic algorithm.")] = 1,
     corrected: Annotated[bool, typer.Option("--corrected", help="Also with each leg's own 3D correction.")] = False,
@@ -99,7 +100,7 @@ class CountChoice(StrEnum):
     FACTORS = "factors"
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def doe(
     factors: Annotated[
         list[Path] | None,
@@ -161,7 +162,7 @@ def doe(
             end_without_a_solution("doe")
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def correction(
     subject_dir: Annotated[
         Path | None,
