@@ -63,10 +63,10 @@ def check_whole(name: str, value: object, least: int) -> None:
         raise wrong(name, repr(value), "is no such whole number", f"give one from {least:g} on")
 
 
-def check_length(name: str, value: object) -> None:
+def check_finite(name: str, value: object, unit: str = "mm") -> None:
     """Raise an InputError for what is no finite number; None is none."""
     if value is not None and not (isinstance(value, Real) and math.isfinite(value)):
-        raise wrong(name, repr(value), f"is no {name}", "give a number of mm")
+        raise wrong(name, repr(value), f"is no {name}", f"give a number of {unit}")
 
 
 def check_one_of(name: str, value: object, known: tuple[str, ...]) -> None:

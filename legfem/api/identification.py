@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from legfem.api.arguments import (
+    check_finite,
     check_folder,
-    check_length,
     check_names,
     check_one_of,
     check_unused,
@@ -137,7 +137,7 @@ def identify(
     from legfem.specimens.folder import SpecimenFolder
 
     wanted = Wanted.of(identify, prior, fix, c10_bounds, c20_bounds)
-    check_length("depth", depth)
+    check_finite("depth", depth)
     check_whole("jobs", jobs, 1)
     if out is not None:
         check_folder("out", out)

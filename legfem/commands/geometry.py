@@ -13,7 +13,7 @@ import typer
 from legfem.commands.options import Site, SubjectDir
 from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context
 from legfem.common.doubts import log_doubts
-from legfem.common.errors import InputError, check_finite
+from legfem.common.errors import InputError
 from legfem.geometry.section import fat_thickness, girth
 
 if TYPE_CHECKING:
@@ -81,10 +81,7 @@ def convert(
         else:
             if level is None or out is None:
                 raise InputError("--level, --out", "missing", "both are needed", "give them")
-            check_finite(level=level, fascia_thickness=fascia_thickness, direction=direction)
             point = None if aim is None else np.array(aim)
-            if point is not None:
-                check_finite(aim=float(point.sum()))
             source, folder = _source(cross_sections, scan, label or (), surface or ()), out
             folder_of_leg(source, level, folder, fascia_thickness, point, direction)
             scanned = source.outlines(CuttingPlane.at_level(level))

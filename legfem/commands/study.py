@@ -19,7 +19,6 @@ from legfem.common.command_line import (
     study_context,
     usable_cores,
 )
-from legfem.common.errors import check_finite
 
 Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
@@ -51,7 +50,6 @@ def convergence(
     Example: python -m legfem.study convergence --subject 3
     """
     with study_context("convergence", out, jobs, quiet=quiet) as (folder, processes):
-        check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
         from legfem.study import convergence as convergence_command
 
         with brief_output(quiet, as_json) as written:
@@ -204,18 +202,6 @@ def correction(
         from legfem.study.correction.calibration import Calibration
         from legfem.study.correction.cases import CorrectionCase, Material
 
-        check_finite(
-            length=length,
-            radius=radius,
-            bone_radius=bone_radius,
-            bone_offset=bone_offset,
-            cylinder_length=cylinder_length,
-            edge_radius=edge_radius,
-            c10=c10_kpa,
-            depth=depth,
-            finer=finer,
-            c20=c20_kpa,
-        )
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         if subject_dir is not None:
