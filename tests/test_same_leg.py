@@ -73,8 +73,8 @@ def _turned(shape: LegShape) -> LegShape:
 
 @pytest.mark.parametrize("sd", [0.0, 0.3])
 def test_ends_exchanged_are_seen_by_the_shinbone_s_sections(sd: float) -> None:
-    leg = short_leg()
-    with pytest.raises(InputError, match="its shinbone's section is .* of that in the bare scan"):
+    leg = parametric_leg(read_legs(LEGS)["4"], n_points=60).at_levels(np.linspace(20, 140, 13))
+    with pytest.raises(InputError, match=r"its shinbone's section is .* of that in the bare scan"):
         list(doubts_about_second_scan(_noisy(leg, sd), _noisy(ENDS_EXCHANGED(_in_stocking(leg)), sd, 6), TOML))
     assert list(doubts_about_second_scan(_noisy(leg, sd), _noisy(_in_stocking(leg), sd, 6), TOML)) == []
 
@@ -97,11 +97,12 @@ def test_the_same_leg_moved_and_segmented_anew_is_not_doubted() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (MIRRORED, "is mirrored or upside down"),
-        (UPSIDE_DOWN, "is mirrored or upside down"),
+        (MIRRORED, "is mirrored: after"),
+        (UPSIDE_DOWN, "is upside down: after"),
+        (ENDS_EXCHANGED, "is mirrored along the leg: after"),
         (_each(lambda xy: 1.15 * xy), "don't fit|is not the leg of"),
     ],
-    ids=["mirrored", "upside down", "another scale"],
+    ids=["mirrored", "upside down", "mirrored along the leg", "another scale"],
 )
 def test_what_cannot_be_the_leg_is_refused_with_the_cause(change, words: str) -> None:
     leg = short_leg()

@@ -26,7 +26,7 @@ _BONE = 0.12
 """Relative change of the shinbone's area, root mean square over the levels: a boundary that is 0.5 mm off makes 8 %;
 a leg upside down has 15 to 20 %, another person's as much as their bones differ."""
 _REGISTERED_WITHIN = 0.2
-"""mm: farther apart, the mirror image is tried. The mirror image of 60 mm of round bones is 0.3 mm off the leg."""
+"""mm: farther apart, mirror images are tried. The mirror image of 60 mm of round bones is 0.3 mm off the leg."""
 _NOT_ONE_LEG, _IN_STATED = 1.0, 4.0
 """Distance (mm) of registered bones, and that over the stated error of an outline, which one leg's aren't apart."""
 _FITS_BETTER = 0.6
@@ -87,17 +87,10 @@ def registered(bare: LegShape, compressed: LegShape, sd: float, toml: Path) -> R
     if found.residual <= _REGISTERED_WITHIN:
         return found
     apart = f"after registration the two scans' bones are {found.residual:.2f} mm apart"
-    try:
-        mirrored = register_shapes(_mirrored(compressed), bare).residual
-    except InputError:
-        mirrored = np.inf
-    if mirrored < _FITS_BETTER * found.residual:
-        raise InputError(
-            toml,
-            "compressed",
-            f"is mirrored or upside down: {apart}, and {mirrored:.2f} mm once one of them is made its mirror image",
-            "check the axes of both exports, and that both are the same leg, left or right",
-        )
+    for cause, change, remedy in _OTHERWISE:
+        left = _residual(change(_thinned(compressed)), _thinned(bare))
+        if left < _FITS_BETTER * found.residual:
+            raise InputError(toml, "compressed", f"is {cause}: {apart}, and {left:.2f} mm once that is undone", remedy)
     if found.residual > max(_NOT_ONE_LEG, _IN_STATED * sd):
         raise InputError(
             toml,
@@ -152,9 +145,34 @@ def _areas(shape: LegShape, part: str) -> FloatArray:
     return np.asarray(0.5 * np.abs(np.sum(x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1), axis=1)))
 
 
+def _thinned(shape: LegShape) -> LegShape:
+    """Return a shape at every second level: enough to see which of several fits."""
+    return shape.at_levels(shape.levels[::2])
+
+
+def _residual(moving: LegShape, fixed: LegShape) -> float:
+    try:
+        return register_shapes(moving, fixed).residual
+    except InputError:
+        return np.inf
+
+
 def _mirrored(shape: LegShape) -> LegShape:
     """Return a shape with x turned round, its outlines still counter-clockwise."""
     return LegShape(shape.levels, {part: (xy * (-1.0, 1.0))[:, ::-1] for part, xy in shape.contours.items()})
+
+
+def _upended(shape: LegShape) -> LegShape:
+    """Return a shape with its levels the other way round, as it is mirrored along the leg."""
+    return LegShape(shape.levels, {part: xy[::-1] for part, xy in shape.contours.items()})
+
+
+_OTHERWISE = (
+    ("mirrored", _mirrored, "check the axes of both exports, and that both are the same leg, left or right"),
+    ("upside down", lambda shape: _upended(_mirrored(shape)), "give both scans the same way up"),
+    ("mirrored along the leg", _upended, "check the order and the axis of both scans' slices"),
+)
+"""What a scan may be, what undoes it, and how to mend it; a turn about the leg is found by the registration."""
 
 
 def _spread(logs: FloatArray) -> str:
