@@ -20,6 +20,7 @@ import pytest
 import typer
 from nbclient import NotebookClient
 
+from legfem.__main__ import COMMANDS
 from legfem.common.errors import InputError
 from legfem.specimens.schema import parse_specimen_file
 from legfem.stockings.schema import parse_leg_file
@@ -73,7 +74,9 @@ def chosen(module: str, words: str) -> Iterator[Any]:
 
 def calls(page: str) -> list[tuple[str, str]]:
     text = re.sub(r"\\\n\s*", " ", PAGES[page])
-    return re.findall(r"python -m ((?:legfem|studies)(?:\.[a-z]\w*)+)([^`\n]*)", text)
+    found = re.findall(r"python -m ((?:legfem|studies)(?:\.[a-z]\w*)+)([^`\n]*)", text)
+    by_name = re.findall(rf"(?<![\w.-])legfem ({'|'.join(COMMANDS)})\b([^`\n]*)", text)
+    return found + [(f"legfem.{name}", words) for name, words in by_name]
 
 
 @of_every_page
