@@ -32,7 +32,7 @@ print(f"grade {quality.grade}:", "; ".join(quality.reasons) or "nothing to say")
 print(f"first contact at {contact.estimate:.2f} mm, give or take {contact.displacement_error:.2f}")
 
 # %%
-# ``python -m legfem.data look FILE`` does this with any instrument's file.
+# ``legfem data look FILE`` does this with any instrument's file.
 
 fig, axes = plt.subplots(figsize=(8, 3.6), layout="constrained")
 axes.plot(recording.time, recording.force, "k", lw=0.8)

@@ -31,7 +31,7 @@ Written by `python -m studies.meshes` ({versions}). Lengths in mm, elements of f
 Regions and surfaces are physical groups with names; geometrical entities, by which FEBio Studio
 parts a mesh, are numbered alike. `meshes.json` holds every mesh's definition, the command that
 makes it, and its checksum. Any leg goes to .msh, .xdmf, .vtu or .inp by
-`python -m legfem.meshing` (`--help`). The sections are reconstructed and the leg of the stockings
+`legfem meshing` (`--help`). The sections are reconstructed and the leg of the stockings
 is simulated: nobody's anatomy.
 
 Quality is gmsh's signed inverse condition number over a region, 1 for an ideal element; long ones,
@@ -49,7 +49,7 @@ class Reference:
     title : str
         What it shows.
     leg : str
-        Option of ``python -m legfem.meshing`` that makes it: idealised, subject or stocking.
+        Option of ``legfem meshing`` that makes it: idealised, subject or stocking.
     id : str
         Of the leg; empty for the idealised one.
     finer : float
@@ -67,7 +67,7 @@ class Reference:
         """What makes the same mesh, whose file may differ with gmsh's version."""
         which = f"--{self.leg} {self.id}".strip()
         finer = "" if self.finer == 1.0 else f" --finer {self.finer:g}"
-        return f"python -m legfem.meshing {which}{finer} --out {self.name}.msh"
+        return f"legfem meshing {which}{finer} --out {self.name}.msh"
 
     def make(self) -> MadeMesh:
         """Make the mesh."""

@@ -81,7 +81,7 @@ from legfem.study.doe.simulator import Record
 from legfem.study.doe.study import StudyResult, study
 from studies.legs.shapes import round_leg
 
-COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
+COMMAND = "legfem identify --subject-dir 'my <leg>'"
 DEPTH = 4.0
 NO_MISFIT = LawMisfit(1e-3, np.zeros((3, 9)), 1, np.zeros((1, 1)))
 

@@ -21,6 +21,7 @@ from legfem.app.description import (
     with_channels,
     with_settings,
 )
+from legfem.app.runs import ACTIONS
 from legfem.common.errors import InputError
 from legfem.common.input_files import checked
 from legfem.data.folder import RESOURCES
@@ -208,3 +209,15 @@ def test_recordings_become_specimens_that_lack_nothing(tmp_path, test):
     assert {name: getattr(given, name) for name in stated} == stated
     names = {one.key[0] for one in settings_of(SpecimenFile, f"[{test}]\n")}
     assert names & set(SpecimenFile.alternatives) == {test}, "the form has no other test's numbers"
+
+
+def test_every_field_of_every_form_says_what_it_is():
+    text = "[channels.fat_thickness]\n"
+    every = [*settings_of(SubjectFile, text), *settings_of(LegFile, ""), *settings_of(SpecimenFile, "")]
+    every += [one for settings in known_tests().values() for one in settings]
+    assert [one.name for one in every if not one.help] == []
+    assert [
+        choice.label for actions in ACTIONS.values() for one in actions for choice in one.choices if not choice.help
+    ] == []
+    assert "channels.fat_thickness.file" in {one.name for one in every}
+    assert not any(one.name.startswith("channels") for one in settings_of(SubjectFile, "")), "only stated channels"

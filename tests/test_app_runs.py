@@ -117,10 +117,26 @@ def test_a_run_outlives_the_server_that_began_it(workspace, module, tmp_path):
 def test_a_run_that_is_killed_is_seen_to_be_and_can_be_begun_again(workspace, module, tmp_path):
     folder = workspace.run(workspace.new_run("identify-leg"))
     run = Run.begun(folder, module(GOES_ON), [str(tmp_path / "kept")], "leg")
-    said(run, "anew")
+    said(run, "solving")
     assert run.cancel(at_once=True)
     assert ended(run) is RunState.LOST
     assert run.resume() and ended(run) is RunState.DONE
+
+
+def test_a_run_can_be_ended_from_its_first_moment_on(workspace, module, tmp_path):
+    folder = workspace.run(workspace.new_run("identify-leg"))
+    run = Run.begun(folder, module(GOES_ON), [str(tmp_path / "kept")], "leg")
+    assert run.cancel(at_once=True)
+    assert ended(run) is RunState.LOST
+
+
+def test_what_was_deleted_last_stands_first(workspace):
+    for name in ("first", "second"):
+        workspace.new_input(name)
+    for name in ("second", "first"):
+        workspace.delete("inputs", name)
+        time.sleep(0.02)
+    assert workspace.deleted == [("inputs", "first"), ("inputs", "second")]
 
 
 @pytest.mark.parametrize(("status", "state"), [(0, RunState.DONE), (1, RunState.FAILED), (2, RunState.REFUSED)])

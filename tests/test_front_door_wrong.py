@@ -40,6 +40,7 @@ LEG = {
         "weighting: 'x': unknown weighting; give one of paper, covariance",
     ),
     "a negative seed": ({"settings": IdentificationSettings(seed=-1)}, "seed: -1"),
+    "a seed that no generator takes": ({"settings": IdentificationSettings(seed=2**32)}, "seed: 4294967296: is too"),
     "no folder": ({"out": 3}, "out: 3: is of another kind; give a folder's path"),
     "no such mesh": ({"mesh": "fine"}, "mesh: fine: is no section's; give coarse"),
     "a site of a leg without": ({"site": "back"}, "is no site of the leg; leave it out"),

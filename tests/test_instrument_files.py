@@ -294,7 +294,7 @@ def test_a_refusal_ends_with_the_command_that_reads_the_file(tmp_path: Path) -> 
     path = table("clock time,ram position,Load cell (kN)", T, D, 1e-3 * F, name="a 1.csv")(tmp_path)
     run = look(path, "--out", tmp_path / "out")
     assert run.exit_code == 2 and "if time is 'clock time' in s, displacement is 'ram position' in mm" in run.output
-    command = shlex.split(run.output.strip().partition("python -m legfem.data ")[2])
+    command = shlex.split(run.output.strip().partition("legfem data ")[2])
     assert command[:2] == ["look", str(path)]
     again = look(*command[1:], "--out", tmp_path / "out")
     assert again.exit_code == 0 and "force: 'Load cell' in kN" in again.output

@@ -74,9 +74,17 @@ def chosen(module: str, words: str) -> Iterator[Any]:
 
 def calls(page: str) -> list[tuple[str, str]]:
     text = re.sub(r"\\\n\s*", " ", PAGES[page])
+<<<<<<< HEAD
     found = re.findall(r"python -m ((?:legfem|studies)(?:\.[a-z]\w*)+)([^`\n]*)", text)
     by_name = re.findall(rf"(?<![\w.-])legfem ({'|'.join(COMMANDS)})\b([^`\n]*)", text)
     return found + [(f"legfem.{name}", words) for name, words in by_name]
+=======
+    long = re.findall(r"python -m (studies(?:\.[a-z]\w*)+)([^`\n]*)", text)
+    names = "|".join(path.parent.name for path in ROOT.glob("legfem/*/__main__.py"))
+    short = re.findall(rf"(?:(?:in-env |mpirun -n \d+ |`)legfem ([a-z]+)|^legfem ({names}))\b([^`\n]*)", text, re.M)
+    short = [(inside or alone, words) for inside, alone, words in short]
+    return [*long, *((f"legfem.{name}", words) for name, words in short)]
+>>>>>>> main
 
 
 @of_every_page

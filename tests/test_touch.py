@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making_diagnosed import diagnosed_of
-from making_diagnosis import GRID, INSTRUMENT, NOISE, TRUTH, ClosedForm, pressed
+from making_diagnosis import GRID, INSTRUMENT, NOISE, TRUTH, ClosedForm, force_at, pressed
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from legfem.data import segment_all
+from legfem.data import Recording, segment_all
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, error_model
@@ -107,3 +107,19 @@ def test_air_too_little_to_be_seen_gets_no_name_and_widens_the_interval():
         at = found.observed.contacts[k].displacement
         ends = [at + end for end in found.base.interval(onset_name(k))]
         assert ends[0] <= air <= ends[1]
+
+
+def test_a_force_that_is_read_across_first_touch_is_predicted_as_it_is_read():
+    """A straight line through samples before it and after it lies above the force there."""
+    air = np.array([1.1, 1.2, 1.3, 1.4, 1.5])
+    time = np.arange(0.0, 52.0, 0.02)
+    force = [force_at(1e3 * TRUTH[DEEP_C10], 1e3 * TRUTH[DEEP_C20], 0.4 * time - way) for way in air]
+    trials = [Recording(time, 0.4 * time, one, f"trial{k + 1}") for k, one in enumerate(force)]
+    observed = observe(segment_all(trials, INSTRUMENT, True))
+    values = {**TRUTH, **{onset_name(k): float(way) for k, way in enumerate(air)}}
+    predicted = Predictor(observed, ClosedForm(GRID), "reduced-polynomial")(values)
+    across = np.abs(observed.displacement - air[observed.trial]) < observed.half_width
+    assert across.sum() == len(air)
+    plain = force_at(1e3 * TRUTH[DEEP_C10], 1e3 * TRUTH[DEEP_C20], observed.displacement - air[observed.trial])
+    assert np.abs(plain - observed.force)[across].max() > 0.025
+    np.testing.assert_allclose(predicted[across], observed.force[across], atol=4e-3)

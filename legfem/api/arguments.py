@@ -63,6 +63,17 @@ def check_whole(name: str, value: object, least: int) -> None:
         raise wrong(name, repr(value), "is no such whole number", f"give one from {least:g} on")
 
 
+_LAST_SEED = 2**32 - 1
+"""The greatest that generators of all libraries take."""
+
+
+def check_seed(value: object) -> None:
+    """Raise an InputError for what no generator of random numbers begins with."""
+    check_whole("seed", value, 0)
+    if isinstance(value, Integral) and value > _LAST_SEED:
+        raise wrong("seed", repr(value), "is too large", f"give one up to {_LAST_SEED}")
+
+
 def check_finite(name: str, value: object, unit: str = "mm") -> None:
     """Raise an InputError for what is no finite number; None is none."""
     if value is not None and not (isinstance(value, Real) and math.isfinite(value)):

@@ -12,7 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from legfem.api.arguments import check_folder, check_one_of, check_whole
+from legfem.api.arguments import check_folder, check_one_of, check_seed, check_whole
 from legfem.api.cohort_member import Options, done_with
 from legfem.api.loading import Given
 from legfem.api.results import Result
@@ -155,7 +155,7 @@ _TYPICAL: Mapping[str, tuple[float, float]] = {
     "diagnose": (200.0, 900.0),
     "stocking": (60.0, 900.0),
 }
-"""Seconds of a processor and MB of the members that come with legfem (``python -m legfem.cohort`` writes both)."""
+"""Seconds of a processor and MB of the members that come with legfem (``legfem cohort`` writes both)."""
 
 
 def cohort(
@@ -237,6 +237,8 @@ def cohort(
     check_one_of("do", do, get_args(Task.__value__))
     check_one_of("on", on, get_args(EngineName.__value__))
     check_whole("jobs", jobs, 1)
+    if seed is not None:
+        check_seed(seed)
     check_folder("out", out)
     started = time.perf_counter()
     given = {"law": law, "identify": identify, "prior": prior, "fix": fix, "depth": depth, "correction": correction}

@@ -14,6 +14,7 @@ from legfem.api.arguments import (
     check_folder,
     check_names,
     check_one_of,
+    check_seed,
     check_unused,
     check_whole,
     of_another_kind,
@@ -146,7 +147,7 @@ def identify(
     direct: dict[str, Any] = {"weighting": weighting, "seed": seed, "emulator": emulator}
     stated = {name: value for name, value in direct.items() if value is not None}
     settings = replace(settings or IdentificationSettings(), **stated)
-    check_whole("seed", settings.seed, 0)
+    check_seed(settings.seed)
     check_one_of("weighting", settings.weighting, get_args(Weighting))
     request = SearchRequest(depth=depth, settings=settings, out=None if out is None else Path(out), jobs=jobs)
     check_names("leave_out", leave_out)

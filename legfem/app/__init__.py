@@ -1,4 +1,4 @@
-"""``python -m legfem.app``: the commands in a browser window, on this machine alone.
+"""``legfem app``: the commands in a browser window, on this machine alone.
 
 The pages are NiceGUI's. All of its traffic (pages, uploads, files and the socket) is one ASGI
 application, so that one guard stands before everything (`legfem.app.guard`); uploads go to the disk

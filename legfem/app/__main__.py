@@ -1,8 +1,8 @@
-"""``python -m legfem.app``: see `legfem.app.command`."""
+"""``legfem app``: see `legfem.app.command`."""
 
 from legfem.__main__ import command
 
 app = command("app")
 
 if __name__ == "__main__":
-    app(prog_name="python -m legfem.app")
+    app(prog_name="legfem app")

@@ -1,4 +1,4 @@
-"""``python -m legfem.app``."""
+"""``legfem app``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def serve(
     Serves this machine alone, and only who has the address with its token. What is done stands in
     the workspace: runs go on when the server is stopped, and it finds them again.
 
-    Example: python -m legfem.app --workspace my-legs
+    Example: legfem app --workspace my-legs
     """
     with command_context("start it again; runs went on meanwhile"):
         _check_free(port)

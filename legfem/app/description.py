@@ -49,7 +49,7 @@ class Setting:
     needed : bool
         Whether the schema asks for it.
     help : str
-        What it is, where its name doesn't say.
+        What it is.
     """
 
     key: tuple[str, ...]
@@ -70,7 +70,7 @@ def settings_of(schema: type[FileTable], text: str) -> list[Setting]:
     """Return the keys of numbers and texts that a schema knows, in its order.
 
     Tables in arrays and names of files' columns are left to others; of tables that are alternatives
-    the one that is given is there.
+    those that are given are there.
 
     Raises
     ------

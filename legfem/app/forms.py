@@ -112,16 +112,14 @@ def setting_field(setting: Setting) -> Callable[[], str]:
     """Put a field; return what reads it."""
     label = setting.key[-1] + (" *" if setting.needed else "")
     now = _written(setting.value)
-    hint = setting.help or (f"{_written(setting.default)} by default" if setting.default else "")
+    usual = "" if setting.default is None else f"{_written(setting.default)} by default"
     if setting.choices or setting.kind is bool:
-        choices = {one: one or "–" for one in ("", *(setting.choices or ("yes", "no")))}
+        choices = {one: one or usual or "–" for one in ("", *(setting.choices or ("yes", "no")))}
         chosen = ui.select(choices, value=now if now in choices else "", label=label)
-        if hint:
-            chosen.props["hint"] = hint
+        chosen.props["hint"] = setting.help
         return lambda: str(chosen.value or "")
-    typed = ui.input(label, value=now)
-    if hint:
-        typed.props["hint"] = hint
+    typed = ui.input(label, value=now, placeholder=usual)
+    typed.props["hint"] = setting.help
     return lambda: str(typed.value or "").strip()
 
 
@@ -155,7 +153,7 @@ def _text(path: Path, text: str) -> None:
     ui.button("Save the text", on_click=save).props("outline")
 
 
-_SIGNS = {1: "as it is", -1: "turned round (-1)"}
+_SIGNS = {1: "as it is", -1: "reversed (-1)"}
 
 
 def first_readable(looking: Run) -> dict[str, Any] | None:

@@ -10,7 +10,18 @@ from nicegui import ui
 
 from legfem.app.description import contours_in, scans_in
 from legfem.app.forms import columns_tab, settings_tab
-from legfem.app.frame import chip, command, drop_zone, framed, page_of, refused, tag, wanting, warned
+from legfem.app.frame import (
+    chip,
+    command,
+    drop_zone,
+    framed,
+    page_after_deletion,
+    page_of,
+    refused,
+    tag,
+    wanting,
+    warned,
+)
 from legfem.app.runs import ACTIONS, Action, Run, check_idle, looked_at, rename_input, runs_of, seen, written
 from legfem.app.wizard import ASK, ask, describe_page
 from legfem.app.workspace import Workspace, description_of, files_of
@@ -40,15 +51,19 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
         tag("h2", action.name)
         tag("p", action.does)
         boxes: dict[str, ui.select | ui.number] = {}
+        box: ui.select | ui.number
         with ui.element("div").classes("fields"):
             for choice in action.choices:
                 if choice.choices:
-                    boxes[choice.option] = ui.select(
+                    box = ui.select(
                         {"": "by default", **{one: one for one in choice.choices}}, value="", label=choice.label
                     )
                 else:
-                    boxes[choice.option] = ui.number(choice.label, placeholder="by default")
+                    box = ui.number(choice.label, placeholder="by default")
+                box.props["hint"] = choice.help
+                boxes[choice.option] = box
             more = ui.input("more options", placeholder="as on the command line")
+            more.props["hint"] = f"legfem {action.name} --help lists them"
 
         def options(run: str) -> list[str]:
             chosen = {
@@ -74,8 +89,8 @@ def _command_form(workspace: Workspace, name: str, action: Action) -> None:
                 trouble.text = str(error)
                 trouble.set_visibility(True)
 
-        for box in (*boxes.values(), more):
-            box.on_value_change(update)
+        for typed in (*boxes.values(), more):
+            typed.on_value_change(update)
 
         def start() -> None:
             update()
@@ -259,8 +274,7 @@ def _files_tab(workspace: Workspace, name: str) -> None:
 
     def delete() -> str:
         check_idle(workspace, name)
-        workspace.delete("inputs", name)
-        return "/"
+        return page_after_deletion("inputs", workspace.delete("inputs", name))
 
     with ui.element("div").classes("inrow"):
         for text, change in (

@@ -26,12 +26,17 @@ _EXAMPLES = {
 _MOST_RUNS = 12
 
 
-def home_page(workspace: Workspace) -> None:
-    """Put the page."""
+def home_page(workspace: Workspace, deleted: str = "") -> None:
+    """Put the page; ``deleted`` is what was just deleted, as kind and name with a slash between."""
     with framed("Legs and specimens"):
-        drop_zone("Drop a folder here: recordings, contours or scans of one leg, or of specimens.")
+        kind, _, name = deleted.partition("/")
+        if (kind, name) in workspace.deleted:
+            with ui.element("div").classes("inrow").props("role=status"):
+                tag("span", f"{name} is deleted.")
+                ui.button("Undo", on_click=lambda: _put_back(workspace, kind, name)).props("outline dense")
+        drop_zone("Drop a folder here, or files: recordings, contours or scans of one leg, or of specimens.")
         with ui.element("p"):
-            tag("span", "Nothing at hand? Begin with an example, simulated: ")
+            tag("span", "Nothing at hand? Begin with a simulated example: ")
             for text, (folder, name) in _EXAMPLES.items():
                 ui.button(text, on_click=lambda f=folder, n=name: _begin(workspace, f, n)).props("outline dense")
         if workspace.inputs:
@@ -57,21 +62,23 @@ def _deleted(workspace: Workspace) -> None:
     """Put what can be put back."""
     if not workspace.deleted:
         return
-
-    def put_back(kind: str, name: str) -> None:
-        now = workspace.put_back(kind, name)
-        if kind == "runs":
-            run = Run(workspace.run(now))
-            run.point_to(run.about, workspace.folder / "runs" / name / "results", run.results)
-        ui.navigate.to(page_of(kind.removesuffix("s"), now))
-
     with ui.element("details"):
         tag("summary", "Deleted")
         with ui.element("ul").classes("cards"):
             for kind, name in workspace.deleted:
                 with ui.element("li"):
                     tag("span", f"{kind.removesuffix('s')} {name}")
-                    ui.button("Put back", on_click=lambda k=kind, n=name: put_back(k, n)).props("flat dense")
+                    ui.button("Put back", on_click=lambda k=kind, n=name: _put_back(workspace, k, n)).props(
+                        "flat dense"
+                    )
+
+
+def _put_back(workspace: Workspace, kind: str, name: str) -> None:
+    now = workspace.put_back(kind, name)
+    if kind == "runs":
+        run = Run(workspace.run(now))
+        run.point_to(run.about, workspace.folder / "runs" / name / "results", run.results)
+    ui.navigate.to(page_of(kind.removesuffix("s"), now))
 
 
 def _study(workspace: Workspace) -> None:

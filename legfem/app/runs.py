@@ -209,7 +209,8 @@ class Run:
 
 def written(module: str, options: Sequence[str]) -> str:
     """Return a command as people type it."""
-    return shlex.join(["python", "-m", module, *options])
+    program = module.split(".") if module.startswith("legfem.") else ["python", "-m", module]
+    return shlex.join([*program, *options])
 
 
 @dataclass(frozen=True)
@@ -222,12 +223,15 @@ class Choice:
         As the command knows it.
     label : str
         As people read it, with the unit.
+    help : str
+        What it does.
     choices : sequence of str
         What it may be; empty for a number.
     """
 
     option: str
     label: str
+    help: str
     choices: Sequence[str] = ()
 
 
@@ -285,16 +289,21 @@ class Action:
         return [self.folder, str(folder), "--out", str(out), *stated, *typed]
 
 
-_DEPTH = Choice("--depth", "use recordings down to (mm)")
+_DEPTH = Choice("--depth", "use recordings down to (mm)", "deeper readings are left out; empty: none are")
 _LEG = (
     Action(
         "identify",
         "--subject-dir",
         "Find C10 and C20 of the muscle, with intervals.",
         (
-            Choice("--law", "law", ("both", "neo-hookean", "reduced-polynomial")),
+            Choice(
+                "--law",
+                "law",
+                "neo-Hookean has C10 alone; the reduced polynomial stiffens by C20",
+                ("both", "neo-hookean", "reduced-polynomial"),
+            ),
             _DEPTH,
-            Choice("--model", "model", ("2d", "3d")),
+            Choice("--model", "model", "2d: the section, corrected for the cylinder's ends; 3d: the leg", ("2d", "3d")),
         ),
     ),
     Action(
@@ -308,10 +317,10 @@ _LEG = (
         "--subject-dir",
         "Say which tests of this leg would show which effects, before any is made.",
         (
-            Choice("--c10", "expected C10 (kPa)"),
-            Choice("--c20", "expected C20 (kPa)"),
-            Choice("--depth", "to press to (mm)"),
-            Choice("--rate", "rate (mm/s)"),
+            Choice("--c10", "expected C10 (kPa)", "the muscle's, as well as it is known before the test"),
+            Choice("--c20", "expected C20 (kPa)", "the same; 0 for a neo-Hookean muscle"),
+            Choice("--depth", "to press to (mm)", "the greatest displacement that the leg and the rig allow"),
+            Choice("--rate", "rate (mm/s)", "of the indenter"),
         ),
     ),
 )
@@ -322,7 +331,11 @@ ACTIONS: Mapping[str, Sequence[Action]] = {
             "stocking",
             "--subject-dir",
             "Find the stiffness of fat and muscle, and the pressures in the leg.",
-            (Choice("--cells", "about how many tetrahedra"),),
+            (
+                Choice(
+                    "--cells", "about how many tetrahedra", "more take longer, and leave a smaller error of the mesh"
+                ),
+            ),
         ),
     ),
     "specimen.toml": (
@@ -330,13 +343,20 @@ ACTIONS: Mapping[str, Sequence[Action]] = {
             "identify",
             "--specimen-dir",
             "Fit one law to all recordings together.",
-            (Choice("--law", "law", ("neo-hookean", "reduced-polynomial", "yeoh", "exponential")),),
+            (
+                Choice(
+                    "--law",
+                    "law",
+                    "neo-Hookean has C10 alone; the others stiffen as they are deformed",
+                    ("neo-hookean", "reduced-polynomial", "yeoh", "exponential"),
+                ),
+            ),
         ),
         Action(
             "diagnose",
             "--specimen-dir",
             "Say of each specimen whether the model describes its recordings, and which physics is missing if not.",
-            (Choice("--specimen", "one specimen alone (its name)"),),
+            (Choice("--specimen", "one specimen alone (its name)", "empty: all of them, one after the other"),),
         ),
     ),
 }

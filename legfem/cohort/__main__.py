@@ -1,8 +1,8 @@
-"""``python -m legfem.cohort``: see `legfem.commands.cohort`."""
+"""``legfem cohort``: see `legfem.commands.cohort`."""
 
 from legfem.__main__ import command
 
 app = command("cohort")
 
 if __name__ == "__main__":
-    app(prog_name="python -m legfem.cohort")
+    app(prog_name="legfem cohort")

@@ -1,4 +1,4 @@
-"""``python -m legfem.cohort``."""
+"""``legfem cohort``."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def cohort(
     writes the table, a page, and each member's own report. A member that fails costs its own row.
     The same command goes on where it was stopped, and does again only what has changed.
 
-    Example: python -m legfem.cohort study --law reduced-polynomial --out results/study
+    Example: legfem cohort study --law reduced-polynomial --out results/study
     """
     resume = "run the same command again to go on; members that are done are kept"
     alone = command_context(resume, quiet) if on == "mpi" else parallel_context(jobs, resume, quiet)

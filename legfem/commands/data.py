@@ -1,4 +1,4 @@
-"""``python -m legfem.data``."""
+"""``legfem data``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def data() -> None:
     """Look at instruments' files before they are used.
 
-    Example: python -m legfem.data look trial1.tdms trial2.tdms
+    Example: legfem data look trial1.tdms trial2.tdms
     """
 
 
@@ -48,7 +48,7 @@ def look(
     [recordings] block for subject.toml or specimen.toml. All that is inferred is said with its
     reason; what is ambiguous is refused.
 
-    Example: python -m legfem.data look trial1.tdms trial2.tdms
+    Example: legfem data look trial1.tdms trial2.tdms
     """
     with command_context(quiet=quiet):
         from legfem.common.documents import write_atomically, write_document
@@ -135,7 +135,7 @@ def preview(
     recordings with phases, first contact and grade, and what is unlikely. A folder that the
     commands refuse is looked at as far as it can be.
 
-    Example: python -m legfem.data preview path/to/folder --out seen
+    Example: legfem data preview path/to/folder --out seen
     """
     with command_context(quiet=quiet):
         from legfem.report.preview import PREVIEW, preview_of

@@ -1,4 +1,4 @@
-"""``python -m legfem.diagnose``."""
+"""``legfem diagnose``."""
 
 from __future__ import annotations
 
@@ -57,15 +57,15 @@ def diagnose(
     Of a leg with several [[site]] each is diagnosed by itself, with --site.
     With --specimen-dir each specimen of a folder (specimen.toml, recordings/*.csv) is diagnosed.
 
-    Example: python -m legfem.diagnose --subject 3 --out results/diagnose-3
+    Example: legfem diagnose --subject 3 --out results/diagnose-3
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:
-        from legfem.api.arguments import check_whole
+        from legfem.api.arguments import check_seed
         from legfem.api.diagnosed import DIAGNOSIS
         from legfem.api.diagnosed import diagnose as diagnose_in_full
 
-        check_whole("seed", seed, 0)
+        check_seed(seed)
         if library is not None:
             check_out_folder(library)
         leg = tested(subject, subject_dir, specimen_dir, site)

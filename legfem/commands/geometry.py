@@ -1,4 +1,4 @@
-"""``python -m legfem.geometry``: a subject folder from a scanned leg, and a picture of it."""
+"""``legfem geometry``: a subject folder from a scanned leg, and a picture of it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def convert(
     default direction presses. With --subject-dir nothing is made but the picture of that folder's
     section, cut as its subject.toml says.
 
-    Example: python -m legfem.geometry --cross-sections cross_sections_5mm.csv --level 300
+    Example: legfem geometry --cross-sections cross_sections_5mm.csv --level 300
     --out my-leg
     """
     with command_context("run the same command again", quiet):

@@ -1,4 +1,4 @@
-"""``python -m legfem.identify``."""
+"""``legfem identify``."""
 
 from __future__ import annotations
 
@@ -104,15 +104,15 @@ def run(
     With --specimen-dir a tissue is identified from all recordings of a folder of specimens
     (specimen.toml, recordings/*.csv) together.
 
-    Example: python -m legfem.identify --subject 3 --law both --out results/subject-3
+    Example: legfem identify --subject 3 --law both --out results/subject-3
     """
     with _edge(model, jobs, quiet) as processes:
         from mpi4py import MPI
 
-        from legfem.api.arguments import check_whole
+        from legfem.api.arguments import check_seed
         from legfem.api.identification import identify as identify_in_full
 
-        check_whole("seed", seed, 0)
+        check_seed(seed)
         leg = tested(subject, subject_dir, specimen_dir, site)
         folder = results_folder(out, "identify", leg.id)
         found = identify_in_full(

@@ -1,4 +1,4 @@
-"""``python -m legfem.meshing``: a leg's mesh as a file for other programs."""
+"""``legfem meshing``: a leg's mesh as a file for other programs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def export(
     Regions are deep, superficial and fascia; surfaces skin, bone, hull (between deep and
     superficial tissue), end and the mirrors. Elements are of first order; lengths in mm.
 
-    Example: python -m legfem.meshing --subject 3 --out leg.inp
+    Example: legfem meshing --subject 3 --out leg.inp
     """
     leave_to_first_rank()
     with command_context(quiet=quiet):

@@ -1,4 +1,4 @@
-"""``python -m legfem.plan``."""
+"""``legfem plan``."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def plan(
     plan.json, report.html and report.txt. The leg's responses to all tests are solved once, in
     some minutes.
 
-    Example: python -m legfem.plan --subject 3 --c10 0.7 --c20 0.8 --depth 20 --rate 0.4
+    Example: legfem plan --subject 3 --c10 0.7 --c20 0.8 --depth 20 --rate 0.4
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:

@@ -1,4 +1,4 @@
-"""``python -m legfem.stocking``."""
+"""``legfem stocking``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def stocking(
     result.json, a report and figures. Without the second scan it takes the stiffness from leg.toml.
     Under mpirun one solution is spread over the ranks.
 
-    Example: python -m legfem.stocking --subject 1 --out results/leg-1
+    Example: legfem stocking --subject 1 --out results/leg-1
     """
     with command_context("run the same command again to go on; equilibria are kept", quiet):
         from mpi4py import MPI

@@ -1,4 +1,4 @@
-"""``python -m legfem.study``."""
+"""``legfem study``."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     no_args_is_help=True,
-    help="Studies of the model. Example: python -m legfem.study convergence",
+    help="Studies of the model. Example: legfem study convergence",
 )
 
 
@@ -47,7 +47,7 @@ def convergence(
 ) -> None:
     """How far the default settings are from convergence.
 
-    Example: python -m legfem.study convergence --subject 3
+    Example: legfem study convergence --subject 3
     """
     with study_context("convergence", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import convergence as convergence_command
@@ -81,7 +81,7 @@ def reproduce(
 ) -> None:
     """Tables 4 and 5 of the paper beside ours, from the four reconstructed subjects.
 
-    Example: python -m legfem.study reproduce
+    Example: legfem study reproduce
     """
     with study_context("reproduce", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import reproduce as tables
@@ -130,7 +130,7 @@ def doe(
     Simulations are kept as they are done: the same command goes on where it was stopped. Under
     mpirun the same command spreads them over the ranks.
 
-    Example: python -m legfem.study doe --subject 3 --factorial-only --out results/doe
+    Example: legfem study doe --subject 3 --factorial-only --out results/doe
     """
     resume = "run the same command again to go on; simulations that are done are kept"
     with command_context(resume, quiet):
@@ -191,7 +191,7 @@ def correction(
 
     With --subject, P(d) of that leg itself beside the table's, of --c10, --c20 and --depth alone.
 
-    Example: python -m legfem.study correction, or mpirun -n 4 python -m legfem.study correction
+    Example: legfem study correction, or mpirun -n 4 legfem study correction
     """
     with command_context("run the same command again to go on; solved models are kept", quiet):
         from mpi4py import MPI

@@ -206,7 +206,7 @@ class FileTable(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
     alternatives: ClassVar[tuple[str, ...]] = ()
-    """Tables in it of which one is given."""
+    """Tables in it of which one is given, or some."""
 
 
 def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> File:

@@ -1,8 +1,8 @@
-"""``python -m legfem.data``: see `legfem.commands.data`."""
+"""``legfem data``: see `legfem.commands.data`."""
 
 from legfem.__main__ import command
 
 app = command("data")
 
 if __name__ == "__main__":
-    app(prog_name="python -m legfem.data")
+    app(prog_name="legfem data")

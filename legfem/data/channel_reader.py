@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import create_model, model_validator
@@ -28,18 +28,26 @@ class RecordedChannelEntry(FileTable):
     """``[channels.NAME]``: where a channel is found, and how accurate it is; what isn't given is usual."""
 
     file: Text | None = None
-    """Table of ``time_s`` and the channel, within the subject's folder or beside the recordings; a column of theirs
-    without it."""
+    """Table of ``time_s`` and the channel, within the subject's folder or beside the recordings; without it, the
+    channel is a column of the recordings."""
     column: Text | None = None
-    """Of that table, where its name isn't the channel's."""
+    """Column of that table, where its name isn't the channel's."""
     sd_mm: Positive | None = None
+    """Standard deviation of a reading, for a channel in mm."""
     sd_N: Positive | None = None
+    """Standard deviation of a reading, for a channel in N."""
     bias_mm: NotNegative | None = None
+    """Standard deviation of a constant error, for a channel in mm."""
     bias_N: NotNegative | None = None
+    """Standard deviation of a constant error, for a channel in N."""
     slow_mm: NotNegative | None = None
+    """Standard deviation of an error that changes slowly within a trial, for a channel in mm."""
     slow_N: NotNegative | None = None
+    """Standard deviation of an error that changes slowly within a trial, for a channel in N."""
     gain_percent: NotNegative | None = None
+    """Standard deviation of the channel's scale."""
     lag_s: NotNegative | None = None
+    """Standard deviation of the difference between the channel's clock and the recording's."""
 
     @model_validator(mode="after")
     def _file_within(self) -> RecordedChannelEntry:
@@ -84,7 +92,13 @@ class RecordedChannelEntry(FileTable):
 SKIN_PROFILE = "skin_profile"
 """Of ``[channels]``: points of the skin, which become several channels where the line of travel is known."""
 _FIELDS: dict[str, Any] = dict.fromkeys((*CHANNELS, SKIN_PROFILE), (RecordedChannelEntry | None, None))
-ChannelsEntry: type[FileTable] = create_model("ChannelsEntry", __base__=FileTable, __module__=__name__, **_FIELDS)
+
+
+class _SomeChannels(FileTable):
+    alternatives: ClassVar = tuple(_FIELDS)
+
+
+ChannelsEntry: type[FileTable] = create_model("ChannelsEntry", __base__=_SomeChannels, __module__=__name__, **_FIELDS)
 """``[channels]``: an entry for each of what was recorded beside the force."""
 
 LONGEST_LAG_S = 1.0

@@ -30,10 +30,15 @@ class InstrumentEntry(FileTable):
     """
 
     force_sd_N: Accuracy | None = None
+    """Standard deviation of a reading of the force."""
     force_accuracy_percent: Accuracy | None = None
+    """Accuracy of the force in percent of its range, as data sheets give it; in place of force_sd_N."""
     force_range_N: Accuracy | None = None
+    """Greatest force of the instrument's range."""
     displacement_sd_mm: Accuracy | None = None
+    """Standard deviation of a reading of the displacement."""
     displacement_accuracy_mm: Accuracy | None = None
+    """Accuracy of the displacement, plus or minus, as data sheets give it; in place of displacement_sd_mm."""
 
     @model_validator(mode="after")
     def _each_once(self) -> InstrumentEntry:
@@ -85,18 +90,19 @@ class ChannelEntry(FileTable):
 
 
 class RecordingsEntry(FileTable):
-    """``[recordings]``, optional; its channels as ``python -m legfem.data look`` writes them."""
+    """``[recordings]``, optional; its channels as ``legfem data look`` writes them."""
 
     time: ChannelEntry | None = None
     displacement: ChannelEntry | None = None
     force: ChannelEntry | None = None
     sheet: Text | None = None
+    """Name of the table or sheet in files that have several."""
 
     starts_at_contact: bool = False
-    """Whether displacement counts from first touch; else first contact is looked for."""
+    """Whether displacement counts from first contact; otherwise first contact is looked for."""
     plane_strain: bool | None = None
-    """Whether a plane-strain model made them, which has no ends; unless given, whether no leg was
-    measured."""
+    """Whether a plane-strain model, whose cylinder has no ends, made the recordings; without it, that is so of all
+    legs but measured ones."""
 
     @model_validator(mode="after")
     def _all_channels_or_none(self) -> RecordingsEntry:
@@ -133,11 +139,13 @@ class AccuracyEntry(FileTable):
     """``[accuracy]``, optional: how well the leg is known."""
 
     contour_sd_mm: NotNegative | None = None
-    """Of its outlines, over 20 mm of arc; 0 where they are exact."""
+    """Standard deviation of the outlines, over 20 mm of arc; 0 where they are exact."""
     aim_sd_mm: NotNegative | None = None
+    """Standard deviation of the place that was pressed, across the line of travel."""
     direction_sd_deg: NotNegative | None = None
+    """Standard deviation of the direction of travel."""
     assumed_sd_percent: NotNegative | None = None
-    """Of what is assumed: stiffness of fat and fascia, compressibility."""
+    """Standard deviation of what is assumed: stiffness of fat and fascia, compressibility."""
 
 
 class LabFile(FileTable):

@@ -525,7 +525,7 @@ def _seen(path: Path) -> str:
 
 
 def _look(path: Path, options: Mapping[str, str]) -> str:
-    words = ["python -m legfem.data look", shlex.quote(str(path))]
+    words = ["legfem data look", shlex.quote(str(path))]
     return " ".join([*words, *(f"--{key} {shlex.quote(value)}" for key, value in options.items())])
 
 

@@ -1,1 +1,1 @@
-"""The command ``python -m legfem.diagnose``, and the callable ``legfem.diagnose(...)``."""
+"""The command ``legfem diagnose``, and the callable ``legfem.diagnose(...)``."""

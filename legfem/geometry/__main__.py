@@ -1,8 +1,8 @@
-"""``python -m legfem.geometry``: see `legfem.commands.geometry`."""
+"""``legfem geometry``: see `legfem.commands.geometry`."""
 
 from legfem.__main__ import command
 
 app = command("geometry")
 
 if __name__ == "__main__":
-    app(prog_name="python -m legfem.geometry")
+    app(prog_name="legfem geometry")

@@ -1,8 +1,8 @@
-"""``python -m legfem.identify``: see `legfem.commands.identify`."""
+"""``legfem identify``: see `legfem.commands.identify`."""
 
 from legfem.__main__ import command
 
 app = command("identify")
 
 if __name__ == "__main__":
-    app(prog_name="python -m legfem.identify")
+    app(prog_name="legfem identify")

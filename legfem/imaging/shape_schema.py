@@ -25,10 +25,11 @@ class ShapeEntry(FileTable):
     """A leg's shape: one of a label volume, contours, or closed surfaces."""
 
     scan: Text | None = None
+    """Label volume in the folder: NIfTI, NRRD or DICOM-SEG."""
     series: Text | None = None
-    """Folder of the DICOM series that a scan was labelled on, where its file doesn't say where it
-    lies."""
+    """Folder of the DICOM series that a scan was labelled on, where its file doesn't say where it lies."""
     contours: Text | None = None
+    """CSV file of the outlines of skin, fascia and bones."""
     surfaces: dict[str, Text | list[Text]] | None = None
 
     sources: ClassVar[dict[str, str]] = {

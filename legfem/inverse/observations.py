@@ -117,6 +117,11 @@ class Observations:
         return self.spread([stations.speed for stations in self.protocols])
 
     @cached_property
+    def half_width(self) -> FloatArray:
+        """Way to either side of a station within which its force was read, mm; see `Stations.half_width`."""
+        return self.spread([stations.half_width for stations in self.protocols])
+
+    @cached_property
     def stiffness(self) -> FloatArray:
         """Slope dF/dd of the recordings, smoothed, N/mm; in a hold that at its depth."""
         slopes = []

@@ -98,7 +98,7 @@ class CohortParameter(BaseModel):
 
 
 class CohortPopulation(BaseModel):
-    """What ``python -m legfem.cohort --population`` writes."""
+    """What ``legfem cohort --population`` writes."""
 
     schema_version: Literal[1]
     parameters: dict[str, CohortParameter]
@@ -113,7 +113,7 @@ def cohort_prior(name: str, path: Path) -> Prior:
     InputError
         If the file can't be read, or doesn't have it.
     """
-    remedy = "give the population.json that python -m legfem.cohort FOLDER --population wrote"
+    remedy = "give the population.json that legfem cohort FOLDER --population wrote"
     try:
         found = CohortPopulation.model_validate_json(read_text(path, remedy, remedy))
     except ValidationError:

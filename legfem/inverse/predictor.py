@@ -76,12 +76,11 @@ class Ends(Protocol):
         ...
 
 
-ONSET_SDS_MM, IN_AIR_SD_MM = (0.15, 0.3), 1.0
-"""Between which the standard deviation of first contact lies where all trials seem to begin at the
-skin; where some begin in air all may, and by how much is open."""
-DETECTION_FACTOR = 4.0
-"""Of that over the detection's own error, which knows neither the tissue's curve nor how slowly the
-force sets in: on another code's recordings it was off by up to four of its errors."""
+ONSET_SDS_MM = 0.15, 0.3
+"""Between which the standard deviation of first contact lies where all trials seem to begin at the skin."""
+IN_AIR_SD_MM = 1.0
+"""Where some trials begin in air: all may, by any way. The detection is where the fit begins, and no second reading
+beside it: it looked at the same forces."""
 AT_TOUCH_SD_MM = 0.05
 """Of first contact, where recordings begin at first touch."""
 _ONSETS_MM = (-4.0, 4.0)
@@ -235,8 +234,8 @@ class Predictor:
         splines = [self._spline(c10 * n, c20 * n) for n in nodes]
         known = [spline for spline in splines if spline is not None]
         if len(known) < len(splines):
-            return _Elastic([_unknown], None)
-        return _Elastic(known, weights)
+            known, weights = [_unknown], None
+        return _Elastic(known, weights, self.observed.half_width)
 
     def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
         """Return elastic channels (n, k) at factors on the deep stiffness."""
@@ -273,16 +272,40 @@ class Predictor:
 
 @dataclass(frozen=True, eq=False)
 class _Elastic:
-    """Curves at several factors on the deep stiffness, interpolated to every station's; nothing before first touch."""
+    """Curves at several factors on the deep stiffness, interpolated to every station's; nothing before first touch.
+
+    A force is read by a straight line through what lies within a way h to either side, and where first touch lies
+    within it, too, that is the mean of what is nothing before: with a force that begins in proportion to its way x,
+    (x + h) / (2 h) times the force at (x + h) / 2.
+    """
 
     splines: Sequence[Callable[[FloatArray, int], FloatArray]]
     weights: FloatArray | None
+    half_width: FloatArray
 
-    def __call__(self, displacement: FloatArray, derivative: int = 0) -> FloatArray:
-        at = np.maximum(displacement, 0.0)
+    def __call__(self, displacement: FloatArray) -> FloatArray:
+        since, share = self._since(displacement)
+        return share * self._of(since, 0)
+
+    def slope(self, displacement: FloatArray) -> FloatArray:
+        """Return the derivative of the force (n,) by the displacement, N/mm."""
+        since, share = self._since(displacement)
+        inside = share < 1.0
+        by_share = np.divide(0.5, self.half_width, out=np.zeros_like(since), where=inside & (self.half_width > 0))
+        slope = share * np.where(inside, 0.5, 1.0) * self._of(since, 1) + by_share * self._of(since, 0)
+        return np.where(share > 0.0, slope, 0.0)
+
+    def _since(self, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ways after first touch (n,) whose forces are read, and the shares of them that count."""
+        half = np.broadcast_to(self.half_width, displacement.shape)
+        across = (half > 0) & (np.abs(displacement) < half)
+        share = np.where(displacement > 0, 1.0, 0.0)
+        share = np.divide(displacement + half, 2 * half, out=share, where=across)
+        return np.maximum(np.where(across, 0.5 * (displacement + half), displacement), 0.0), share
+
+    def _of(self, at: FloatArray, derivative: int) -> FloatArray:
         values = [spline(at, derivative) for spline in self.splines]
-        total = values[0] if self.weights is None else np.einsum("ij,ij->j", self.weights, np.array(values))
-        return np.where(displacement > 0, total, 0.0)
+        return values[0] if self.weights is None else np.einsum("ij,ij->j", self.weights, np.array(values))
 
 
 def _unknown(displacement: FloatArray, derivative: int) -> FloatArray:
@@ -317,7 +340,7 @@ def _pressed(elastic: _Elastic, displacement: FloatArray, loss) -> FloatArray:  
         lost = loss(force)
         by_force = loss(force + 1.0) - lost
         at = displacement - lost
-        step = (force - elastic(at)) / (1.0 + elastic(at, 1) * by_force)
+        step = (force - elastic(at)) / (1.0 + elastic.slope(at) * by_force)
         force = force - step
         if np.abs(step).max() < 1e-9:
             break
@@ -332,12 +355,11 @@ def values_of(values: Mapping[str, float], mechanism: Mechanism) -> dict[str, fl
 def detected_onset(observed: Observations, trial: int) -> Prior:
     """Return what the recording says of a trial's first contact, after that counted from (mm)."""
     contact = observed.contacts[trial]
-    low, high = ONSET_SDS_MM
     if observed.shows_air:
-        low, high = high, IN_AIR_SD_MM
-    sd = float(np.clip(DETECTION_FACTOR * contact.displacement_error, low, high))
-    away = contact.estimate - contact.displacement
-    return Prior(away, sd, "linear", "detection in the recording")
+        return Prior(contact.estimate - contact.displacement, IN_AIR_SD_MM, "linear", "detection in the recording")
+    place, sd = contact.expected
+    sd = float(np.clip(sd, *ONSET_SDS_MM))
+    return Prior(place - contact.displacement, sd, "linear", "detection in the recording")
 
 
 def onset_name(trial: int) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.data.segmentation import AIR, HOLD, LOADING, Segment, Segmentation
+from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING, Segment, Segmentation
 from legfem.data.smoothing import local_line
 from legfem.solve.protocol import Protocol
 
@@ -48,6 +48,16 @@ class Stations:
         """Speed of the cylinder, mm/s; negative as it is withdrawn."""
         rates = np.diff(self.protocol.displacement) / np.diff(self.protocol.time)
         return np.asarray(rates[self.segment])
+
+    @cached_property
+    def half_width(self) -> FloatArray:
+        """Way to either side of a station within which forces are read, mm; nothing in a hold."""
+        found = np.zeros(len(self.time))
+        for number in np.unique(self.segment):
+            here = self.segment == number
+            if self.phase[here][0] in (LOADING, UNLOADING):
+                found[here] = 0.5 * abs(float(np.median(np.diff(self.displacement[here]))))
+        return found
 
     @cached_property
     def key(self) -> str:
@@ -199,8 +209,7 @@ def read_at(trial: Segmentation, stations: Stations) -> StationReadings:
             continue
         d = stations.displacement[here]
         order = np.argsort(segment.displacement, kind="stable")
-        half = 0.5 * abs(float(np.median(np.diff(d))))
-        line = local_line(segment.displacement[order], segment.force[order], d, half)
+        line = local_line(segment.displacement[order], segment.force[order], d, stations.half_width[here])
         force[here], leverage[here] = line.value, line.leverage
         jitter[here] = np.interp(d, segment.displacement[order], segment.leverage[order])
     return StationReadings(force, leverage, jitter)

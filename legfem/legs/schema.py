@@ -37,23 +37,27 @@ class IndenterEntry(FileTable):
 
     # Below 1 mm it is most likely metres or centimetres.
     diameter_mm: Annotated[float, Field(ge=1.0, le=300.0, allow_inf_nan=False)]
+    """Diameter of the cylinder, ball or punch."""
     length_mm: Annotated[float, Field(ge=1.0, le=1000.0, allow_inf_nan=False)] | None = None
-    """Of a cylinder, which has to have one."""
+    """Length of the cylinder along its axis; a ball and a punch have none."""
     shape: IndenterShape = "cylinder"
     """A punch is a cylinder that is pressed with its flat end."""
     axis_deg: Finite | None = None
-    """By which a cylinder is turned about its travel: 0 lies along the leg, 90 across it."""
+    """Angle by which the cylinder is turned about its travel: 0 lies along the leg, 90 across it."""
     aim_mm: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+    """x and y of a point on the line of travel, in the section's plane."""
     direction_deg: Finite | None = None
+    """Direction of travel in the section's plane, counter-clockwise from +x: 90 is towards +y."""
 
     position_mm: Vector | None = None
-    """A point on the line of travel in the scan, in the place of ``aim_mm``."""
+    """A point on the line of travel in the scan, in place of ``aim_mm``."""
     direction: Vector | None = None
-    """Of travel in the scan, in the place of ``direction_deg``."""
+    """Direction of travel in the scan, in place of ``direction_deg``."""
     axis: Vector | None = None
-    """Of the cylinder in the scan; without it across the travel, as near to z as that is."""
+    """Direction of the cylinder's axis in the scan; without it, square to the travel and as near to z as that
+    allows."""
     landmarks: Text | None = None
-    """CSV of points in the coordinates of the pose and in the scan's, where they differ."""
+    """CSV file of points in the coordinates of the indenter's pose and in the scan's, where the two differ."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> IndenterEntry:
@@ -108,14 +112,16 @@ class SectionEntry(ShapeEntry):
         "girth_mm": "girth_mm with fat_mm (a typical calf of that size)",
     }
     fascia_thickness_mm: Positive
+    """Thickness of the fascia around the muscle; 0.6 mm is usual."""
     girth_mm: Annotated[float, Field(ge=200.0, le=600.0, allow_inf_nan=False)] | None = None
-    """Of the calf where it is pressed, by a tape; no outlines are needed then."""
+    """Girth of the calf where it is pressed, by a tape; no outlines are needed then."""
     fat_mm: Annotated[float, Field(ge=2.0, le=60.0, allow_inf_nan=False)] | None = None
     """Thickness of skin and fat under the indenter, by ultrasound or half a skinfold."""
     level_mm: Finite | None = None
-    """At which to cut, square to z; without it through the indenter's position."""
+    """Height in the scan at which the section is cut, square to z; without it, the section goes through the
+    indenter's position."""
     length_mm: Annotated[float, Field(gt=0, le=1000.0, allow_inf_nan=False)] | None = None
-    """Of the leg that a model in 3D holds, the cylinder at its middle; 120 mm without it."""
+    """Length of the leg in a 3D model, with the cylinder at its middle; 120 mm without it."""
 
     @model_validator(mode="after")
     def _both_sizes(self) -> SectionEntry:
@@ -129,10 +135,15 @@ class TissueEntry(FileTable):
     """What ``[tissues.deep]``, ``[tissues.superficial]`` and ``[tissues.fascia]`` share."""
 
     law: Literal["neo-hookean", "reduced-polynomial"]
+    """A neo-Hookean tissue has C10 alone; a reduced polynomial has C20 too, and stiffens."""
     C10_kPa: Positive | None = None
+    """Half the shear modulus; leave the muscle's empty, it is what is identified."""
     C20_kPa: NotNegative | None = None
+    """How much the tissue stiffens as it is deformed; of the reduced polynomial only."""
     D1_per_MPa: Positive
+    """Compressibility: the bulk modulus is 2 / D1."""
     D2_per_MPa: Positive | None = None
+    """Compressibility at large changes of volume; of the reduced polynomial only."""
 
     @model_validator(mode="after")
     def _law_has_parameters(self) -> TissueEntry:
@@ -163,8 +174,9 @@ class DeepTissueEntry(TissueEntry):
     """``[tissues.deep]``."""
 
     fibre_ratio: StatedRatio | None = None
-    """Shear modulus along the leg over that across; alike in all directions without it."""
+    """Shear modulus along the leg over that across it; without it, the muscle is alike in all directions."""
     fibre_ratio_sd: Positive | None = None
+    """Standard deviation of fibre_ratio."""
 
     @model_validator(mode="after")
     def _error_of_something(self) -> DeepTissueEntry:
@@ -197,8 +209,11 @@ class SubjectFile(FileTable):
     """``subject.toml`` as it is written, in the file's units."""
 
     id: PlainName
+    """Short name by which results are called: letters, digits, dots, dashes."""
     title: Title
+    """What reports are headed with."""
     origin: Literal["measured", "reconstructed", "simulated"]
+    """Where the data come from; reports of simulated or reconstructed data say so."""
     section: SectionEntry
     labels: LabelsEntry = LabelsEntry()
     indenter: IndenterEntry

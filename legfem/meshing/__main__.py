@@ -1,8 +1,8 @@
-"""``python -m legfem.meshing``: see `legfem.commands.meshing`."""
+"""``legfem meshing``: see `legfem.commands.meshing`."""
 
 from legfem.__main__ import command
 
 app = command("meshing")
 
 if __name__ == "__main__":
-    app(prog_name="python -m legfem.meshing")
+    app(prog_name="legfem meshing")

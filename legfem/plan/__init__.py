@@ -1,1 +1,1 @@
-"""The command ``python -m legfem.plan``."""
+"""The command ``legfem plan``."""

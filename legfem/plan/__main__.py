@@ -1,8 +1,8 @@
-"""``python -m legfem.plan``: see `legfem.commands.plan`."""
+"""``legfem plan``: see `legfem.commands.plan`."""
 
 from legfem.__main__ import command
 
 app = command("plan")
 
 if __name__ == "__main__":
-    app(prog_name="python -m legfem.plan")
+    app(prog_name="legfem plan")

@@ -86,14 +86,34 @@ def _write_down(found: Diagnosis) -> str:
         return "C10 was given, not found."
     low, high = _within(found)
     if found.verdict == "ambiguous" and not _alike(found):
-        return f"Write down a range: C10 between {low} and {high} kPa."
+        return f"Write down a range: C10 between {low} and {high} kPa, {_moduli_between(found)}."
     best = found.models[0] if found.models else found.base
     if not determined(best, DEEP_C10):
         return "Write down no number: this test cannot determine C10."
     if _wide(found):
         value = _value(found, best)
-        return f"Write down a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present)."
-    return f"Write down: C10 {_value(found, best)} kPa (most likely between {low} and {high})."
+        return (
+            f"Write down a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present), "
+            f"{_moduli_between(found)}."
+        )
+    c10, error = mpa_to_kpa(best.value(DEEP_C10)), _standard_error(found)
+    shear, young = (number(times * c10, times * error) for times in _MODULI)
+    return (
+        f"Write down: C10 = {_value(found, best)} kPa ({low} to {high}), shear modulus G = {shear} kPa, "
+        f"Young's modulus E = {young} kPa."
+    )
+
+
+_MODULI = (2.0, 6.0)
+"""Shear modulus, and Young's of what hardly changes its volume, at small strain, over C10."""
+
+
+def _moduli_between(found: Diagnosis) -> str:
+    """Return between which values the moduli lie that belong to C10."""
+    ends = [mpa_to_kpa(end) for end in _ends(found)]
+    spread = (ends[1] - ends[0]) / 4
+    shear, young = (" and ".join(number(times * end, times * spread) for end in ends) for times in _MODULI)
+    return f"shear modulus G between {shear} kPa, Young's modulus E between {young} kPa"
 
 
 def _wrong(found: Diagnosis) -> str:
@@ -212,8 +232,13 @@ def _alike(found: Diagnosis) -> bool:
 
 
 def _value(found: Diagnosis, model: Explanation) -> str:
+    return number(mpa_to_kpa(model.value(DEEP_C10)), _standard_error(found))
+
+
+def _standard_error(found: Diagnosis) -> float:
+    """Return the widest of the explanations' standard errors of C10, by which its digits are chosen."""
     ends = [one.shown(DEEP_C10).ci95 for one in (found.base, *found.models)]
-    return number(mpa_to_kpa(model.value(DEEP_C10)), max(high - low for low, high in ends) / 4)
+    return max(high - low for low, high in ends) / 4
 
 
 def _within(found: Diagnosis) -> tuple[str, str]:

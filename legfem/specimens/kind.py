@@ -42,17 +42,19 @@ class StressTableEntry(FileTable):
     """``table`` in ``[recordings]``: files are tables of stretch and stress without a time."""
 
     stretch: Text | None = None
-    """Column of the length over the undeformed one."""
+    """Column of the stretch: length over undeformed length."""
     strain: Text | None = None
-    """Column of the stretch less one, or the amount of shear, in its place."""
+    """Column of the strain (stretch less one, or the amount of shear), in place of the stretch."""
     percent: bool = False
     """Whether the strain is in percent."""
     stress: Text
+    """Column of the stress."""
     unit: Text
-    """Of the stress."""
+    """Unit of the stress."""
     measure: Literal["nominal", "true"] | None = None
     """Nominal (engineering) stress is the force over the undeformed area; in simple shear both are alike."""
     sheet: Text | None = None
+    """Name of the table or sheet in files that have several."""
 
     @model_validator(mode="after")
     def _one_deformation(self) -> Self:

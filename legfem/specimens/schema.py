@@ -38,8 +38,11 @@ class _Named(FileTable):
     """What every folder begins with."""
 
     id: PlainName
+    """Short name by which results are called: letters, digits, dots, dashes."""
     title: Title
+    """What reports are headed with."""
     origin: Literal["measured", "reconstructed", "simulated"]
+    """Where the data come from; reports of simulated or reconstructed data say so."""
 
 
 if TYPE_CHECKING:
@@ -49,7 +52,10 @@ if TYPE_CHECKING:
 else:
     # Every kind of test gives its own keys.
     _Sizes = create_model("_Sizes", __base__=FileTable, **{key: (Positive | None, None) for key in SIZES})
-    _SizeErrors = create_model("_SizeErrors", __base__=FileTable, **{key: (NotNegative | None, None) for key in SIZES})
+    _errors = {key: Field(default=None, description=f"Standard deviation of {key}.") for key in SIZES}
+    _SizeErrors = create_model(
+        "_SizeErrors", __base__=FileTable, **{key: (NotNegative | None, field) for key, field in _errors.items()}
+    )
     _tables = {name: (kind.entry | None, None) for name, kind in kinds().items()}
     _Tests = create_model("_Tests", __base__=_Named, **_tables)
 
@@ -70,7 +76,8 @@ class SizesAccuracy(_SizeErrors):
     """``[accuracy]``, optional: standard deviations of the specimens' sizes, each by its key or all alike."""
 
     sizes_percent: NotNegative | None = None
-    """1 of measured specimens, 0.1 of others without it."""
+    """Standard deviation of all sizes that have none of their own; without it, 1 % of measured specimens and 0.1 % of
+    others."""
 
 
 class LayerEntry(FileTable):
@@ -100,26 +107,26 @@ class FibresEntry(FileTable):
     """``[fibres]``: the tissue is stiffer along its fibres than across, as muscle is."""
 
     direction: Direction | None = None
-    """Specimens may have their own."""
+    """Direction of the fibres: along the load, across it, or along the cylinder; specimens may have their own."""
     ratio: FibreRatio | None = None
-    """Of the shear moduli along the fibres and across; looked for without it."""
+    """Shear modulus along the fibres over that across them; identified without it."""
     layer: Text | None = None
-    """Which of the layers has them."""
+    """Name of the layer that has the fibres."""
 
 
 class TissueOptions(FileTable):
     """``[tissue]``, optional: what isn't looked for."""
 
     poisson_ratio: PoissonRatio | None = None
-    """At small strain; a bulk modulus of 1000 shear moduli without it."""
+    """Poisson's ratio at small strain; without it, the bulk modulus is 1000 shear moduli."""
     one_stiffness: bool = False
-    """Whether specimens are equally stiff; each has a stiffness of its own without it."""
+    """Whether all specimens are equally stiff; otherwise each has a stiffness of its own."""
     returns: bool = False
-    """Whether unloading and what follows it is identified from, too."""
+    """Whether unloading, and what follows it, is used too."""
     law: BaseLaw = "neo-hookean"
-    """That `legfem.diagnose` asks what it leaves out."""
+    """Law whose shortcomings `legfem diagnose` looks for."""
     relaxes: bool | None = None
-    """Whether its stress relaxes; without it, whether a recording holds."""
+    """Whether the stress relaxes; without it, that is so if a recording holds still."""
 
 
 class SpecimenFile(_Tests):

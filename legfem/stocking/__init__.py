@@ -1,1 +1,1 @@
-"""The command ``python -m legfem.stocking``; the room is `legfem.stockings`."""
+"""The command ``legfem stocking``; the room is `legfem.stockings`."""

@@ -27,9 +27,13 @@ class LevelsEntry(FileTable):
     """``[stocking.levels_mm]``: heights in the scan; B and C are looked for by the girth without them."""
 
     B: Finite | None = None
+    """Height of the ankle at its least girth."""
     B1: Finite | None = None
+    """Height at which the Achilles tendon passes into the calf's muscle."""
     C: Finite | None = None
+    """Height of the calf at its greatest girth."""
     D: Finite | None = None
+    """Height just below the knee."""
 
 
 Share = Annotated[list[Positive], Field(min_length=2, max_length=2)]
@@ -39,20 +43,28 @@ class SharesEntry(FileTable):
     """``[stocking.limits_percent]``: least and greatest pressure over that at B."""
 
     B1: Share | None = None
+    """Least and greatest pressure at B1, in percent of that at B."""
     C: Share | None = None
+    """Least and greatest pressure at C, in percent of that at B."""
     D: Share | None = None
+    """Least and greatest pressure at D, in percent of that at B."""
 
 
 class StockingEntry(FileTable):
     """``[stocking]``: a compression class, or the fabric's unstretched perimeter."""
 
     compression_class: Literal["1", "2", "3", "4"] | None = None
+    """Class whose mean pressure at the ankle the stocking is given; or its unstretched perimeter is stated below."""
     stiffness_N_per_mm: Positive = 0.3
+    """Tension of the fabric per width over its strain."""
     unstretched_mm: Annotated[float, Field(ge=20.0, le=2000.0)] | None = None
+    """Perimeter of the unstretched stocking, the same at all heights."""
     unstretched: Text | None = None
+    """CSV file of level_mm,perimeter_mm: the unstretched perimeter at each height."""
     intended_class: Literal["A", "1", "2", "3", "4"] | None = None
-    """Whose limits the pressure at B is set beside; ``compression_class`` without it."""
+    """Class whose limits the pressure at B is compared with; without it, compression_class."""
     standard: Literal["RAL-GZ 387", "ENV 12718"] = "RAL-GZ 387"
+    """Standard that gives the classes' limits."""
     levels_mm: LevelsEntry = LevelsEntry()
     limits_percent: SharesEntry = SharesEntry()
 
@@ -73,18 +85,23 @@ class OutlineAccuracyEntry(FileTable):
     """``[accuracy]`` of the outlines."""
 
     contour_sd_mm: Positive = 0.2
+    """Standard deviation of the scans' outlines."""
     correlation_mm: Positive = 8.0
+    """Distance along the skin over which errors of the outlines are alike."""
     pressure_relative_sd: Positive = 0.01
-    """Standard deviation of the stocking's pressure over an eighth of the girth."""
+    """Standard deviation of the stocking's pressure over an eighth of the girth, as a share of it."""
     tension_relative_sd: NotNegative = 0.0
-    """Standard deviation of the fabric's tension, one value for the leg; 0 takes it as given."""
+    """Standard deviation of the fabric's tension as a share of it, one value for the whole leg; 0 takes the tension
+    as exact."""
 
 
 class TissueStiffness(FileTable):
     """``[tissues.deep]`` or ``[tissues.superficial]``: C10 is known, or identified."""
 
     C10_kPa: Positive | None = None
+    """Half the shear modulus, where it is known; identified without it."""
     D1_per_MPa: Positive = 2.0
+    """Compressibility: the bulk modulus is 2 / D1."""
 
 
 class StockingTissues(FileTable):
@@ -98,8 +115,11 @@ class SegmentEntry(FileTable):
     """``[segment]``: the part of the leg that is modelled (mm), and what its ends do."""
 
     from_mm: Finite | None = None
+    """Height in the scan from which on the leg is modelled."""
     to_mm: Finite | None = None
+    """Height in the scan up to which the leg is modelled."""
     ends: Literal["held", "free"] = "held"
+    """Whether the leg's cut ends are held in place, or free."""
 
 
 class VeinEntry(FileTable):
@@ -142,8 +162,11 @@ class LegFile(FileTable):
     """``leg.toml`` as it is written, in the file's units."""
 
     id: PlainName
+    """Short name by which results are called: letters, digits, dots, dashes."""
     title: Title
+    """What reports are headed with."""
     origin: Literal["measured", "simulated"]
+    """Where the data come from; reports of simulated data say so."""
     bare: ShapeEntry
     compressed: ShapeEntry | None = None
     stocking: StockingEntry

@@ -1,8 +1,8 @@
-"""``python -m legfem.study``: see `legfem.commands.study`."""
+"""``legfem study``: see `legfem.commands.study`."""
 
 from legfem.__main__ import command
 
 app = command("study")
 
 if __name__ == "__main__":
-    app(prog_name="python -m legfem.study")
+    app(prog_name="legfem study")

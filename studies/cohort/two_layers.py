@@ -79,7 +79,7 @@ def two_layers(
     people: Annotated[int | None, typer.Option(min=1, help="How many; all by default.")] = None,
     out: Out = None,
 ) -> None:
-    """Write the calves of living people as a cohort's folder, for python -m legfem.cohort.
+    """Write the calves of living people as a cohort's folder, for legfem cohort.
 
     Example: python -m studies.cohort.two_layers --data ../shared/data/multis_in_vivo --out results/multis
     """

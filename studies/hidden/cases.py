@@ -19,7 +19,9 @@ from legfem.jobs.store import Store
 from legfem.legs.subject import Subject
 from legfem.legs.variants import LegVariants
 from legfem.solve.protocol import Protocol
+from studies.concealed.cases import DEPTH_MM as FORMS_DEPTH_MM
 from studies.concealed.cases import SealedLeg, sealed_leg
+from studies.concealed.forms import NAMED, ON_COURSE, OUTSIDE_ON_COURSE, Pressed
 from studies.concealed.truth import TRUTH_SETTINGS, leg_of
 from studies.lab.recording import INSTRUMENT, SAMPLING_HZ, Course, record
 from studies.lab.stated import drawn_errors
@@ -56,6 +58,9 @@ class Effect:
         Stress of every branch of the muscle (`BRANCHES_S`) over the lasting one.
     permeability, skeleton
         Of a muscle whose fluid drains, see `legfem.mechanics.terms.Drainage`.
+    first_trial, outside
+        What acts on recorded courses, see `studies.concealed.forms`: excess, fading and grading of a stiffer first
+        trial; one that no mechanism describes, with its size.
     """
 
     lump: tuple[float, float, float, float, float] | None = None
@@ -66,6 +71,8 @@ class Effect:
     relaxing: tuple[float, ...] = ()
     permeability: float = 0.0
     skeleton: float = 0.0
+    first_trial: tuple[float, float, float] | None = None
+    outside: tuple[str, float] | None = None
 
 
 def _between(generator: np.random.Generator, low: float, high: float) -> float:
@@ -92,6 +99,26 @@ def _fat(generator: np.random.Generator) -> Effect:
     return Effect(factors=(("superficial", float(factor)),))
 
 
+def _two(generator: np.random.Generator) -> Effect:
+    """Return the fat and one more."""
+    fat, more = _fat(generator), str(generator.choice(["fascia", "slip", "tilt"]))
+    if more == "fascia":
+        return replace(fat, factors=(*fat.factors, ("fascia", _between(generator, 4.0, 15.0))))
+    return replace(KINDS[more].drawn(generator), factors=fat.factors)
+
+
+def _first_trial(generator: np.random.Generator) -> Effect:
+    fading, grading = generator.uniform(0.0, 0.6), generator.uniform(-0.4, 0.4)
+    return Effect(first_trial=(_between(generator, 0.06, 0.2), float(fading), float(grading)))
+
+
+_UNNAMED = tuple(name for name in OUTSIDE_ON_COURSE if name not in NAMED)
+
+
+def _outside(generator: np.random.Generator) -> Effect:
+    return Effect(outside=(str(generator.choice(_UNNAMED)), float(generator.uniform(0.5, 1.5))))
+
+
 @dataclass(frozen=True)
 class Kind:
     """A kind of effect: how it is drawn, the names that are right for it, and whether only time shows it."""
@@ -114,6 +141,9 @@ KINDS: Mapping[str, Kind] = {
         True,
     ),
     "relaxation, stiff fascia": Kind(_relaxing, ("viscoelasticity", "fascia-stiffness"), True),
+    "fat and another": Kind(_two, ("superficial-stiffness", "fascia-stiffness", "contact-slip", "indenter-tilt")),
+    "first trial": Kind(_first_trial, ("preconditioning",)),
+    "outside": Kind(_outside, ()),
 }
 STIFFNESS_KPA = 0.5, 1.8
 
@@ -186,7 +216,8 @@ class Recorder:
         if force is None:
             return None
         generator = np.random.default_rng([self.seed, 38, case.number])
-        trials = record([Course(time, d, force)] * TRIALS, drawn_errors(generator), generator)
+        courses = [Course(time, d, _as_pressed(case.effect, k, time, d, force)) for k in range(TRIALS)]
+        trials = record(courses, drawn_errors(generator), generator)
         # In air to begin with, and a section's force times a length, whatever the leg's own folder says of its tests.
         return replace(
             leg.stated,
@@ -218,7 +249,7 @@ class Recorder:
         return np.asarray(force)
 
     def _curve(self, case: HiddenCase, factor: float) -> CubicSpline | None:
-        effect = replace(case.effect, relaxing=())
+        effect = replace(case.effect, relaxing=(), first_trial=None, outside=None)
         c10, c20 = factor * case.true_c10, factor * case.true_c20
         store = Store(self.out / "curves", SolvedCurve, (leg_of(self._leg(case.leg).true), *_CODE))
         asked = [DEPTH_MM, c10, c20, repr(effect)]
@@ -264,6 +295,22 @@ class Recorder:
         if isinstance(path, Stopped):
             return SolvedCurve([])
         return SolvedCurve([float(v) for v in path.force_at(time)])
+
+
+def _as_pressed(effect: Effect, trial: int, time: FloatArray, d: FloatArray, force: FloatArray) -> FloatArray:
+    """Return a trial's force (n,) with what acts on its course; depths of forms are shares of theirs."""
+    pressed = Pressed(trial, time, d * (FORMS_DEPTH_MM / DEPTH_MM), force, _no_other, _no_other)
+    if effect.first_trial is not None:
+        given = dict(zip(("strength", "fading", "grading"), effect.first_trial, strict=True))
+        return ON_COURSE["preconditioning"](pressed, given)
+    if effect.outside is not None:
+        name, size = effect.outside
+        return OUTSIDE_ON_COURSE[name](pressed, size)
+    return force
+
+
+def _no_other(at: FloatArray) -> FloatArray:
+    return np.ones_like(at)
 
 
 _CODE = Contents(Path(plane_leg.__file__)), Contents(Path(pressing.__file__))

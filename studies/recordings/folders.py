@@ -1,4 +1,4 @@
-"""The public recordings as folders of specimens, which ``python -m legfem.identify --specimen-dir`` reads."""
+"""The public recordings as folders of specimens, which ``legfem identify --specimen-dir`` reads."""
 
 from __future__ import annotations
 

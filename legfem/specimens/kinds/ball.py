@@ -14,10 +14,15 @@ class BallEntry(FileTable):
     """``[ball]``: a rigid ball on a round layer on a rigid base."""
 
     thickness_mm: Positive | None = None
+    """Thickness of the layer."""
     diameter_mm: Positive | None = None
+    """Diameter of the round layer."""
     ball_diameter_mm: Positive
+    """Diameter of the ball."""
     ball: Faces = "rough"
+    """Whether the layer sticks to the ball or slides on it."""
     base: Base = "bonded"
+    """Whether the layer sticks to what it lies on."""
 
 
 class BallKind(SpecimenKind[BallEntry, BallOnLayer]):

@@ -15,8 +15,11 @@ class BarEntry(FileTable):
     """``[uniaxial]``: a bar or cylinder whose ends don't keep it from going sideways."""
 
     direction: Literal["tension", "compression"]
+    """Whether the bar was pulled or pressed."""
     length_mm: Positive | None = None
+    """Undeformed length between the grips or plates."""
     area_mm2: Positive | None = None
+    """Undeformed cross-section."""
 
 
 class BarKind(HomogeneousKind[BarEntry, UniaxialSpecimen]):

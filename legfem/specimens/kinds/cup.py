@@ -29,13 +29,17 @@ class SuctionEntry(FileTable):
     """``[suction]``: a cup that draws a round layer on a rigid base up through its opening."""
 
     thickness_mm: Positive | None = None
+    """Thickness of the layer."""
     diameter_mm: Positive | None = None
+    """Diameter of the round layer."""
     opening_mm: Positive
     """Inner diameter of the cup."""
     rim_mm: Positive
     """Width of the cup's face on the skin."""
     rim: Base = "bonded"
+    """Whether the layer sticks to the cup's rim."""
     base: Base = "bonded"
+    """Whether the layer sticks to what it lies on."""
 
 
 class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):

@@ -23,9 +23,9 @@ class EquibiaxialEntry(FileTable):
     """``[equibiaxial]``: a sheet that is pulled alike in both directions of its plane."""
 
     length_mm: Positive | None = None
-    """Of the sheet between its grips, in the direction whose force is recorded."""
+    """Length of the sheet between its grips, in the direction whose force is recorded."""
     area_mm2: Positive | None = None
-    """Of the cross-section on which that force acts: width times thickness."""
+    """Cross-section on which that force acts: width times thickness."""
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,17 @@ class CylinderEntry(FileTable):
     """``[cylinder]``: a rigid cylinder lying across a block on a rigid base, in plane strain."""
 
     cylinder_diameter_mm: Positive
+    """Diameter of the cylinder."""
     thickness_mm: Positive | None = None
+    """Thickness of the block."""
     width_mm: Positive | None = None
-    """Of the block, across the cylinder."""
+    """Width of the block, across the cylinder."""
     length_mm: Positive | None = None
-    """Over which both touch, along the cylinder."""
+    """Length over which the block and the cylinder touch, along the cylinder."""
     cylinder: Faces = "rough"
+    """Whether the block sticks to the cylinder or slides on it."""
     base: Base = "bonded"
+    """Whether the block sticks to what it lies on."""
 
 
 class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):

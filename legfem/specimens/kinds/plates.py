@@ -15,9 +15,11 @@ class PlatesEntry(FileTable):
     """``[plates]``: a round specimen, end-on, between two rigid plates."""
 
     diameter_mm: Positive | None = None
+    """Diameter of the specimen."""
     height_mm: Positive | None = None
+    """Undeformed height of the specimen."""
     ends: Literal["bonded", "sliding", "unknown"] = "unknown"
-    """Whether they stick to the plates; unknown ones are weighed by the recordings."""
+    """Whether the ends stick to the plates; if that is unknown, both are fitted and weighed."""
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,17 @@ class PunchEntry(FileTable):
     """``[punch]``: a rigid flat-ended cylinder, end-on, on a round layer on a rigid base."""
 
     thickness_mm: Positive | None = None
+    """Thickness of the layer."""
     diameter_mm: Positive | None = None
+    """Diameter of the round layer."""
     punch_diameter_mm: Positive
+    """Diameter of the punch."""
     edge_mm: Positive | None = None
-    """Radius of the edge's rounding; a twentieth of the punch's without it."""
+    """Radius of the edge's rounding; without it, a twentieth of the punch's radius."""
     punch: Faces = "rough"
+    """Whether the layer sticks to the punch or slides on it."""
     base: Base = "bonded"
+    """Whether the layer sticks to what it lies on."""
 
 
 class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):

@@ -24,9 +24,9 @@ class ShearEntry(FileTable):
     """``[simple_shear]``: a block whose faces stick to two plates, one of which moves along itself."""
 
     height_mm: Positive | None = None
-    """Between the plates."""
+    """Distance between the plates."""
     area_mm2: Positive | None = None
-    """Of a plate that sticks."""
+    """Area of a plate that sticks."""
 
 
 @dataclass(frozen=True)

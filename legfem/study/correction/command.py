@@ -1,4 +1,4 @@
-"""What ``python -m legfem.study correction`` does and writes."""
+"""What ``legfem study correction`` does and writes."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def _moved(found: Information, depth: float) -> list[str]:
 
 _NOT_TESTED = (
     "Whether a real leg follows the model: every force here is simulated, in plane strain.",
-    "What the tissues do in time, friction, and other physics that the model leaves out: see python -m legfem.plan.",
+    "What the tissues do in time, friction, and other physics that the model leaves out: see legfem plan.",
     "Values beyond the ranges below.",
 )
 _NO_METRIC = "No metric could be analysed."
@@ -389,7 +389,7 @@ class DoeOptions:
     def command(self) -> str:
         """Command that does the same studies."""
         names = [path.name if path.is_relative_to(RESOURCES) else str(path) for path in self.definitions]
-        words = ["python -m legfem.study doe", *(f"--factors {name}" for name in names)]
+        words = ["legfem study doe", *(f"--factors {name}" for name in names)]
         words.append(f"--subject-dir {self.subject_dir}" if self.subject_dir else f"--subject {self.subject_id}")
         words.append(f"--seed {self.seed}")
         words += ["--count factors"] if self.counting == "factors" else []
