@@ -20,7 +20,6 @@ import pytest
 import typer
 from nbclient import NotebookClient
 
-from legfem.__main__ import COMMANDS
 from legfem.common.errors import InputError
 from legfem.specimens.schema import parse_specimen_file
 from legfem.stockings.schema import parse_leg_file
@@ -74,17 +73,11 @@ def chosen(module: str, words: str) -> Iterator[Any]:
 
 def calls(page: str) -> list[tuple[str, str]]:
     text = re.sub(r"\\\n\s*", " ", PAGES[page])
-<<<<<<< HEAD
-    found = re.findall(r"python -m ((?:legfem|studies)(?:\.[a-z]\w*)+)([^`\n]*)", text)
-    by_name = re.findall(rf"(?<![\w.-])legfem ({'|'.join(COMMANDS)})\b([^`\n]*)", text)
-    return found + [(f"legfem.{name}", words) for name, words in by_name]
-=======
     long = re.findall(r"python -m (studies(?:\.[a-z]\w*)+)([^`\n]*)", text)
     names = "|".join(path.parent.name for path in ROOT.glob("legfem/*/__main__.py"))
     short = re.findall(rf"(?:(?:in-env |mpirun -n \d+ |`)legfem ([a-z]+)|^legfem ({names}))\b([^`\n]*)", text, re.M)
     short = [(inside or alone, words) for inside, alone, words in short]
     return [*long, *((f"legfem.{name}", words) for name, words in short)]
->>>>>>> main
 
 
 @of_every_page

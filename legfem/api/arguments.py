@@ -70,7 +70,7 @@ _LAST_SEED = 2**32 - 1
 def check_seed(value: object) -> None:
     """Raise an InputError for what no generator of random numbers begins with."""
     check_whole("seed", value, 0)
-    if isinstance(value, Integral) and value > _LAST_SEED:
+    if int(value) > _LAST_SEED:  # type: ignore[call-overload]
         raise wrong("seed", repr(value), "is too large", f"give one up to {_LAST_SEED}")
 
 
