@@ -143,7 +143,7 @@ MANGLED = {
     ),
     "a length without a unit": (
         table("time_s,L,force_N", T, D, F),
-        "name displacement (of 'L'): python -m legfem.data",
+        "name displacement (of 'L'): legfem data look",
     ),
     "readings of a channel": (
         table("time_s,fat_thickness_mm", T[:3], D[:3]),
