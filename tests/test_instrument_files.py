@@ -141,9 +141,11 @@ MANGLED = {
         table("time_s,Excitation (Newtons),Response (m/s^2)", T, F, D),
         "record displacement, too, and export all three columns",
     ),
-    "a length without a unit": (
-        table("time_s,L,force_N", T, D, F),
-        "name displacement (of 'L'): legfem data look",
+    "a length without a unit": (table("time_s,L,force_N", T, D, F), "name displacement (of 'L'): legfem data look"),
+    "a force in volts": (table("time_s,position_mm,load_V", T, D, F), "no unit of force; export 'load' in N"),
+    "two forces of one name": (
+        table("time_s,position_mm,Force (N),Force (N)", T, D, F, np.sin(T)),
+        "give the columns 'Force' names of their own",
     ),
     "readings of a channel": (
         table("time_s,fat_thickness_mm", T[:3], D[:3]),

@@ -217,8 +217,13 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
         except InputError:
             named = [c for c in sheet.columns if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
             column = next((c for c in named if measured_by(c) in (quantity, None)), None)
+            stated = unit_named(column.unit) if column is not None and column.unit else None
             if column is None:
                 options[quantity] = "NAME:UNIT"
+            elif stated is not None and stated.quantity is None:
+                return f"export '{column.name}' in {OWN[quantity]}, or correct its unit in the file"
+            elif sum(c.name == column.name for c in sheet.columns) > 1:
+                return f"give the columns '{column.name}' names of their own in the file, then name one"
             else:
                 unit = column.unit if measured_by(column) == quantity and column.unit else OWN[quantity]
                 options[quantity] = f"{column.name}:{unit}"
