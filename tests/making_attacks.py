@@ -176,13 +176,13 @@ def _broken(folder: Path, rng: np.random.Generator) -> str:
     way = rng.random()
     if way < 0.25:
         return _whole(path, rng)
-    if way < 0.6:
+    if way < 0.6 and {".toml"} < {one.suffix for one in files}:
         return broken_anywhere(folder, int(rng.integers(2**31)))
     text = path.suffix in TEXT and b"\0" not in path.read_bytes()
     with suppress(UnicodeDecodeError):
         if text and path.read_bytes():
             return broken_text(path, rng)
-    return broken_bytes(path, rng)
+    return broken_bytes(path, rng) if path.read_bytes() else f"{path.name} is empty"
 
 
 def attack(seed: int, folder: Path) -> Attack:
@@ -218,7 +218,7 @@ def _of_options(rng: np.random.Generator, folder: Path) -> Attack:
     make(folder)
     words = [word.replace("{}", str(folder)) for word in commands[int(rng.integers(len(commands)))]]
     option, odd = "", str(rng.choice(ODD))
-    known = _options(words)
+    known = _options(words) or ["--out"]
     option = known[int(rng.integers(len(known)))]
     if option in words:
         words[words.index(option) + 1] = odd
@@ -254,12 +254,15 @@ def _until_work_begins():
     def begun(*_: object) -> None:
         raise _Accepted
 
-    kept = progress.Lines._print
-    progress.Lines._print = begun  # type: ignore[method-assign]
+    ways = [(progress.Lines, "_print"), (progress.Silent, "stage"), (progress.Silent, "advance")]
+    kept = [getattr(*way) for way in ways]
+    for one, name in ways:
+        setattr(one, name, begun)
     try:
         yield
     finally:
-        progress.Lines._print = kept  # type: ignore[method-assign]
+        for (one, name), before in zip(ways, kept, strict=True):
+            setattr(one, name, before)
 
 
 def _answer(asked: dict[str, Any]) -> dict[str, Any]:

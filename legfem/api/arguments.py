@@ -6,9 +6,10 @@ of the front door and names the keyword instead (``leave_out``); the commands ca
 
 from __future__ import annotations
 
+import functools
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
@@ -42,6 +43,46 @@ def in_python_words() -> Iterator[None]:
         if (source, field, remedy) == (error.source, error.field, error.remedy):
             raise
         raise InputError(source, field, error.problem, remedy) from None
+
+
+def front[**Given, Found](call: Callable[Given, Found]) -> Callable[Given, Found]:
+    """Return a function of the front door: it looks at what it is given before it calls, and says keywords."""
+
+    @functools.wraps(call)
+    def called(*args: Given.args, **options: Given.kwargs) -> Found:
+        with in_python_words():
+            for name, value in options.items():
+                _check_kind(name, value)
+            return call(*args, **options)
+
+    return called
+
+
+_TEXTS = frozenset({"do", "law", "layout", "model", "on", "scheduler", "site", "weighting"})
+_PATHS = {
+    "correction": "a name or a file's path",
+    "library": "a folder's path",
+    "out": "a folder's path",
+    "table": "a file's path",
+}
+_LISTS = frozenset({"leave_out", "prior", "specimens"})
+_PAIRS = frozenset({"c10_bounds", "c20_bounds"})
+
+
+def _check_kind(name: str, value: object) -> None:
+    """Raise an InputError for a keyword's value that is of another kind; None, and what else is looked at, passes."""
+    if value is None:
+        return
+    if name in _TEXTS and not isinstance(value, str):
+        raise wrong(name, repr(value), "is no name" if name == "site" else f"is no {name}", "give a text")
+    if name in _PATHS and not isinstance(value, str | Path):
+        raise of_another_kind(name, value, _PATHS[name])
+    if name in _LISTS:
+        check_names(name, value)
+    if name in _PAIRS and not (
+        isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(one, Real) for one in value)
+    ):
+        raise of_another_kind(name, value, "two numbers of kPa")
 
 
 def _keyword(text: str) -> str:

@@ -197,6 +197,15 @@ def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             f"give in subject.toml, beside the recordings: [channels.{kind.name}] file = {json.dumps(path.name)} "
             "(or a file a trial, with {trial} for the trial's name)",
         )
+    pressures = [c for c in columns if measures(c, "pressure")]
+    if pressures and has["time"] and has["displacement"] and not has["force"]:
+        raise InputError(
+            path,
+            "columns",
+            f"holds a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
+            "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and run: "
+            f"legfem data preview {shlex.quote(str(path.parent.parent))}",
+        )
     if not any(has.values()):
         few = ", ".join(f"'{c.name}'" for c in columns[:6]) + (", ..." if len(columns) > 6 else "")
         raise InputError(
