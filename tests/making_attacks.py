@@ -220,7 +220,7 @@ def _of_options(rng: np.random.Generator, folder: Path) -> Attack:
     option, odd = "", str(rng.choice(ODD))
     known = _options(words) or ["--out"]
     option = known[int(rng.integers(len(known)))]
-    if option in words:
+    if option in words[:-1]:
         words[words.index(option) + 1] = odd
     else:
         words += [option, odd]
