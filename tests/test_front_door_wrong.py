@@ -6,7 +6,6 @@ import math
 
 import pytest
 from making import write_subject
-from making_specimens import PLANTED, write_bars
 
 import legfem as lf
 from legfem.inverse.settings import IdentificationSettings
@@ -110,13 +109,13 @@ def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
         assert line_of(load, None).startswith("folder: NoneType: is no path")
 
 
-def test_a_pressed_leg_is_none_in_a_stocking(leg) -> None:
+def test_a_pressed_leg_is_none_in_a_stocking(leg, scanned) -> None:
     assert line_of(lf.stocking, leg).startswith("leg: Subject: is no leg that was scanned")
-    assert line_of(lf.stocking, "1", cells=-5).startswith("cells: -5: is no such whole number")
+    assert line_of(lf.stocking, scanned, cells=-5).startswith("cells: -5: is no such whole number")
 
 
-def test_a_law_that_was_not_identified_is_told(leg, tmp_path) -> None:
-    found = lf.identify(write_bars(tmp_path, PLANTED), "neo-hookean")
+def test_a_law_that_was_not_identified_is_told(bars) -> None:
+    found = lf.identify(bars, "neo-hookean")
     assert found.fits[0].kind == "specimens", "a folder says by itself what it is"
     with pytest.raises(KeyError, match="'yeoh' was not identified: there is neo-hookean"):
         found["yeoh"]
