@@ -14,6 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from legfem.data.channels import CHANNELS
 from making import write_subject
 from making_instrument_files import REAL, D, F, T, plain_csv, rows, workbook, zwick
 from openpyxl import Workbook
@@ -23,7 +24,6 @@ from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data import read_samples
 from legfem.data.channel_reader import read_channel
-from legfem.data.channels import CHANNELS
 from legfem.data.folder import RecordingsEntry
 from legfem.data.formats.workbook import read_workbook
 from legfem.legs.loading import load_subject

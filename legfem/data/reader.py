@@ -18,10 +18,6 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
 from legfem.data.formats import read_sheets
-<<<<<<< HEAD
-from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measured_by, measures, unit_named
-from legfem.data.recording import MOST, RecordedChannel, Recording, backwards, not_increasing
-=======
 from legfem.data.formats.sheet import (
     FEWEST_ROWS,
     OWN,
@@ -34,8 +30,7 @@ from legfem.data.formats.sheet import (
     measures,
     unit_named,
 )
-from legfem.data.recording import MOST, Recording, backwards, not_increasing, since_start
->>>>>>> main
+from legfem.data.recording import MOST, RecordedChannel, Recording, backwards, not_increasing, since_start
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
 if TYPE_CHECKING:
