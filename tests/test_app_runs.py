@@ -20,7 +20,7 @@ from making_results import result
 from test_diagnosis_report import CASES
 from typer.main import get_command
 
-from legfem.app.outcomes import Answer, answers_of, as_csv, as_xlsx, sentence_of
+from legfem.app.outcomes import Answer, answers_of, as_csv, as_xlsx, relative_difference, sentence_of
 from legfem.app.runs import ACTIONS, Run, RunState, rename_input
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
@@ -285,3 +285,10 @@ def test_a_renamed_input_keeps_its_runs_and_what_is_deleted_can_be_put_back(work
         fcntl.flock(lock, fcntl.LOCK_EX)
         with pytest.raises(InputError, match="runs on it; stop that first"):
             rename_input(workspace, now, "right calf")
+
+
+def test_a_difference_has_the_interval_of_both_errors():
+    # Both are known to a factor of two: their ratio to one of 2 to the power of the root of two.
+    assert relative_difference((2.0, 1.0, 4.0), (1.0, 0.5, 2.0)) == "+100 % (-25 to +433 %)"
+    assert relative_difference((2.0, 1.0, 4.0), (2.0, 1.0, 4.0)) == "–"
+    assert relative_difference((1.0, 0.0, 4.0), (2.0, 1.0, 4.0)) == "-50 %"

@@ -137,7 +137,7 @@ def test_a_test_that_asks_for_nothing_more_says_so(subject, sound):
     found = sound
     assert found.verdict == "consistent"
     answers = dict(diagnosis_web_page(found, subject).headline.answers)
-    assert answers["What to do"] == "Use the number above. No other test is needed."
+    assert answers["What to do"] == "Use the number together with the law that it belongs to. No other test is needed."
 
 
 def test_a_sound_model_whose_stiffness_may_be_moved_unseen_is_a_range_and_says_by_what(subject, sound):

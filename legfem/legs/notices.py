@@ -260,8 +260,8 @@ def _of_fibres(subject: Subject, in_correction: bool) -> Iterator[str]:
 def _without_correction(subject: Subject) -> str:
     if subject.plane_strain:
         return (
-            "these recordings are simulated in plane strain and hold no end effects. Recordings of "
-            "a leg get one by default."
+            "these recordings were simulated in plane strain and so contain no end effects. Recordings of "
+            "a real leg are corrected by default."
         )
     other = why_uncorrected(subject)
     return (

@@ -54,7 +54,7 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
             ("Problems found", _wrong(found)),
             ("How sure", _sure(found)),
             ("Effect on C10", _stiffness(found)),
-            ("What to do", _to_do(found, plan)),
+            ("What to do", to_do(found, plan)),
             *_high_or_low(found, tissue),
         ],
         heading,
@@ -123,9 +123,9 @@ def _wrong(found: Diagnosis) -> str:
 
 def _wrong_of_the_rest(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        hides = _hides(found) if _wide(found) else ""
+        hides = f" But not every problem would show: {_hides(found)}" if _wide(found) else ""
         none = "None." if found.aside is None else "No other problem."
-        return f"{none}{' But: ' if hides else ''}{hides} What this test cannot show is listed further down."
+        return f"{none}{hides} What this test cannot show is listed further down."
     if found.verdict == "unexplained" and not found.withheld:
         return f"{misfit_sentence(found)}{_place(found)}"
     if found.verdict == "unexplained":
@@ -192,9 +192,12 @@ def _stiffness(found: Diagnosis) -> str:
         return "C10 was given, not found."
     before = _value(found, found.base)
     if found.verdict == "unexplained":
-        return f"{_C10}, is {before} kPa; the misfit moves it by {share(found.misfit.moves)} at most."
+        return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
     if found.verdict == "consistent" and _wide(found):
-        return f"{_C10}, is {before} kPa if nothing hides; what may hide can move it by {percent(found.may_be_off)}."
+        return (
+            f"{_C10}, is {before} kPa if no effect is hidden; a hidden effect could change it by "
+            f"{percent(found.may_be_off)}."
+        )
     if found.verdict == "consistent":
         return f"{_C10}, is {before} kPa; no correction is needed."
     after = [_value(found, model) for model in found.models]
@@ -259,7 +262,8 @@ def _wide(found: Diagnosis) -> bool:
     return found.may_be_off > TRUSTED
 
 
-def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
+def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
+    """Return what to do with the number, and what to ask a lab for."""
     lines = next_experiments(found)
     consistent = found.verdict == "consistent"
     widest = widened_by(found.explained, DEEP_C10) if _wide(found) and consistent else None
@@ -270,7 +274,7 @@ def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
         )
     if found.verdict == "consistent":
         if not lines:
-            return "Use the number above. No other test is needed."
+            return "Use the number together with the law that it belongs to. No other test is needed."
         return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
     if not plan and not lines:
         return "Use the corrected number." if found.verdict == "named" else "Use the range."

@@ -125,9 +125,9 @@ def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
     return [
         (
             name if len(every) == 1 else f"{name}, {len(every)} modes",
-            f"moved by {every[0]:+.1f} sd"
+            f"{every[0]:+.1f} sd from its prior"
             if len(every) == 1
-            else f"moved by {min(every):+.1f} to {max(every):+.1f} sd",
+            else f"{min(every):+.1f} to {max(every):+.1f} sd from their priors",
         )
         for name, every in moved.items()
     ]
@@ -153,7 +153,7 @@ def phase_cells(found: Diagnosis) -> Cells:
         for which, model in shown
         for check in checks_by_phase(model)
     ]
-    return ["model", "phase", "left (N)", "errors (N)", "share of tests"], rows
+    return ["model", "phase", "misfit (N)", "by errors (N)", "share of tests"], rows
 
 
 def occurrence_cells(found: Diagnosis) -> Cells:

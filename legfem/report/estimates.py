@@ -88,7 +88,7 @@ def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
     blocks: list[Block] = [
         WebTable(
             "Laws, and how each was searched for",
-            ["law", "strain energy", "full solves", "failed", "from before", "converged", "s"],
+            ["law", "strain energy", "full solves", "failed", "reused from earlier runs", "converged", "time (s)"],
             [
                 [
                     LAW_NAMES[r.law],

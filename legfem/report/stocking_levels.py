@@ -67,8 +67,8 @@ def level_blocks(result: StockingResult) -> list[Block]:
         )
         blocks.append(
             WebTable(
-                f"Mean pressure round the leg at the makers' levels, mmHg with 95 % intervals; limits: {asked}.",
-                ("level", "height", "pressure (mmHg)", "of that at B", "limits (mmHg)", "verdict"),
+                f"Mean pressure round the leg at the makers' levels, mmHg with 95 % intervals; limits: {asked}",
+                ("level", "height", "pressure (mmHg)", "share of B's", "limits (mmHg)", "verdict"),
                 rows,
             )
         )
@@ -113,14 +113,15 @@ def level_blocks(result: StockingResult) -> list[Block]:
     )
     error = leg.accuracy
     tension = (
-        f"{100 * error.tension_sd:g} % in the fabric's tension"
+        f"{100 * error.tension_sd:g} % of the fabric's tension"
         if error.tension_sd
-        else "none in the fabric's tension, which is taken as given ([accuracy] tension_relative_sd states its error)"
+        else "none of the fabric's tension, which counts as exact until [accuracy] tension_relative_sd states its error"
     )
     blocks.append(
         Prose(
-            f"Intervals include these errors (standard deviations): {tension}; {100 * error.pressure_sd:g} % over an "
-            "eighth of the girth; for the mesh a tenth of what the leg's giving way changes, a judgement."
+            f"The intervals include these standard deviations: {tension}; {100 * error.pressure_sd:g} % of the "
+            "pressure over an eighth of the girth; and, for the mesh, a tenth of the change that the leg's giving way "
+            "causes (a judgement)."
         )
     )
     return blocks
@@ -133,5 +134,5 @@ def sentence_at_ankle(result: StockingResult) -> str:
     for name, _, pressure, _, limits, verdict in level_rows(result):
         if name == "B":
             beside = "" if limits == "–" else f", {verdict} class {result.leg.makers.intended_class} ({limits})"
-            return f"At the ankle (B) it presses with {pressure} mmHg{beside}."
+            return f"At the ankle (B) the stocking presses with {pressure} mmHg{beside}."
     return ""

@@ -296,7 +296,8 @@ def _sentence(result: StockingResult) -> str:
     low, high = (f"{mpa_to_mmhg(p):.0f}" for p in (min(at_veins), max(at_veins)))
     span = low if low == high else f"{low} to {high}"
     return (
-        f"{text}; at the deep veins the pressure is {span} mmHg ({share_of(at_veins, found.mean_interface)} of that)."
+        f"{text}; at the deep veins the pressure is {span} mmHg "
+        f"({share_of(at_veins, found.mean_interface)} of the mean on the skin)."
     )
 
 
@@ -350,8 +351,8 @@ def _next(result: StockingResult) -> list[str]:
     unsure = [TISSUES[known.name] for known in result.estimates if known.identifiability != "identifiable"]
     if unsure:
         lines.append(
-            f"Don't rely on the stiffness of the {' and the '.join(unsure)}: these scans don't "
-            "tell it well enough. The pressures hardly depend on it."
+            f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "
+            "determine it well enough. The pressures hardly depend on it."
         )
     if not result.searches:
         lines.append("Scan the leg in its stocking, too: then the stiffness can be found.")

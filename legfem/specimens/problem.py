@@ -267,8 +267,8 @@ class SpecimenProblem:
         texts += [*of_search(log), *of_compromise(log.compromise), *at_limits(result)]
         if not result.goodness.fits:
             texts.append(
-                "The law does not describe these recordings within their errors. The intervals carry what an error of "
-                "its form may do to the numbers, by the size of what is left."
+                "The law does not describe these recordings within their errors. Its intervals are widened by what a "
+                "law of the wrong form may do to the numbers, judged by the size of the misfit."
             )
         in_air = [one.name for one in found.search.misfit.recordings if one.course.in_air]
         if in_air:

@@ -149,6 +149,6 @@ def _of_the_load(result: StockingResult) -> Iterator[str]:
         )
     if leg.ends == "held":
         yield (
-            "The segment's end faces are held in their planes, as if the leg went on alike beyond "
-            "them: within some 10 mm of the ends pressures are not to be relied on."
+            "The modelled part's end faces are held in their planes, as if the leg continued unchanged beyond "
+            "them. Do not rely on pressures within about 10 mm of the ends."
         )
