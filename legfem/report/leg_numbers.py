@@ -40,7 +40,7 @@ def known_of(fits: Sequence[LegFit]) -> list[Known]:
     details, subject = first.details, first.details.subject
     trials = sum(curve_of(one).n_trials for one in first.tests)
     rows = [
-        estimated(f"{words_of(name)}, {LAW_NAMES[fit.law]} law", found, trials)
+        estimated(f"{words_of(name)}, {LAW_NAMES[fit.law]} law", found, trials, subject.fibres is None)
         for fit in reversed(fits)
         for name, found in fit.estimates.items()
     ]
