@@ -206,9 +206,9 @@ def _numbers(
         blocks.append(_forest(members, rows, found, names, units))
     if model:
         others = [row.name for row in rows if row.done and row.judged.preferred != model]
-        text = f"Members are compared under one model, {model}, which most recordings ask for."
+        text = f"Members are compared under one model, {model}, which most recordings need."
         if others:
-            text += f" {len(others)} ask for another: {listed(others)}. The table in cohort.csv has both."
+            text += f" {len(others)} need another: {listed(others)}. The table in cohort.csv has both."
         blocks.append(web.Prose(text))
     table = SortableTable(
         "numbers",

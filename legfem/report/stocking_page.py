@@ -81,7 +81,7 @@ def known_of(result: StockingResult) -> list[web.Known]:
                 f"{accuracy.sd:.2g} mm (sd)",
                 "prior",
                 "leg.toml, or legfem's usual",
-                remark=f"alike over {accuracy.correlation:g} mm",
+                remark=f"correlated over {accuracy.correlation:g} mm",
             )
         )
     rows.append(
@@ -390,7 +390,7 @@ def _scanned(result: StockingResult) -> list[web.Block]:
     if leg.compressed is not None:
         lines.append(
             f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard "
-            f"deviation, alike over {accuracy.correlation:g} mm), which leaves "
+            f"deviation, correlated over {accuracy.correlation:g} mm), which leaves "
             f"{accuracy.smoothed_sd:.2g} mm in its contours, and the stocking's pressure to be "
             f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
             "the stiffness rest on that."

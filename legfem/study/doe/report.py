@@ -78,7 +78,7 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
 def _variance(result: StudyResult) -> list[web.Block]:
     return [
         web.Bullets(result.run_notes()),
-        web.Prose(f"{UNITS_NOTE} R² predicted is that of runs which the surface hasn't seen. {_counting(result)}"),
+        web.Prose(f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. {_counting(result)}"),
         web.WebTable("Sums of squares and what they say, a row a metric", *tables.anova_cells(result)),
         web.WebTable(
             "Effects without an error estimate (Lenth), curvature at the centre, normality",
@@ -213,8 +213,9 @@ def _headline(result: StudyResult) -> web.Headline:
             ),
             (
                 "How sure",
-                "Of how runs differ that it hasn't seen, the fitted surface predicts "
-                f"{_percents(fits)} (R²). The runs are a model's, without noise.",
+                "The fitted surface predicts "
+                f"{_percents(fits)} of the variance of runs that were not used in the fit (R²). The runs are "
+                "a model's, without noise.",
             ),
             ("What must be known before the test", to_know(result)),
             ("What to do", to_measure(result)[0]),
