@@ -122,10 +122,7 @@ def _headline(members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Susp
     answers = [
         ("How many", f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"),
         ("Without a result", listed(failed) if failed else "none"),
-        (
-            "What is odd",
-            f"{len(odd)} thing{'' if len(odd) == 1 else 's'} to look into" if odd else "nothing that was looked for",
-        ),
+        ("What is odd", f"{len(odd)} thing{'' if len(odd) == 1 else 's'} to look into" if odd else "nothing"),
         *([("Compared under", model)] if model else []),
     ]
     return web.Headline(tone, f"Of {len(rows)} members: {said}.", answers, f"{good} of {len(rows)} can be used")

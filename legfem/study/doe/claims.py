@@ -45,7 +45,7 @@ def to_know(result: StudyResult) -> str:
         return "Not computed: run it without --factorial-only."
     name, errors = ranked[0]
     moved = " and ".join(f"{label_of(one)} {10 * error:+.0f} %" for one, error in zip(IDENTIFIED, errors, strict=True))
-    return f"Before all {label_of(name)}: taken 10 % too high, it moves {moved}."
+    return f"Above all, {label_of(name)}: if it is taken 10 % too high, it changes {moved}."
 
 
 def to_measure(result: StudyResult) -> list[str]:

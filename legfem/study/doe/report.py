@@ -168,7 +168,7 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
         That does it again.
     """
     chapters = [
-        web.Chapter("What each factor makes", _effects(result)),
+        web.Chapter("What each factor causes", _effects(result)),
         web.Chapter("The forces behind it", [_curves(result)]),
         web.Chapter("The response surface", _surface(result)),
         *number_chapters(result),
@@ -202,14 +202,14 @@ def _headline(result: StudyResult) -> web.Headline:
     unseen = not_seen(result)
     return web.Headline(
         "caution" if _warnings(result) else "sound",
-        f"A press {result.definition.depth:g} mm deep shows {in_words(factor)} most: it makes "
-        f"{100 * share:.0f} % of how the {metric.label} varies over the ranges.",
+        f"A press {result.definition.depth:g} mm deep shows {in_words(factor)} most, which causes "
+        f"{100 * share:.0f} % of the variation of the {metric.label} over the ranges.",
         [
             (
-                "What it doesn't show",
+                "What it does not show",
                 f"{', '.join(unseen)}: below 1 % in every window."
                 if unseen
-                else "Every factor makes 1 % or more somewhere.",
+                else "Every factor causes 1 % or more somewhere.",
             ),
             (
                 "How sure",
