@@ -88,7 +88,7 @@ def test_preconditioning_is_not_sought_in_one_trial():
 
 def test_a_stiffer_first_trial_fades_and_varies_with_depth():
     observed, _ = observations(ramps())
-    values = {"softening": 0.2, "fading": 0.5, "slope": -1.0}
+    values = {"softening": 0.2, "fading": 0.5, "slope": -1.0, "staying": 1.0}
     factor = mechanism_named("preconditioning").deep_factor(values, observed)
     middle = np.abs(observed.displacement / observed.depth - 0.5) < 0.02
     for trial, excess in enumerate((0.2, 0.1, 0.05)):

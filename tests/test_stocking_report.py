@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_stocking import short_leg
+from making_stocking import COARSEST, short_leg
 from matplotlib.image import imread
 from reading_page import read
 from test_page_security import PLANTED, Elements
@@ -167,7 +167,7 @@ sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 20
 """)
     shear = ShearModulus("superficial", "along", 4e-3, 1e-3, text)
     leg = replace(load_leg(folder), elastography=(shear,))
-    found = run_leg(leg, StockingSettings(), Silent(), mesh=MESH)
+    found = run_leg(leg, StockingSettings(), Silent(), mesh=COARSEST)
     page = Elements()
     page.feed(rendered(stocking_web_page(found, moved_surfaces(found), command=f"run {text}")))
     return page

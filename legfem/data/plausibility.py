@@ -118,7 +118,7 @@ def _gap_doubts(trial: Segmentation) -> Iterator[Doubt]:
 
 def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
     """Yield doubts about where displacement and force begin."""
-    d, force, contact = trial.smooth, trial.recording.force, trial.contact
+    d, contact = trial.smooth, trial.contact
     travel, start = float(d.max() - d[0]), float(d[0])
     if contact.known and abs(start) > max(_OFF_START * travel, 5.0 * trial.instrument.displacement_sd):
         deepest = float(d.max())
@@ -130,17 +130,8 @@ def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
             "subtract where it touches, or leave starts_at_contact out",
         )
         return
-    if contact.in_air:
-        return
-    first = (d <= start + _NEAR_START * travel) & (np.arange(len(d)) <= trial.deepest)
-    if np.count_nonzero(first) < 2:
-        return
-    # The force at the very start, by the line through what follows.
-    middle = float(np.polyfit(d[first] - start, force[first], 1)[1] if np.ptp(d[first]) > 0 else force[first].mean())
-    at_start = float(np.sign(middle)) * min(abs(middle), abs(float(force[first].mean())))
-    rise = float(np.median(force[d >= start + 0.95 * travel])) - middle
-    noise = max(trial.force_noise / np.sqrt(np.count_nonzero(first)), trial.instrument.force_sd)
-    if abs(at_start) > max(_OFFSET * abs(rise), 5.0 * noise):
+    at_start, rise = standing_force(trial)
+    if at_start:
         yield Doubt(
             trial.source,
             "force_N",
@@ -148,6 +139,21 @@ def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
             "by: a preload, or a zero that wasn't taken",
             "subtract what the cell reads without load, or record from before first touch",
         )
+
+
+def standing_force(trial: Segmentation) -> tuple[float, float]:
+    """Return the force before anything is pressed, and by how much it rises, N; nothing where it doesn't stand out."""
+    d, force = trial.smooth, trial.recording.force
+    travel, start = float(d.max() - d[0]), float(d[0])
+    first = (d <= start + _NEAR_START * travel) & (np.arange(len(d)) <= trial.deepest)
+    if trial.contact.in_air or np.count_nonzero(first) < 2:
+        return 0.0, 0.0
+    # The force at the very start, by the line through what follows.
+    middle = float(np.polyfit(d[first] - start, force[first], 1)[1] if np.ptp(d[first]) > 0 else force[first].mean())
+    at_start = float(np.sign(middle)) * min(abs(middle), abs(float(force[first].mean())))
+    rise = float(np.median(force[d >= start + 0.95 * travel])) - middle
+    noise = max(trial.force_noise / np.sqrt(np.count_nonzero(first)), trial.instrument.force_sd)
+    return (at_start if abs(at_start) > max(_OFFSET * abs(rise), 5.0 * noise) else 0.0), rise
 
 
 def _drift_doubts(trial: Segmentation) -> Iterator[Doubt]:

@@ -58,6 +58,15 @@ MOST = 1e9
 """Of any reading in s, mm or N: beyond it a file is misread or damaged."""
 
 
+_A_DATE = 1e8
+"""s: no trial begins three years after its clock was set; clocks that count from 1904 or 1970 read more."""
+
+
+def since_start(time: FloatArray) -> FloatArray:
+    """Return times (n,) from the first on where they count from a calendar's date; else as they are."""
+    return time - time[0] if len(time) and _A_DATE < time[0] < np.inf else time
+
+
 def not_increasing(time: FloatArray) -> list[int]:
     """Return the rows whose time isn't after that of the row before."""
     return [int(row) for row in np.flatnonzero(np.diff(time) <= 0) + 1]

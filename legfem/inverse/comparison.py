@@ -21,6 +21,7 @@ from scipy.linalg import block_diag, solve_triangular
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
 from legfem.inverse.data import Data
+from legfem.inverse.form_error import thirds_of
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.outcome import Outcome
 from legfem.solve.path import ForceCurve
@@ -173,6 +174,11 @@ class Comparison(ABC):
     @property
     def channels(self) -> Mapping[str, NDArray[np.int_]]:
         """Places among the n readings of each channel's; empty where there is but the force."""
+        return {}
+
+    @property
+    def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of the forces read in each part of the way, by its name; none where that isn't told."""
         return {}
 
     @property
@@ -339,6 +345,13 @@ class JointComparison(Comparison):
             for one, span in zip(test.data.channels, test.data.spans, strict=True):
                 found.setdefault(one.name, []).append(whole.start + np.arange(span.start, span.stop))
         return {} if len(found) < 2 else {name: np.concatenate(places) for name, places in found.items()}
+
+    @cached_property
+    def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of the forces in each third of every test's depth, where they are read over displacement."""
+        return thirds_of(
+            [(test.data.channels[0], span.start) for test, span in zip(self.tests, self.spans, strict=True)]
+        )
 
     @cached_property
     def linear_scale(self) -> FloatArray | None:

@@ -19,6 +19,7 @@ from legfem.inverse.comparison import (
     shares_of_information,
     total_of,
 )
+from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture
 from legfem.inverse.intervals import (
     ADDS_NOTHING,
     Bound,
@@ -129,6 +130,8 @@ class Optimum:
         Stiffnesses that were held, whose effect is told.
     plane : bool
         Whether the model is a section of a leg, which knows no ends.
+    departure : PartDeparture
+        What a law that misses may do to a stiffness.
     """
 
     linear: Linearised
@@ -138,6 +141,7 @@ class Optimum:
     law_fits: bool
     assumed: Mapping[str, float]
     plane: bool = True
+    departure: PartDeparture = NO_DEPARTURE
 
     @property
     def spread(self) -> FloatArray:
@@ -177,9 +181,13 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         error = math.sqrt(spread[k, k])
         rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
         interval = profile_interval(optimum.residual, at, k, rise, bounds, optimum.times * error)
+        if parameter.name.endswith((".C10", ".C20")):
+            interval = optimum.departure.carried(float(at[k]), interval, parameter.bounds)
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
         why = _why(known, optimum.law_fits, _trade(law.names, k, correlations), own)
+        if optimum.departure.by:
+            why += f"; {optimum.departure.text}"
         source = main_source(shares[k])
         if source in _RULED_BY:
             part = f"{100 * shares[k][source]:.0f} % of the variance comes from {_RULED_BY[source]}"

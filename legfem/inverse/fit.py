@@ -19,9 +19,10 @@ from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, readable_unit
 from legfem.common.versions import versions_of
 from legfem.inverse.catalogue import DEEP_C20, Values, key_of, short_key_of, unit_suffix, with_units
-from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting
+from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting, total_of
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
+from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture, departure_of
 from legfem.inverse.intervals import VERDICTS, Identifiability
 from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
 from legfem.inverse.outcome import Forward, FullSolver
@@ -370,8 +371,16 @@ def optimum_of(
     plane
         Whether the model is a section of a leg, which has no ends.
     """
-    optimum = Optimum(found.linear, found.residual, covariances, times, goodness.fits, assumed, plane)
+    departure = NO_DEPARTURE if goodness.fits else _departure(found, covariances)
+    optimum = Optimum(found.linear, found.residual, covariances, times, goodness.fits, assumed, plane, departure)
     return MappingProxyType(estimates(optimum)), correlations_of(optimum.spread)
+
+
+def _departure(found: Found[Any], covariances: Covariances) -> PartDeparture:
+    """What the law's misfit may do to a stiffness, beyond errors of readings and of the model's numbers."""
+    comparison = found.search.misfit
+    errors = total_of({source: covariances[source] for source in ("recordings", "model") if source in covariances})
+    return departure_of(comparison.parts_along, comparison.measured, found.linear.prediction.values, errors)
 
 
 def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:

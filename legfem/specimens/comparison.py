@@ -11,11 +11,13 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
 from legfem.inverse.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
+from legfem.inverse.form_error import by_third, third_of
 from legfem.inverse.instrument import INSTRUMENT, READINGS, Reading
 from legfem.inverse.outcome import Outcome
 from legfem.specimens.contacts import Onset, power_of
@@ -93,6 +95,16 @@ class SpecimenComparison(Comparison):
     def measured(self) -> FloatArray:
         """Of all stations (n,), N."""
         return np.concatenate([part.course.force for part in self.parts])
+
+    @cached_property
+    def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of the stations in each third of the loading's depth, and after it."""
+        third, after = [], []
+        for part in self.parts:
+            course = part.course
+            third.append(third_of(course.displacement, course.depth))
+            after.append(course.time > course.arrival * (1 + 1e-9))
+        return by_third(np.concatenate(third), np.concatenate(after))
 
     @property
     def if_deeper(self) -> FloatArray:
@@ -227,8 +239,11 @@ class SpecimenComparison(Comparison):
         return found
 
     def scales(self, force: FloatArray) -> FloatArray:
-        """Return what would make each recording's share of forces (n,) fit it best."""
-        pairs = [(self.measured[span], force[span]) for span in self.spans]
+        """Return what would make each recording's share of forces (n,) fit it best, without what stood before."""
+        pairs = [
+            (self.measured[span] - part.course.standing, force[span])
+            for part, span in zip(self.parts, self.spans, strict=True)
+        ]
         return np.array([float(one @ other / (other @ other)) for one, other in pairs])
 
     def gain_sd(self, force: FloatArray) -> float:

@@ -7,9 +7,9 @@ its prior. With :math:`F'` the slope of the force, :math:`a` how far contact was
 
 .. math:: m = F(d) + F' (a - \eta) + z + e, \qquad \eta \sim N(0, \sigma^2)
 
-with a zero z of its own. Both are marginalised in the weights: they have those of the covariance
-:math:`s^2 I + \sigma^2 F' F'^T + \sigma_z^2 1 1^T`, with s what stations count as erring by. What
-the fit then says of :math:`\eta` moves the contact, and all is linearised again about it.
+with a zero z of its own; a force that stands before anything is pressed may be all of it one. Both are marginalised in
+the weights: they have those of the covariance :math:`s^2 I + \sigma^2 F' F'^T + \sigma_z^2 1 1^T`, with s what stations
+count as erring by. What the fit then says of :math:`\eta` moves the contact, and all is linearised again about it.
 """
 
 from __future__ import annotations
@@ -69,12 +69,15 @@ class Onset:
         Of what the load cell reads without load, N.
     ahead : float
         How far (mm) contact is taken to be later than expected.
+    stands : bool
+        Whether a force stands before anything is pressed, so that the zero counts in the weights.
     """
 
     slope: FloatArray
     sd: float
     zero_sd: float
     ahead: float = 0.0
+    stands: bool = False
 
     @classmethod
     def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> Onset:
@@ -83,8 +86,9 @@ class Onset:
         # A tared cell is known as well as one that was read in air.
         tared = detected.in_air or detected.known
         zero = float(np.sqrt(SLOW_SHARE if tared else 1.0)) * course.instrument.force_sd
+        zero = float(np.hypot(zero, course.standing))
         ahead = course.contact.displacement - expected
-        return cls(slope_of(course, course.force) if slope is None else slope, sd, zero, ahead)
+        return cls(slope_of(course, course.force) if slope is None else slope, sd, zero, ahead, bool(course.standing))
 
     @property
     def expected(self) -> FloatArray:
@@ -98,7 +102,7 @@ class Onset:
 
     def whitened(self, values: FloatArray, sd: float) -> FloatArray:
         """Return values (n, k) over the errors' covariance's root, stations' own being ``sd``."""
-        if not self.sd:
+        if not self.sd and not self.stands:
             return values / sd
         basis, size, _ = np.linalg.svd(self.modes / sd, full_matrices=False)
         shrink = 1 / np.sqrt(1 + size**2) - 1

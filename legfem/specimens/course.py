@@ -11,6 +11,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, Scales, Segmentation, segment
 from legfem.data.contact import Contact, contact_at_start, first_return
+from legfem.data.plausibility import standing_force
 from legfem.data.smoothing import sample_noise, without_outliers
 from legfem.data.stress_tables import roughness
 
@@ -58,6 +59,8 @@ class Course:
     """As recorded, on the stations' scales."""
     contact: Contact
     """Where it began, by the recording's own displacement."""
+    standing: float = 0.0
+    """N that stand before anything is pressed: a preload, or a zero that wasn't taken."""
 
     @property
     def in_air(self) -> bool:
@@ -202,7 +205,15 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
         return np.asarray(np.bincount(numbers, values) / count)
 
     found = Course(
-        mean(kept.time), mean(kept.displacement), mean(kept.force), count, trial.instrument, arrival, kept, contact
+        mean(kept.time),
+        mean(kept.displacement),
+        mean(kept.force),
+        count,
+        trial.instrument,
+        arrival,
+        kept,
+        contact,
+        standing_force(trial)[0],
     )
     if len(found.time) < _LEAST_SEEN:
         raise InputError(

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.data.segmentation import UNLOADING
 from legfem.inverse.mechanism import Mechanism, Values, strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
@@ -19,7 +20,13 @@ class Preconditioning(Mechanism):
 
     .. math:: 1 + s\, \rho^{t} \left(1 + k \left(\tfrac{d}{D} - \tfrac12\right)\right)
 
-    in trial t from 0. The reference is the settled tissue: at the null all trials are alike.
+    in trial t from 0. The reference is the settled tissue: at the null all trials are alike. Tissue that was stretched
+    has softened by the way back (R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861, for rubber): there
+    the excess is
+
+    .. math:: s\, \rho^{t} \left(r + (1 - r) \tfrac{d}{D}\right) \left(1 + k \left(\tfrac{d}{D} - \tfrac12\right)\right)
+
+    with a share r that stays.
     """
 
     name: ClassVar[str] = "preconditioning"
@@ -40,6 +47,13 @@ class Preconditioning(Mechanism):
             Prior(0.0, 0.5, "linear", "nothing is known"),
             statement="change of the excess from first touch to full depth, over its mean",
         ),
+        Parameter(
+            "staying",
+            "-",
+            (0.0, 1.0),
+            Prior(0.5, 0.4, "linear", "between a gain, which stays, and a tissue that has softened by the way back"),
+            statement="share of the excess that is still there at the end of the unloading",
+        ),
     )
     would_be: ClassVar[str] = "a first trial that is stiffer than the later ones by a share of {} (softer, if negative)"
     next_experiment: ClassVar[str] = "cycle five to ten times before recording, and rest between trials"
@@ -55,5 +69,7 @@ class Preconditioning(Mechanism):
     def deep_factor(self, values: Values, observed: Observations) -> FloatArray:
         """Return each trial's stiffness over the settled one."""
         excess = values["softening"] * values["fading"] ** observed.trial.astype(float)
-        part = observed.displacement / observed.depth - 0.5
-        return np.asarray(np.maximum(1.0 + excess * (1.0 + values["slope"] * part), 0.05))
+        share = observed.displacement / observed.depth
+        back = values["staying"] + (1.0 - values["staying"]) * share
+        excess = np.where(observed.phase == UNLOADING, back, 1.0) * excess
+        return np.asarray(np.maximum(1.0 + excess * (1.0 + values["slope"] * (share - 0.5)), 0.05))
