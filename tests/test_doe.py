@@ -176,7 +176,7 @@ def test_metrics_of_a_parabola() -> None:
         ([False, False], "not reproduced"),
         ([True, False], "holds only with a"),
         ([None, True], "reproduced"),
-        ([None, None], "can't be told"),
+        ([None, None], "cannot be determined"),
     ],
 )
 def test_verdicts_in_words(findings: list[bool | None], words: str) -> None:

@@ -44,12 +44,13 @@ def test_where_a_part_pulls_no_stiffness_describes_it():
 
 
 def test_a_force_that_stands_at_first_doesnt_become_stiffness(tmp_path):
-    """A zero that wasn't taken: the bar is the planted one."""
+    """A zero that wasn't taken: the bar is the planted one, but it may have been pressed before."""
     peak = compressed(PLANTED, np.array([3.0]))[0]
     found = fitted(tmp_path, lambda d: compressed(PLANTED, d) + 0.07 * peak)
     one = found.estimates[DEEP_C10]
     assert one.ci95[0] < PLANTED.C10 < one.ci95[1]
     assert one.value == pytest.approx(PLANTED.C10, rel=0.05)
+    assert one.identifiability == "weakly identifiable"
 
 
 def test_beside_a_law_that_misses_by_far_a_stiffness_is_as_open_as_its_parts_leave_it(tmp_path):

@@ -7,14 +7,15 @@ its prior. With :math:`F'` the slope of the force, :math:`a` how far contact was
 
 .. math:: m = F(d) + F' (a - \eta) + z + e, \qquad \eta \sim N(0, \sigma^2)
 
-with a zero z of its own; a force that stands before anything is pressed may be all of it one. Both are marginalised in
-the weights: they have those of the covariance :math:`s^2 I + \sigma^2 F' F'^T + \sigma_z^2 1 1^T`, with s what stations
-count as erring by. What the fit then says of :math:`\eta` moves the contact, and all is linearised again about it.
+with a zero z of its own; a force that stands before anything is pressed may be all of it one, or the specimen was
+pressed by some way before. All are marginalised in the weights: they have those of the covariance
+:math:`s^2 I + \sigma^2 F' F'^T + \sigma_z^2 1 1^T`, with s what stations count as erring by. What the fit then says of
+:math:`\eta` moves the contact, and all is linearised again about it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -69,15 +70,16 @@ class Onset:
         Of what the load cell reads without load, N.
     ahead : float
         How far (mm) contact is taken to be later than expected.
-    stands : bool
-        Whether a force stands before anything is pressed, so that the zero counts in the weights.
+    pressed : float
+        mm that the specimen may have been pressed by already, where a force stands before anything is pressed; one
+        standard deviation.
     """
 
     slope: FloatArray
     sd: float
     zero_sd: float
     ahead: float = 0.0
-    stands: bool = False
+    pressed: float = 0.0
 
     @classmethod
     def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> Onset:
@@ -88,7 +90,14 @@ class Onset:
         zero = float(np.sqrt(SLOW_SHARE if tared else 1.0)) * course.instrument.force_sd
         zero = float(np.hypot(zero, course.standing))
         ahead = course.contact.displacement - expected
-        return cls(slope_of(course, course.force) if slope is None else slope, sd, zero, ahead, bool(course.standing))
+        if slope is None:
+            risen = replace(course, force=course.force - course.standing) if course.standing else course
+            slope = slope_of(risen, risen.force)
+        first = slope[course.displacement < course.depth / 3]
+        pressed = 0.0
+        if course.standing and len(first):
+            pressed = min(abs(course.standing) / max(float(np.median(first)), 1e-12), course.depth)
+        return cls(slope, sd, zero, ahead, pressed)
 
     @property
     def expected(self) -> FloatArray:
@@ -98,11 +107,12 @@ class Onset:
     @cached_property
     def modes(self) -> FloatArray:
         """Changes by one standard deviation (n, 2), N, of contact and zero."""
-        return np.column_stack([self.sd * self.slope, np.full_like(self.slope, self.zero_sd)])
+        way = np.hypot(self.sd, self.pressed)
+        return np.column_stack([way * self.slope, np.full_like(self.slope, self.zero_sd)])
 
     def whitened(self, values: FloatArray, sd: float) -> FloatArray:
         """Return values (n, k) over the errors' covariance's root, stations' own being ``sd``."""
-        if not self.sd and not self.stands:
+        if not self.sd and not self.pressed:
             return values / sd
         basis, size, _ = np.linalg.svd(self.modes / sd, full_matrices=False)
         shrink = 1 / np.sqrt(1 + size**2) - 1
