@@ -14,12 +14,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from legfem.data.channels import CHANNELS
 from making import write_subject
 from making_instrument_files import REAL, D, F, T, plain_csv, rows, workbook, zwick
 from openpyxl import Workbook
 from typer.testing import CliRunner
 
+from legfem.channels.registry import CHANNELS
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data import read_samples

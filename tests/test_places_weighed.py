@@ -16,7 +16,7 @@ from legfem.channels.kinds.contact_pressure import PRESSURE
 from legfem.channels.kinds.section_displacement import INSIDE
 from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
-from legfem.data import segment_all
+from legfem.data import quality_of, segment_all
 from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.comparison import total_of
@@ -32,6 +32,9 @@ from legfem.legs.site_channels import site_channels
 from legfem.legs.site_test import SiteTest
 from legfem.legs.subject import LegAccuracy, Subject
 from legfem.report.diagnosis_channels import channel_chapter
+from legfem.report.leg import leg_page
+from legfem.report.look import draw_look
+from legfem.report.render.html import rendered
 
 BOTH = ("deep.C10", "superficial.C10")
 TRUTH = {"deep.C10": 1.4e-3, "superficial.C10": 2.6e-3}
@@ -240,3 +243,15 @@ def test_a_solution_s_derivatives_are_no_channels():
     own = ("force", "deep.C10", *INSIDE.courses(2), "fat_thickness")
     columns = {name: np.zeros(1) for one in own for name in (one, derivative_of(one, "deep.C10"))}
     assert set(channels_of(columns)) == set(own[2:])
+
+
+def test_pages_and_looks_draw_what_is_read_at_places(tmp_path):
+    """The page of a fit has the channel's panel, and a look at a trial its readings."""
+    subject = recorded(tmp_path / "leg", list(PLACES))
+    fit = fitted(subject)
+    page = rendered(leg_page([fit]))
+    assert "section displacement (mm)" in page and "contact pressure (kPa)" in page
+    trial = subject.trials[0]
+    (one, _) = trial.recording.channels
+    assert len(one.place) == len(one.values)
+    assert draw_look(trial.recording, quality_of(trial), tmp_path).is_file()

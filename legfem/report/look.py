@@ -180,13 +180,15 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
     curve = figure.add_subplot(grid[:, 1])
     lowest = forced
     drawn = [
-        (moved, recording.time, recording.displacement, "displacement (mm)"),
-        (forced, recording.time, recording.force, "force (N)"),
+        (moved, [(recording.time, recording.displacement)], "displacement (mm)"),
+        (forced, [(recording.time, recording.force)], "force (N)"),
     ]
     for row, one in enumerate(beside, 2):
         lowest = figure.add_subplot(grid[row, 0], sharex=moved)
-        drawn.append((lowest, one.time, one.values, f"{one.kind.title} ({one.kind.unit})"))
-    for (axes, time, values, label), letter in zip(drawn, _LETTERS, strict=False):
+        # A line a place.
+        lines = [(place.time, place.values) for _, place in one.at_each_place()]
+        drawn.append((lowest, lines, f"{one.kind.title} ({one.kind.unit})"))
+    for (axes, lines, label), letter in zip(drawn, _LETTERS, strict=False):
         shown = set()
         for part in quality.trial.parts:
             axes.axvspan(
@@ -197,8 +199,9 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
                 label=None if part.phase in shown or part.phase == AIR else part.phase,
             )
             shown.add(part.phase)
-        few = len(values) < _FEW
-        axes.plot(time, values, "o" if few else "-", color=DATA_COLOUR, lw=0.8, markersize=3)
+        for time, values in lines:
+            few = "o" if len(lines) == 1 else ".-"
+            axes.plot(time, values, few if len(values) < _FEW else "-", color=DATA_COLOUR, lw=0.8, markersize=3)
         axes.set_ylabel(label)
         panel(axes, letter, "over time")
     for drop in quality.drops:
