@@ -271,7 +271,7 @@ def _on_driving(trial: Segmentation) -> list[str]:
     if again:
         remarks.append(
             f"{trial.name}: {len(again) + 1} loadings in one file; they are simulated one after "
-            "the other as they were driven, but count as one trial, so they tell nothing of the "
+            "the other as they were driven, but count as one trial, so they show nothing of the "
             "errors between trials. Give each a file of its own if they are repeats."
         )
     return remarks
