@@ -137,7 +137,9 @@ def test_channels_are_read_where_the_tissue_is_pressed_to() -> None:
     found = predict(values, [mechanism_named("support-compliance")])
     force = found[blank.data.spans[0]]
     pressed = blank.displacement - 0.4 - 0.15 * force
-    np.testing.assert_allclose(force, force_at(1.0, 0.6, pressed), atol=1e-5)
+    clear = pressed > blank.half_width
+    assert (~clear).sum() <= 2, "lines across first touch: tests/test_touch.py"
+    np.testing.assert_allclose(force[clear], force_at(1.0, 0.6, pressed)[clear], atol=1e-5)
     for one, span in zip(blank.channels, blank.data.spans[1:], strict=True):
         exact = one.weights @ course_of(one.name, 1.0, 0.6, pressed)
         np.testing.assert_allclose(found[span], exact, atol=1e-3)

@@ -221,6 +221,7 @@ def test_coding_and_space_filling() -> None:
         ("low_MPa = 0.1", "low_mm = 0.1", "unknown key"),
         ("low_MPa = 0.1\n", "", "low_MPa: missing"),
         ("low_mm = 0.2", "low_mm = -0.2", "out of range"),
+        ("low_mm = 0.2", "low_mm = 2000.0", "out of range"),
         ("low_mm = 0.2", 'low_mm = "thin"', "not a finite number"),
         ('"linear"', '"log"', "use 'linear' or 'logarithmic'"),
         ("[20, 30]", "[30, 20]", "no part of 0 to 30 mm"),
