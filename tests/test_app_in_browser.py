@@ -288,7 +288,7 @@ def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page
     page.drop([loose_files(second)])
     page.sees("As lab.toml states it.", 3 * MINUTES)
     page.until("document.querySelector('[aria-label=\"diameter (mm)\"]').value === '30'")
-    page.click_at(".aim", 0.5, 0.05)
+    page.click_at(".aim", 0.5, 0.95)
     page.until(f"document.querySelector('[aria-label={json.dumps(BY)}]').value !== ''")
     page.click("Only save this")
     page.sees("Is this what you measured?", 3 * MINUTES)

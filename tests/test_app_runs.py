@@ -240,7 +240,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     assert sentence_of(run) == ""
     page = diagnosis_web_page(found, subject, ())
     (run.results / "report.html").write_text(rendered(page), encoding="utf-8")
-    assert sentence_of(run) == f"{page.headline.heading} {page.headline.sentence}"
+    assert sentence_of(run) == f"{page.headline.heading.rstrip('.')}. {page.headline.sentence}"
 
 
 def test_all_numbers_of_all_runs_are_a_table_for_other_programs(workspace):

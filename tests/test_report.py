@@ -86,12 +86,12 @@ def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(tmp_path):
     own = AppliedCorrection("own", np.zeros(3), np.full(3, 0.1))
     for correction, expected in ((own, True), (None, False)):
         texts = list(of_ends(leg, correction))
-        assert any("alike in all directions" in text for text in texts) == expected
+        assert any("equally stiff in all directions" in text for text in texts) == expected
     fibrous = replace(leg, fibres=FibreRatio(2.0, 0.3, "measured", "shear waves"))
     for with_fibres, said in ((True, "has what fibres do"), (False, "has no fibres")):
         texts = list(of_ends(fibrous, replace(own, with_fibres=with_fibres)))
         assert any(said in text for text in texts)
-        assert not any("alike in all directions" in text for text in texts)
+        assert not any("equally stiff in all directions" in text for text in texts)
 
 
 @pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])

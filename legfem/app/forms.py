@@ -170,8 +170,8 @@ def columns_tab(folder: Path, looking: Run) -> None:
         return
     tag(
         "p",
-        f"Of {first['file']}; all recordings of a folder are read alike. Chosen is what "
-        "names, units and motion in the file suggest, or what was saved.",
+        f"These are the columns of {first['file']}; all recordings of a folder are read in the same way. What is "
+        "chosen below was saved, or follows from names, units and motion in the file.",
         "quiet",
     )
     if first["trouble"]:

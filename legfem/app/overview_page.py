@@ -31,11 +31,7 @@ _MOST_RUNS = 12
 def home_page(workspace: Workspace, deleted: str = "") -> None:
     """Put the page; ``deleted`` is what was just deleted, as kind and name with a slash between."""
     with framed("Legs and specimens"):
-        kind, _, name = deleted.partition("/")
-        if (kind, name) in workspace.deleted:
-            with ui.element("div").classes("inrow").props("role=status"):
-                tag("span", f"{name} is deleted.")
-                ui.button("Undo", on_click=lambda: _put_back(workspace, kind, name)).props("outline dense")
+        _undo(workspace, deleted)
         drop_zone("Drop a folder here, or files: recordings, contours or scans of one leg, or of specimens.")
         with ui.element("p"):
             tag("span", "Nothing at hand? Begin with a simulated example: ")
@@ -58,6 +54,15 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
                 ui.link(f"all {len(workspace.runs)}", "/compare")
         _deleted(workspace)
         tag("p", f"Everything is kept in {workspace.folder}.", "quiet")
+
+
+def _undo(workspace: Workspace, deleted: str) -> None:
+    kind, _, name = deleted.partition("/")
+    if (kind, name) not in workspace.deleted:
+        return
+    with ui.element("div").classes("inrow").props("role=status"):
+        tag("span", f"{name} is deleted.")
+        ui.button("Undo", on_click=lambda: _put_back(workspace, kind, name)).props("outline dense")
 
 
 def _deleted(workspace: Workspace) -> None:
@@ -165,7 +170,7 @@ def _differences(rows: list[Answer]) -> None:
     draw()
 
 
-_LABELS, _SCALE, _LINE = 300, 560, 26
+_LABELS, _SCALE, _LINE = 360, 500, 26
 """Widths of the plot's names and of its axis, and the height of a row, in its own units."""
 
 
@@ -201,7 +206,7 @@ def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
         tag("figcaption", f"C10 of muscle or specimen with its 95 % interval; shaded: the interval of {chosen}")
 
 
-_LONGEST_NAME = 36
+_LONGEST_NAME = 44
 
 
 def _table(rows: list[Answer], reference: tuple[float, float, float] | None) -> None:

@@ -27,7 +27,7 @@ from legfem.report.diagnosis_sentences import (
     statements,
 )
 from legfem.report.estimates import high_or_low
-from legfem.report.words import number
+from legfem.report.words import moduli_text, number
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
 _MOST_CAUSES = 2
@@ -97,11 +97,7 @@ def _write_down(found: Diagnosis) -> str:
             f"{_moduli_between(found)}."
         )
     c10, error = mpa_to_kpa(best.value(DEEP_C10)), _standard_error(found)
-    shear, young = (number(times * c10, times * error) for times in _MODULI)
-    return (
-        f"Write down: C10 = {_value(found, best)} kPa ({low} to {high}), shear modulus G = {shear} kPa, "
-        f"Young's modulus E = {young} kPa."
-    )
+    return f"Write down: C10 = {_value(found, best)} kPa ({low} to {high}), {moduli_text(c10, error)}."
 
 
 _MODULI = (2.0, 6.0)

@@ -301,7 +301,12 @@ def _next(best: SpecimenFit) -> list[str]:
 
 def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
     rows = [
-        estimates.estimated(f"{_words(name)}, {LAW_NAMES[r.law]} law", found, sum(one.fitted for one in r.tests))
+        estimates.estimated(
+            f"{_words(name)}, {LAW_NAMES[r.law]} law",
+            found,
+            sum(one.fitted for one in r.tests),
+            not any(map(is_ratio, r.values)),
+        )
         for r in results
         for name, found in r.estimates.items()
     ]

@@ -80,6 +80,14 @@ def level_blocks(result: StockingResult) -> list[Block]:
                 f"leg.toml, within {leg.bare.levels[0]:.0f} to {leg.bare.levels[-1]:.0f} mm."
             )
         )
+    open_ones = [row[0] for row in rows if row[0] != "B" and row[4] == "–"]
+    if makers.intended_class and open_ones:
+        blocks.append(
+            Prose(
+                f"For limits at {', '.join(open_ones)}, state [stocking.limits_percent] in leg.toml: the least and "
+                "greatest share of the pressure at B that your standard allows."
+            )
+        )
     slope = 10 * np.polyfit(along.levels, along.mean, 1)[0]
     blocks.append(
         Prose(
@@ -127,12 +135,17 @@ def level_blocks(result: StockingResult) -> list[Block]:
     return blocks
 
 
+_BESIDE = {"within": "within", "too low": "too low for", "too high": "too high for"}
+_UNSURE = "which may or may not be within"
+
+
 def sentence_at_ankle(result: StockingResult) -> str:
     """Return the pressure at B beside the class; empty where B isn't in the modelled part, or no fabric was given."""
     if result.leg.makers.assumed_fabric:
         return ""
     for name, _, pressure, _, limits, verdict in level_rows(result):
         if name == "B":
-            beside = "" if limits == "–" else f", {verdict} class {result.leg.makers.intended_class} ({limits})"
+            of_class = f"class {result.leg.makers.intended_class} ({limits} mmHg)"
+            beside = "" if limits == "–" else f", {_BESIDE.get(verdict, _UNSURE)} {of_class}"
             return f"At the ankle (B) the stocking presses with {pressure} mmHg{beside}."
     return ""

@@ -32,6 +32,7 @@ from legfem.report.stocking_stiffness import (
     stiffness_blocks,
     verdict_sentence,
 )
+from legfem.report.words import moduli_text
 from legfem.stockings.document import versions
 from legfem.stockings.estimates import model_misses
 from legfem.stockings.notices import TISSUES, stocking_notices
@@ -46,14 +47,15 @@ def known_of(result: StockingResult) -> list[web.Known]:
     rows = []
     for known in result.estimates:
         bound = f"; at the {known.at_bound} bound of the search" if known.at_bound else ""
+        c10 = mpa_to_kpa(known.value)
         rows.append(
             web.Known(
                 f"C10 of the {TISSUES[known.name]}",
-                f"{mpa_to_kpa(known.value):.3g} kPa",
+                f"{c10:.3g} kPa",
                 "estimated",
                 "both scans",
                 stiffness_interval(known.ci95),
-                f"{known.identifiability}{bound}",
+                f"{known.identifiability}{bound}; {moduli_text(c10, c10 * known.relative_half_width / 2)}",
             )
         )
     if leg.known:
@@ -79,7 +81,7 @@ def known_of(result: StockingResult) -> list[web.Known]:
                 f"{accuracy.sd:.2g} mm (sd)",
                 "prior",
                 "leg.toml, or legfem's usual",
-                remark=f"alike over {accuracy.correlation:g} mm",
+                remark=f"correlated over {accuracy.correlation:g} mm",
             )
         )
     rows.append(
@@ -388,7 +390,7 @@ def _scanned(result: StockingResult) -> list[web.Block]:
     if leg.compressed is not None:
         lines.append(
             f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard "
-            f"deviation, alike over {accuracy.correlation:g} mm), which leaves "
+            f"deviation, correlated over {accuracy.correlation:g} mm), which leaves "
             f"{accuracy.smoothed_sd:.2g} mm in its contours, and the stocking's pressure to be "
             f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
             "the stiffness rest on that."

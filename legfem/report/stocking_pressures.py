@@ -133,7 +133,7 @@ def _used(result: StockingResult) -> str:
         "They are data of the identification."
         if tension_text(result) is not None
         else "They are data of the identification; the fabric was taken as it was given "
-        "([accuracy] tension_relative_sd), so that they say little."
+        "([accuracy] tension_relative_sd), so they add little."
     )
 
 

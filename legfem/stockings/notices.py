@@ -102,7 +102,7 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
         yield (
             f"The model misses the scan: its contours are {best.rms:.2f} mm off (root mean "
             f"square), more than {MISSED_BEYOND:g} times the {expected_rms(accuracy):.2f} mm that "
-            "errors of the contours make. Intervals of the stiffness don't hold then; look at the "
+            "errors of the contours cause. The intervals of the stiffness are then too narrow: check the "
             "contours."
         )
     priors = elastography_priors(result.leg.elastography)

@@ -129,8 +129,7 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
     most = max(_LEAST_POINTS, _MOST_POINTS // (2 * count))
     picked = np.unique(np.linspace(0, len(recording) - 1, most).round().astype(int))
     name = recording_name(recording)
-    few = "" if len(picked) == len(recording) else f" One sample in {len(recording) // len(picked)}"
-    few += " is drawn." if few else ""
+    few = "" if len(picked) == len(recording) else f" {len(picked)} of its {len(recording)} samples are drawn."
     time, moved, force = (values[picked] for values in (recording.time, recording.displacement, recording.force))
     return [
         Curves(

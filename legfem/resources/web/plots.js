@@ -28,7 +28,7 @@
       const datasets = given.lines.map((line) => ({
         label: line.name, data: line.values[place] ? points(given.x, line.values[place]) : [], read: line.read,
         borderColor: line.colour, borderWidth: line.points || line.faint ? 1 : 2, borderDash: DASHES[line.dash],
-        pointRadius: line.points ? 2.5 : 0, pointHoverRadius: 4, pointBackgroundColor: "#fff", showLine: !line.points,
+        pointRadius: line.points ? 2.5 : 0, pointHoverRadius: 4, pointBackgroundColor: "#fff", showLine: !line.points, clip: 6,
       }));
       for (const [x, low, high] of last ? given.band : []) {
         const edge = {borderWidth: 0, pointRadius: 0, pointHoverRadius: 0, backgroundColor: "rgba(120, 120, 120, 0.3)"};
