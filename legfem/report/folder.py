@@ -85,7 +85,7 @@ def _keep_another(out: Path, new: Path) -> None:
 def _command_of(text: str) -> list[str]:
     """Return the words of the command that wrote a report, without those that change no result."""
     found = _COMMAND.search(text)
-    words = shlex.split(found[1]) if found and found[1].startswith("legfem ") else []
+    words = shlex.split(found[1]) if found and found[1].startswith(("legfem ", "python -m legfem")) else []
     kept: list[str] = []
     while words:
         taken = _WITHOUT_EFFECT.get(words[0], 0)

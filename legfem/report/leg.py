@@ -31,7 +31,7 @@ _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the cylinder's length, its ends in 3D) "
     "cannot be distinguished from a change of C10, so C10 may be wrong by that factor without any sign of it.",
     "How the tissues behave over time: unloading, holds and other speeds were not used.",
-    "Which physics is missing if a law does not fit: legfem diagnose looks for it.",
+    "Which physics is missing if a law does not fit.",
 )
 _ALIKE = (
     "An error that is the same at all sites (in the load cell's calibration, the correction for the "
