@@ -35,6 +35,7 @@ class Answering:
                 cwd=out.parent,
                 env=os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{here.parent}", "OMP_NUM_THREADS": "1"},
             )
+            assert self._process.stdout is not None and self._process.stdout.readline() == "ready\n"
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None and stdout is not None
         words = [word.replace(OUT, str(out)) for word in one.words]
