@@ -23,6 +23,7 @@ from legfem.specimens.alternatives import alternatives_text
 from legfem.specimens.details import Weighed
 from legfem.specimens.kinds.plates import PartlyHeld, PlatesEntry, PlatesKind
 from legfem.specimens.shallow_tests import settings_to
+from legfem.specimens.tissues import bulk_ratio
 
 C10 = 4e-3
 PLATES = """\
@@ -43,13 +44,13 @@ starts_at_contact = true
 """
 
 
-def pressed(folder: Path, ends: str, seed: int = 1, side: bool = False) -> Path:
+def pressed(folder: Path, ends: str, seed: int = 1, side: bool = False, bulk: float = 1000.0) -> Path:
     """Write a folder whose cylinder was solved on a finer mesh with half the steps, and read with noise."""
     usual = settings_to(3.6)
     steps = replace(usual.steps, largest=usual.steps.largest / 2)
     body = CylinderBetweenPlates(12.0, 6.0 * 2, "bonded" if ends == "bonded" else "sliding")
     curve = (
-        CylinderCompression(body, NeoHookean(C10, 1 / (1000 * C10)), replace(usual, steps=steps)).solve(depth=3.7).curve
+        CylinderCompression(body, NeoHookean(C10, 1 / (bulk * C10)), replace(usual, steps=steps)).solve(depth=3.7).curve
     )
     d = np.linspace(0.0, 3.6, 150)
     noise = np.random.default_rng(seed).normal(0.0, 0.01, 150)
@@ -76,6 +77,18 @@ def test_a_video_of_the_side_says_what_the_ends_do(tmp_path: Path, ends: str) ->
     print(chances)
     assert chances[1][ends] > 0.95 and 1 - chances[1][ends] < 0.5 * (1 - chances[0][ends]) + 1e-3
     assert "Lateral stretch" in found.summary()
+
+
+def test_a_video_of_the_side_says_how_compressible_the_tissue_is(tmp_path: Path) -> None:
+    """Ends that are known to slide, and a Poisson's ratio of 0.4 where 0.4999 is assumed."""
+    folder = pressed(tmp_path / "disc", "sliding", side=True, bulk=bulk_ratio(0.4))
+    (folder / "specimen.toml").write_text(PLATES.replace("height_mm = 12.0", 'height_mm = 12.0\nends = "sliding"'))
+    found = lf.identify(lf.load_specimen(folder), "neo-hookean")
+    seen = found["neo-hookean"].details.lateral
+    assert seen is not None and seen.poisson_ratio is not None
+    best, low, high = seen.poisson_ratio
+    assert low <= 0.4 <= high < 0.47 and best == pytest.approx(0.4, abs=0.04)
+    assert "more compressible than assumed" in found.summary()
 
 
 def test_the_middle_bulges_where_ends_stick() -> None:

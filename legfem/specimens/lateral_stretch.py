@@ -12,7 +12,7 @@ isn't known whether ends stick, that density weighs each possibility, beside the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,8 +23,11 @@ from legfem.inverse.catalogue import Values
 from legfem.inverse.channel_readings import grouped, noise_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.recorded import SpecimenRecording
+from legfem.specimens.tissues import bulk_ratio
 
 _SIDE = next(name for name, kind in CHANNELS.items() if "specimen" in kind.models)
+POISSON_RATIOS = (0.2, 0.3, 0.35, 0.4, 0.43, 0.45, 0.47, 0.49, 0.4999)
+"""That are tried where the stretches depart from those of the ratio that was assumed."""
 _SLOW_SHARE = 1 / 3
 """Of the depth, over which a slow error is alike."""
 _SHAPE = 0.03
@@ -47,6 +50,9 @@ class LateralFit:
         Standard deviation of one reading, everything counted.
     log_density
         Of the readings.
+    poisson_ratio
+        That meets the readings best, of `POISSON_RATIOS`, and between which it may be within two units of the density's
+        logarithm; None where the fit's does, or of several tissues.
     """
 
     readings: int
@@ -54,19 +60,32 @@ class LateralFit:
     deepest: float
     error: float
     log_density: float
+    poisson_ratio: tuple[float, float, float] | None = None
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the deepest readings lie within two standard deviations of the model's."""
+        return abs(self.deepest) <= 2 * self.error
 
     @property
     def text(self) -> str:
         """What is to be said of it, as a sentence."""
         more = "wider" if self.deepest > 0 else "narrower"
         known = f"each is known to {self.error:.2g}"
-        if abs(self.deepest) <= 2 * self.error:
+        if self.agrees:
             return f"Lateral stretch, {self.readings} readings: the model's within {self.rms:.2g} (rms), where {known}."
         return (
             f"Lateral stretch: at the deepest readings the specimen is {more} by {abs(self.deepest):.2g} of its "
             f"diameter than the model, where {known}: its ends hold otherwise than stated, or it is "
-            f"{'less' if self.deepest > 0 else 'more'} compressible than assumed."
+            f"{'less' if self.deepest > 0 else 'more'} compressible than assumed{self._ratio_text}."
         )
+
+    @property
+    def _ratio_text(self) -> str:
+        if self.poisson_ratio is None:
+            return ""
+        best, low, high = self.poisson_ratio
+        return f" (with ends as stated a Poisson's ratio near {best:.3g}, of {low:.3g} to {high:.3g})"
 
 
 def lateral_fit(recordings: Sequence[SpecimenRecording], model: SpecimenForward, values: Values) -> LateralFit | None:
@@ -83,7 +102,25 @@ def lateral_fit(recordings: Sequence[SpecimenRecording], model: SpecimenForward,
     """
     if not any(channel.name == _SIDE for one in recordings for channel in one.recording.channels):
         return None
+    found = _compared(recordings, model, values)
+    tissues = list(model.laws)
+    if found is None or found.agrees or len(tissues) > 1:
+        return found
+    stiffness = values.get(f"{tissues[0]}.C10", model.nominal[f"{tissues[0]}.C10"])
+    densities = {}
+    for ratio in POISSON_RATIOS:
+        other = _compared(recordings, model, {**values, f"{tissues[0]}.D1": 1 / (bulk_ratio(ratio) * stiffness)})
+        if other is not None:
+            densities[ratio] = other.log_density
+    best = max(densities, key=lambda ratio: densities[ratio])
+    likely = [ratio for ratio, density in densities.items() if density > densities[best] - 2.0]
+    return replace(found, poisson_ratio=(best, min(likely), max(likely)))
+
+
+def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, values: Values) -> LateralFit | None:
     outcome = model.solve(values, ())
+    if not outcome.complete:
+        return None
     left, errors, deepest = [], [], []
     for one in recordings:
         curve = outcome.curves[model.tests.index(one.sizes)]
