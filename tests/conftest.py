@@ -12,6 +12,7 @@ from driving import Driven
 from making_mechanics import subject_3
 from making_scans import write_leg
 from making_specimens import PLANTED, write_bars
+from making_stocking import write_scanned
 from walking import Server
 
 from legfem.app.runs import Run
@@ -35,6 +36,12 @@ def workspace(tmp_path) -> Workspace:
 def bars(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of specimens: bars of a planted law, compressed at three rates."""
     return write_bars(tmp_path_factory.mktemp("bars"), PLANTED)
+
+
+@pytest.fixture(scope="session")
+def scanned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of a short leg for a stocking, as contours: those are read at once, a scan in ten seconds."""
+    return write_scanned(tmp_path_factory.mktemp("scanned"))
 
 
 @pytest.fixture(scope="session")

@@ -293,7 +293,14 @@ def lvm_with_equal_times(path: Path) -> Path:
     head, _, body = path.read_text().partition("X_Value\tDisplacement\tForce\tComment\n")
     lines = (line.split("\t") for line in body.splitlines())
     text = "\n".join(f"{t}\t{d}\t{t}\t{f}" for t, d, f in lines)
+    head = head.replace("Y_Unit_Label\tmm\tN\t\n", "Y_Unit_Label\tmm\t\tN\t\n")
     path.write_text(head + "X_Value\tDisplacement\tX_Value\tForce\tComment\n" + text + "\n")
+    return path
+
+
+def lvm_with_equal_times_and_units_in_turn(path: Path) -> Path:
+    path = lvm_with_equal_times(path)
+    path.write_text(path.read_text().replace("Y_Unit_Label\tmm\t\tN\t\n", "Y_Unit_Label\tmm\tN\t\n"))
     return path
 
 
@@ -355,6 +362,7 @@ REAL = [
     first_sample_twice,
     metadata_below_the_names,
     lvm_with_equal_times,
+    lvm_with_equal_times_and_units_in_turn,
     without_an_ending,
     text_without_an_ending,
     small_units,

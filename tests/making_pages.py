@@ -49,6 +49,7 @@ from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
+from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
@@ -222,8 +223,8 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
     ]
 
 
-def stocking() -> StockingResult:
-    """A short leg of given stiffness in its stocking, on a coarse mesh."""
+def stocking(mesh: SolidMeshSettings = COARSE) -> StockingResult:
+    """A short leg of given stiffness in its stocking."""
     bare, tissues = short_leg(), laws(2.6, 6.0)
     slices = calf_levels(bare)
     leg = StockingLeg(
@@ -242,7 +243,7 @@ def stocking() -> StockingResult:
         slices,
         default_veins(bare, float(np.median(slices))),
     )
-    return run_leg(leg, StockingSettings(), Silent(), mesh=COARSE)
+    return run_leg(leg, StockingSettings(), Silent(), mesh=mesh)
 
 
 def dressed(folder: Path) -> WebPage:

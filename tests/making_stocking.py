@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.leg_shape_from_outlines import write_shape
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from studies.legs.shapes import parametric_leg, read_legs
@@ -23,12 +26,27 @@ compression_class = "2"
 """
 """A leg's file: with the least that it needs."""
 COARSE = SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
+COARSEST = SolidMeshSettings(skin_size=16, inside_size=20, bone_size=12, layer_elements=0.3, turn_elements=6)
+"""Where words and columns are looked at, and no number."""
 
 
 def short_leg() -> LegShape:
     """Return the leg."""
     whole = parametric_leg(read_legs(LEGS)["4"], n_points=90)
     return whole.at_levels(np.linspace(50, 110, 13))
+
+
+def write_scanned(folder: Path) -> Path:
+    """Write the leg bare, with its tissues' stiffness, as a folder of contours."""
+    write_shape(short_leg(), folder / "bare.csv")
+    (folder / "leg.toml").write_text("""id = "short"
+title = "60 mm of a leg"
+origin = "simulated"
+bare.contours = "bare.csv"
+stocking.compression_class = "2"
+tissues = {deep = {C10_kPa = 2.5}, superficial = {C10_kPa = 6.0}}
+""")
+    return folder
 
 
 def laws(deep_kpa: float, fat_kpa: float) -> dict[str, NeoHookean]:

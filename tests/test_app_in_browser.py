@@ -191,6 +191,7 @@ def test_a_plan_is_run_from_the_app(served, page):
 
 RED = "document.querySelector('.line.refused')?.innerText"
 BY = "direction of travel (degrees)"
+LENGTH = '[aria-label="cylinder\'s length (mm)"]'
 
 
 class Counted:
@@ -287,7 +288,7 @@ def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page
     page.drop([loose_files(second)])
     page.sees("As lab.toml states it.", 3 * MINUTES)
     page.until("document.querySelector('[aria-label=\"diameter (mm)\"]').value === '30'")
-    page.click_at(".aim", 0.5, 0.05)
+    page.click_at(".aim", 0.5, 0.95)
     page.until(f"document.querySelector('[aria-label={json.dumps(BY)}]').value !== ''")
     page.click("Only save this")
     page.sees("Is this what you measured?", 3 * MINUTES)
@@ -301,7 +302,7 @@ def test_a_leg_that_a_ball_pressed_is_dropped_and_described(served, page, tmp_pa
     page.drop([loose_files(tmp_path)])
     page.sees("Where was it pressed?", 3 * MINUTES)
     page.choose("what pressed it", "a ball")
-    hidden = "document.querySelector('[aria-label=\"cylinder's length (mm)\"]').offsetParent"
+    hidden = f"document.querySelector({json.dumps(LENGTH)}).offsetParent"
     page.until(f"{hidden} === null")
     page.type("diameter (mm)", "30")
     page.click_at(".aim", 0.5, 0.95)
@@ -350,7 +351,16 @@ def test_an_input_is_renamed_deleted_and_put_back(served, page):
     assert accessible(page)
     page.click("Delete", "button")
     page.until("location.pathname === '/'")
-    page.sees("Deleted")
+    page.sees("left calf is deleted.")
+    assert accessible(page)
+    page.click("Undo", "button")
+    page.until("location.pathname === '/input/left%20calf'")
+    assert "left calf" in workspace.inputs
+    page.sees("Is this what you measured?", 3 * MINUTES)
+    page.click("Files", ".q-tab")
+    page.click("Delete", "button")
+    page.until("location.pathname === '/'")
+    page.open(home(served[1]))
     page.click("Deleted")
     page.click("Put back", "button")
     page.until("location.pathname === '/input/left%20calf'")

@@ -20,7 +20,7 @@ from making_results import result
 from test_diagnosis_report import CASES
 from typer.main import get_command
 
-from legfem.app.outcomes import Answer, answers_of, as_csv, as_xlsx, sentence_of
+from legfem.app.outcomes import Answer, answers_of, as_csv, as_xlsx, relative_difference, sentence_of
 from legfem.app.runs import ACTIONS, Run, RunState, rename_input
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
@@ -117,10 +117,26 @@ def test_a_run_outlives_the_server_that_began_it(workspace, module, tmp_path):
 def test_a_run_that_is_killed_is_seen_to_be_and_can_be_begun_again(workspace, module, tmp_path):
     folder = workspace.run(workspace.new_run("identify-leg"))
     run = Run.begun(folder, module(GOES_ON), [str(tmp_path / "kept")], "leg")
-    said(run, "anew")
+    said(run, "solving")
     assert run.cancel(at_once=True)
     assert ended(run) is RunState.LOST
     assert run.resume() and ended(run) is RunState.DONE
+
+
+def test_a_run_can_be_ended_from_its_first_moment_on(workspace, module, tmp_path):
+    folder = workspace.run(workspace.new_run("identify-leg"))
+    run = Run.begun(folder, module(GOES_ON), [str(tmp_path / "kept")], "leg")
+    assert run.cancel(at_once=True)
+    assert ended(run) is RunState.LOST
+
+
+def test_what_was_deleted_last_stands_first(workspace):
+    for name in ("first", "second"):
+        workspace.new_input(name)
+    for name in ("second", "first"):
+        workspace.delete("inputs", name)
+        time.sleep(0.02)
+    assert workspace.deleted == [("inputs", "first"), ("inputs", "second")]
 
 
 @pytest.mark.parametrize(("status", "state"), [(0, RunState.DONE), (1, RunState.FAILED), (2, RunState.REFUSED)])
@@ -224,7 +240,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     assert sentence_of(run) == ""
     page = diagnosis_web_page(found, subject, ())
     (run.results / "report.html").write_text(rendered(page), encoding="utf-8")
-    assert sentence_of(run) == f"{page.headline.heading} {page.headline.sentence}"
+    assert sentence_of(run) == f"{page.headline.heading.rstrip('.')}. {page.headline.sentence}"
 
 
 def test_all_numbers_of_all_runs_are_a_table_for_other_programs(workspace):
@@ -269,3 +285,10 @@ def test_a_renamed_input_keeps_its_runs_and_what_is_deleted_can_be_put_back(work
         fcntl.flock(lock, fcntl.LOCK_EX)
         with pytest.raises(InputError, match="runs on it; stop that first"):
             rename_input(workspace, now, "right calf")
+
+
+def test_a_difference_has_the_interval_of_both_errors():
+    # Both are known to a factor of two: their ratio to one of 2 to the power of the root of two.
+    assert relative_difference((2.0, 1.0, 4.0), (1.0, 0.5, 2.0)) == "+100 % (-25 to +433 %)"
+    assert relative_difference((2.0, 1.0, 4.0), (2.0, 1.0, 4.0)) == "–"
+    assert relative_difference((1.0, 0.0, 4.0), (2.0, 1.0, 4.0)) == "-50 %"

@@ -11,6 +11,7 @@ from making import write_subject
 from making_diagnosed import diagnosed
 from making_pages import stocking as dressed_leg
 from making_results import result
+from making_stocking import COARSEST
 from typer.testing import CliRunner
 
 import legfem as lf
@@ -180,7 +181,7 @@ def test_a_leg_in_its_stocking_is_a_row(tmp_path: Path, monkeypatch: pytest.Monk
     leg = tmp_path / "study" / "L1"
     leg.mkdir(parents=True)
     (leg / "leg.toml").write_text("")
-    found = lf.LegInStocking(dressed_leg())
+    found = lf.LegInStocking(dressed_leg(COARSEST))
     monkeypatch.setattr("legfem.api.cohort_member.load_leg", lambda folder: found.result.leg)
     monkeypatch.setattr("legfem.api.leg_in_stocking.stocking", lambda given, out, cells: found)
     (row,) = lf.cohort(tmp_path / "study", do="stocking", cells=20_000, out=tmp_path / "out").rows

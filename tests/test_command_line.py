@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import inspect
 import os
 import subprocess
 import sys
@@ -10,7 +11,10 @@ from pathlib import Path
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
+from legfem.__main__ import COMMANDS
+from legfem.__main__ import command as application
 from legfem.common.command_line import BAD_INPUT, FAILED, command_context
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, parse_toml
@@ -96,3 +100,32 @@ def test_without_typer_every_command_ends_in_that_line(tmp_path, name):
         )
         assert done.returncode == 1 and done.stderr.startswith("legfem: typer isn't installed for ")
         assert done.stderr.count("\n") == 1
+
+
+def _numbers() -> list[tuple[str, str]]:
+    """Every command of every group, with each of its options that takes a number with decimals."""
+    found = []
+    for group in COMMANDS:
+        made = application(group)
+        one_by_one = typer.main.get_command(made)
+        for registered in made.registered_commands:
+            name = registered.name or registered.callback.__name__.replace("_", "-")
+            among = getattr(one_by_one, "commands", {name: one_by_one})[name]
+            for option in among.params:
+                annotation = str(inspect.get_annotations(registered.callback).get(option.name))
+                if count := annotation.count("float"):
+                    words = f"{group} {name}" if hasattr(one_by_one, "commands") else group
+                    found.append((words, f"{option.opts[0]}{' nan' * count}"))
+    return found
+
+
+@pytest.mark.parametrize("number", ["nan", "inf"])
+@pytest.mark.parametrize(("words", "given"), _numbers())
+def test_a_number_that_is_not_finite_is_refused_by_every_option(tmp_path, words, given, number):
+    group, *rest = words.split()
+    needed = {"meshing": ["--out", str(tmp_path / "a.inp")], "cohort": [str(tmp_path)]}.get(group, [])
+    run = CliRunner().invoke(application(group), [*rest, *given.replace("nan", number).split(), *needed])
+    option = given.split()[0]
+    assert run.exit_code == BAD_INPUT
+    assert f"{option}: {number}: is no finite number; give one" in run.output or f"value for '{option}'" in run.output
+    assert list(tmp_path.iterdir()) == []

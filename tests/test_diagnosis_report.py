@@ -101,7 +101,7 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
 
 def test_ambiguous_page_prefers_no_candidate(found, subject):
     page = flat(text_of(found["ambiguous"], subject))
-    assert "What it left out is one of these" in page
+    assert "It leaves out one of these" in page
     names = [model_name(model) for model in found["ambiguous"].models]
     assert set(names) == {"prestress", "fascia stiffness"}
     assert f"{'; '.join(names)}: together they have 90 % of the probability" in page

@@ -176,7 +176,7 @@ def test_metrics_of_a_parabola() -> None:
         ([False, False], "not reproduced"),
         ([True, False], "holds only with a"),
         ([None, True], "reproduced"),
-        ([None, None], "can't be told"),
+        ([None, None], "cannot be determined"),
     ],
 )
 def test_verdicts_in_words(findings: list[bool | None], words: str) -> None:
@@ -221,6 +221,7 @@ def test_coding_and_space_filling() -> None:
         ("low_MPa = 0.1", "low_mm = 0.1", "unknown key"),
         ("low_MPa = 0.1\n", "", "low_MPa: missing"),
         ("low_mm = 0.2", "low_mm = -0.2", "out of range"),
+        ("low_mm = 0.2", "low_mm = 2000.0", "out of range"),
         ("low_mm = 0.2", 'low_mm = "thin"', "not a finite number"),
         ('"linear"', '"log"', "use 'linear' or 'logarithmic'"),
         ("[20, 30]", "[30, 20]", "no part of 0 to 30 mm"),

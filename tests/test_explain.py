@@ -29,11 +29,12 @@ from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
     [
         ({"contact-onset.offset": 0.3}, ramps),
         ({"preconditioning.softening": 0.25, "preconditioning.fading": 0.3, "preconditioning.slope": -0.8}, ramps),
-        (
+        pytest.param(
             {"muscle-contraction.stiffening": 0.12, "muscle-contraction.onset": 0.5, "muscle-contraction.rise": 0.08},
             ramps,
+            marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             {
                 "leg-movement.shift": 0.5,
                 "leg-movement.onset": 0.6,
@@ -41,6 +42,7 @@ from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
                 "leg-movement.away": 0.12,
             },
             ramps,
+            marks=pytest.mark.slow,
         ),
         (
             {"viscoelasticity.ratio": 0.1, "viscoelasticity.relaxation_time": 8.0, "viscoelasticity.spread": 1.0},

@@ -150,7 +150,7 @@ def test_a_known_ratio_takes_its_part_of_the_force_out_of_c10(tmp_path: Path):
     assert c10.relative_half_width > 1.5 * sure.estimates["deep.C10"].relative_half_width
     assert c10.error_shares["fibres"] > 0.8
     assert "muscle fibres" in c10.why
-    assert any("alike in all directions" in text for text in without.warnings)
+    assert any("equally stiff in all directions" in text for text in without.warnings)
     (said,) = [text for text in found.warnings if "times as stiff in shear" in text]
     assert "2.5 ± 0.4" in said and "measured: shear waves" in said
     assert any("stated without" in text for text in sure.warnings)

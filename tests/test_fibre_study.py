@@ -23,7 +23,8 @@ def test_concealed_truths_are_of_other_legs_and_meshes_than_the_tables():
 
 
 def test_what_is_listed_is_counted():
-    found = {True: diagnosed({"support-compliance.compliance": 0.4}), False: diagnosed({})}
+    asked = ("support-compliance", "force-drift")
+    found = {True: diagnosed({"support-compliance.compliance": 0.4}, asked=asked), False: diagnosed({}, asked=asked)}
     row = cells(CASES[0], found)
     assert len(row) == len(HEADER)
     assert "support-compliance" in row[3] and row[-1] == "consistent"

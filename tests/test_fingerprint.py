@@ -31,12 +31,12 @@ def hashed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         for name, text in texts.items():
             (tmp_path / "legfem" / f"{name}.py").write_text(text)
         code_fingerprint.cache_clear()
-        fingerprint._parsed.cache_clear()
+        fingerprint._read.cache_clear()
         return code_fingerprint("legfem.main")
 
     yield of
     code_fingerprint.cache_clear()
-    fingerprint._parsed.cache_clear()
+    fingerprint._read.cache_clear()
 
 
 def test_words_and_unrelated_modules_do_not_count(hashed) -> None:

@@ -56,7 +56,7 @@ def test_one_onset_late_in_detection_does_not_spoil_the_others():
         assert high - low < 0.5
 
 
-@pytest.mark.parametrize("scatter", [0.01, 0.03])
+@pytest.mark.parametrize("scatter", [pytest.param(0.01, marks=pytest.mark.slow), 0.03])
 def test_gains_of_trials_and_nothing_else_get_no_name(scatter):
     for seed in range(2):
         generator = np.random.default_rng(seed + 10)

@@ -15,10 +15,12 @@ from making_identification import identify as fits
 from making_identification import pressed_leg
 
 import legfem as lf
+import legfem.__main__ as front
 from legfem.common.errors import InputError
 from legfem.inverse.plan import Design, DesignValue
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.schema import SUBJECTS
+from legfem.report.page import command_line
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -78,6 +80,14 @@ def test_the_command_and_the_function_take_the_same() -> None:
         assert given[0] == ("folder" if command is cohort else "leg")
         assert options - keywords - {"folder"} == (options & not_asked) | of_command
         assert keywords - options == {"progress", *of_python}
+
+
+def test_a_report_repeats_the_command_as_it_was_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = []
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/legfem", "identify", "--subject", "3"])
+    monkeypatch.setattr(front, "command", lambda name: lambda prog_name: said.append(command_line()))
+    front.main()
+    assert said == ["legfem identify --subject 3"]
 
 
 def test_a_subject_is_known_by_its_id_or_its_folder(subject) -> None:

@@ -204,11 +204,11 @@ def test_a_diagnosis_takes_one_site(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("call", [lf.identify, lf.diagnose])
-def test_what_is_no_leg_is_told_so(call) -> None:
+def test_what_is_no_leg_is_told_so(call, scanned) -> None:
     with pytest.raises(lf.InputError, match=r"leg: int: is no leg that was indented; give an id"):
         call(3)
     with pytest.raises(lf.InputError, match=r"leg: StockingLeg: is no leg that was indented"):
-        call(lf.load_leg("1"))
+        call(lf.load_leg(scanned))
 
 
 def test_one_site_is_named_to_a_call_as_to_the_command() -> None:

@@ -6,7 +6,6 @@ import math
 
 import pytest
 from making import write_subject
-from making_specimens import PLANTED, write_bars
 
 import legfem as lf
 from legfem.inverse.settings import IdentificationSettings
@@ -40,6 +39,10 @@ LEG = {
         "weighting: 'x': unknown weighting; give one of paper, covariance",
     ),
     "a negative seed": ({"settings": IdentificationSettings(seed=-1)}, "seed: -1"),
+    "a seed that no generator takes": ({"settings": IdentificationSettings(seed=2**32)}, "seed: 4294967296: is too"),
+    "a number for a law": ({"law": 3}, "law: 3: is no law; give a text"),
+    "texts for bounds": ({"c10_bounds": ("1", "3")}, "c10_bounds: ('1', '3'): is of another kind; give two numbers"),
+    "a number for a correction": ({"correction": 0.2}, "correction: 0.2: is of another kind; give a name or"),
     "no folder": ({"out": 3}, "out: 3: is of another kind; give a folder's path"),
     "no such mesh": ({"mesh": "fine"}, "mesh: fine: is no section's; give coarse"),
     "a site of a leg without": ({"site": "back"}, "is no site of the leg; leave it out"),
@@ -106,13 +109,13 @@ def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
         assert line_of(load, None).startswith("folder: NoneType: is no path")
 
 
-def test_a_pressed_leg_is_none_in_a_stocking(leg) -> None:
+def test_a_pressed_leg_is_none_in_a_stocking(leg, scanned) -> None:
     assert line_of(lf.stocking, leg).startswith("leg: Subject: is no leg that was scanned")
-    assert line_of(lf.stocking, "1", cells=-5).startswith("cells: -5: is no such whole number")
+    assert line_of(lf.stocking, scanned, cells=-5).startswith("cells: -5: is no such whole number")
 
 
-def test_a_law_that_was_not_identified_is_told(leg, tmp_path) -> None:
-    found = lf.identify(write_bars(tmp_path, PLANTED), "neo-hookean")
+def test_a_law_that_was_not_identified_is_told(bars) -> None:
+    found = lf.identify(bars, "neo-hookean")
     assert found.fits[0].kind == "specimens", "a folder says by itself what it is"
     with pytest.raises(KeyError, match="'yeoh' was not identified: there is neo-hookean"):
         found["yeoh"]

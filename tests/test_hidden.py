@@ -132,7 +132,9 @@ def test_a_lump_that_a_refit_hides_leaves_its_limit_open_and_the_answer_is_not_y
     assert soft.values["factor"] == pytest.approx(0.25) and hard.values["factor"] == pytest.approx(10.0)
     assert soft.open and hard.open and hard.c10 == pytest.approx(1e-3, rel=0.03)
     said = hidden_sentence(found, limit, hard)
-    assert said.startswith("A region of the muscle of 10 times the stiffness of the rest would not have been seen; C10")
+    assert said.startswith(
+        "A region of the muscle of 10 times the stiffness of the rest would not have been detected; C10"
+    )
     assert said in dict(answer.answers)["Problems found"]
 
 

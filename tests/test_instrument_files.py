@@ -19,9 +19,11 @@ from making_instrument_files import REAL, D, F, T, plain_csv, rows, workbook, zw
 from openpyxl import Workbook
 from typer.testing import CliRunner
 
+from legfem.channels.registry import CHANNELS
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data import read_samples
+from legfem.data.channel_reader import read_channel
 from legfem.data.folder import RecordingsEntry
 from legfem.data.formats.workbook import read_workbook
 from legfem.legs.loading import load_subject
@@ -133,6 +135,22 @@ MANGLED = {
         "a table of stretch and stress ('Stretch' and 'Nominal stress' in kPa) without a time",
     ),
     "no names": (written("a.csv", rows(T, D, F).encode()), "no row with the names"),
+    "no quantity": (table("a,b,Width", T, D, F), "is no recording: none of its columns ('a', 'b', 'Width')"),
+    "few samples": (table("time_s,position_mm,force_N", T[:5], D[:5], F[:5]), "5 samples are no whole press"),
+    "no displacement": (
+        table("time_s,Excitation (Newtons),Response (m/s^2)", T, F, D),
+        "record displacement, too, and export all three columns",
+    ),
+    "a length without a unit": (table("time_s,L,force_N", T, D, F), "name displacement (of 'L'): legfem data look"),
+    "a force in volts": (table("time_s,position_mm,load_V", T, D, F), "no unit of force; export 'load' in N"),
+    "two forces of one name": (
+        table("time_s,position_mm,Force (N),Force (N)", T, D, F, np.sin(T)),
+        "give the columns 'Force' names of their own",
+    ),
+    "readings of a channel": (
+        table("time_s,fat_thickness_mm", T[:3], D[:3]),
+        "3 readings of fat_thickness and no force: it goes with a recording; give in subject.toml",
+    ),
 }
 
 
@@ -145,6 +163,67 @@ def test_a_mangled_file_is_refused_with_the_cause(tmp_path, name):
     assert cause in run.output
     assert run.output.count("\n") == 1 and str(path) in run.output
     assert not (tmp_path / "out").exists()
+
+
+def _archive_of_jpk(path: Path) -> Path:
+    with zipfile.ZipFile(path / "curve-03", "w") as archive:
+        archive.writestr("header.properties", "#Mon\njpk-data-file=spm-forcefile\n")
+        archive.writestr("segments/0/channels/height.dat", bytes(512))
+    return path / "curve-03"
+
+
+def _curves_in_hdf5(path: Path) -> Path:
+    with h5py.File(path / "curves.h5", "w") as file:
+        group = file.create_group("0")
+        group.attrs.update({"imaging mode": "force-distance", "spring constant": 0.03})
+        for name, unit, values in (("force", "N", 1e-9 * F), ("height (piezo)", "m", 1e-6 * D), ("time", "s", T)):
+            group.create_dataset(name, data=values).attrs["unit"] = unit
+    return path / "curves.h5"
+
+
+def _below(head: str, name: str):
+    body = rows(T, 1e3 * D, F)
+    return written(name, (head + "\n" + body).encode())
+
+
+CURVES = {
+    "Asylum Research": written("gel.ibw", b"\5\0" + bytes(300)),
+    "JPK": _archive_of_jpk,
+    "Bruker": _below("\\*Force file list\n\\Version: 0x09", "gel.002"),
+    "afmformats": _curves_in_hdf5,
+    "a heading": _below("Force-Distance Curve\n\nTime (s),Z-Sense(nm),Force (nN)", "gel.csv"),
+    "JPK's text": _below("# springConstant: 0.04\n# columns: time height vDeflection\ntime_s,z_nm,force_nN", "gel.txt"),
+}
+
+
+@pytest.mark.parametrize("whose", CURVES)
+def test_a_microscope_s_force_curve_is_named_and_not_read(tmp_path, whose):
+    run = look(CURVES[whose](tmp_path), "--out", tmp_path / "out")
+    assert run.exit_code == 2 and run.output.count("\n") == 1
+    assert "is a force curve of an atomic force microscope" in run.output
+    assert "export Time (s), Indentation (nm) and Force (nN)" in run.output
+
+
+@pytest.mark.parametrize("since", [3.7811e9, 1.7e9], ids=["1904", "1970"])
+def test_a_clock_that_counts_from_a_date_counts_from_the_first_sample(tmp_path, since):
+    path = table("TimeStamp (s),Depth (mm),Load (N)", since + T, D, F)(tmp_path)
+    run = look(path, "--out", tmp_path / "out")
+    assert run.exit_code == 0, run.output
+    block = tomllib.loads((tmp_path / "out" / "recordings.toml").read_text())["recordings"]
+    own = table("time_s,displacement_mm,force_N", since + T, D, F, name="own.csv")(tmp_path)
+    for read in (read_samples(path, RecordingsEntry.model_validate(block).channels()), read_samples(own)):
+        np.testing.assert_allclose(read.time, T - T[0], atol=1e-4)
+
+
+@pytest.mark.parametrize("count", [1, 3, 6])
+def test_a_channel_s_file_of_few_rows_is_read_in_any_dialect(tmp_path, count):
+    thick = 12.0 - 0.3 * np.arange(count)
+    path = tmp_path / "us.csv"
+    body = rows(1e3 * np.arange(count), thick / 10, delimiter=";", decimal=",")
+    path.write_text("Zeit [ms];Fat thickness [cm]\n" + body)
+    time_, values = read_channel(path, CHANNELS["fat_thickness"])
+    np.testing.assert_allclose(time_, np.arange(count))
+    np.testing.assert_allclose(values, thick)
 
 
 def test_decimal_commas_between_commas_are_refused(tmp_path):

@@ -119,7 +119,10 @@ def test_another_cylinder_gets_none_by_default(tmp_path: Path):
     leg = measured(tmp_path)
     longer = replace(leg, indenter=replace(leg.indenter, length=80.0))
     assert choose_correction("auto", longer) is None
-    assert "--cylinder-length" in (why_uncorrected(longer) or "")
+    command = "legfem study correction --cylinder-length 80 --out correction"
+    assert command in (why_uncorrected(longer) or "")
+    thicker = replace(leg, indenter=replace(leg.indenter, radius=25.0))
+    assert "--model 3d" in (why_uncorrected(thicker) or ""), "no option has another diameter"
 
 
 @pytest.mark.parametrize("name", SUBJECTS.names)

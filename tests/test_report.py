@@ -23,6 +23,7 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.estimates import comparison
 from legfem.report.fit_figure import fit_figure
+from legfem.report.folder import made_in_place
 from legfem.report.identification import write_report
 from legfem.report.leg import leg_page
 from legfem.report.render.text import brief, plain_page
@@ -59,7 +60,7 @@ def test_report_states_values_errors_and_units(both, subject):
         assert f"{one.goodness.chi_square:.5g} on {one.goodness.degrees_of_freedom} degrees" in text
     assert found.cost.definition in text
     assert f"factorisations: neo-Hookean: {both[0].log.factorisations}; reduced" in text
-    assert "full solves: 7; failed: 0; from before: 2; converged: yes; s: 12.3" in text
+    assert "full solves: 7; failed: 0; reused from earlier runs: 2; converged: yes; time (s): 12.3" in text
     assert "identifiable: its interval is narrow" in text
     assert f"C10 +1.000 {found.correlation('deep.C10', 'deep.C20'):+.3f}" in text
     assert "superficial neo-Hookean 2 assumed 22.5" in text, "what was held is there"
@@ -85,12 +86,12 @@ def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(tmp_path):
     own = AppliedCorrection("own", np.zeros(3), np.full(3, 0.1))
     for correction, expected in ((own, True), (None, False)):
         texts = list(of_ends(leg, correction))
-        assert any("alike in all directions" in text for text in texts) == expected
+        assert any("equally stiff in all directions" in text for text in texts) == expected
     fibrous = replace(leg, fibres=FibreRatio(2.0, 0.3, "measured", "shear waves"))
     for with_fibres, said in ((True, "has what fibres do"), (False, "has no fibres")):
         texts = list(of_ends(fibrous, replace(own, with_fibres=with_fibres)))
         assert any(said in text for text in texts)
-        assert not any("alike in all directions" in text for text in texts)
+        assert not any("equally stiff in all directions" in text for text in texts)
 
 
 @pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])
@@ -175,7 +176,7 @@ def test_report_folder_is_complete_and_can_be_written_again(tmp_path):
         report = write_report(results, out, experiment=solved)
         text = report.read_text()
         assert "*** SIMULATED DATA ***" in text
-        assert ("isn't among the 7 counted" in " ".join(text.split())) == (solved is not None)
+        assert ("one full solve beyond the search's 7" in " ".join(text.split())) == (solved is not None)
         listed = [line for line in text.split("Files\n-----\n")[1].splitlines() if line]
         names = {n for line in listed if line[0] != " " for n in line.split(", ") if "." in n}
         there = {path.name for path in out.iterdir()}
@@ -192,3 +193,29 @@ def test_parameters_go_back_to_the_model_in_its_units(both):
     assert both[0].model_values == {"deep.C10": c10, "deep.C20": 0.0, "deep.D2": math.inf}
     read = {**both[0].values, "instrument.gain": 1.01}
     assert "instrument.gain" not in replace(both[0], values=read).model_values
+
+
+def written(folder, command, *names):
+    """Write a report of a command, with some more files that it lists."""
+    with made_in_place(folder) as hidden:
+        for name in names:
+            (hidden / name).write_text(command)
+        listed = "\n".join([f"{', '.join(names)}\n    pictures"])
+        (hidden / "report.txt").write_text(
+            f"How to repeat it\n----------------\n{command}\nseed 1\nlegfem 0.2.0\n\nFiles\n-----\n{listed}\n"
+        )
+
+
+def test_a_report_of_another_law_or_depth_is_kept_and_said(tmp_path, capsys):
+    (tmp_path / "solves").mkdir()
+    (tmp_path / "mine.txt").write_text("mine")
+    written(tmp_path, "legfem identify --subject 3 --jobs 2", "fit.png", "cost.png")
+    written(tmp_path, "legfem identify --subject 3 --quiet", "fit.png", "cost.png")
+    assert capsys.readouterr().err == "" and not (tmp_path / "earlier-1").exists()
+    written(tmp_path, "legfem identify --subject 3 --depth 10", "fit.png")
+    told = capsys.readouterr().err
+    assert "legfem identify --subject 3): they are in" in told.replace("\n", " ")
+    assert {path.name for path in (tmp_path / "earlier-1").iterdir()} == {"fit.png", "cost.png", "report.txt"}
+    assert "--quiet" in (tmp_path / "earlier-1" / "fit.png").read_text()
+    there = {path.name for path in tmp_path.iterdir()}
+    assert there == {"solves", "mine.txt", "earlier-1", "fit.png", "report.txt"}

@@ -98,7 +98,7 @@ def test_what_another_unit_or_size_would_do_is_said_and_so_it_is(tmp_path: Path)
     deeper = c10(1.0, 1.02).values["deep.C10"] / one.value - 1
     assert one.moves["displacement_mm"] == pytest.approx(5 * deeper, rel=0.1)
     write_report([found], tmp_path)
-    assert "an area_mm2 of half the true value makes it twice as large" in " ".join(
+    assert "an area_mm2 of half the true value doubles the stiffness" in " ".join(
         (tmp_path / "report.txt").read_text().split()
     )
 

@@ -150,6 +150,23 @@ def test_bad_files_give_one_line(tmp_path):
         read_surface(tmp_path / "text.stl")
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("a.svg", "<svg/>", "holds a drawing, no surface"),
+        ("a.dxf", "0\nSECTION\n2\nENTITIES\n0\nENDSEC\n0\nEOF\n", r"a\.dxf: file"),
+        ("a.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", r"a\.ply: file"),
+        ("a.xyz", "0 0 0\n1 0 0\n0 1 0\n", r"a\.xyz: file: "),
+        ("a.off", "OFF\n4 4 0\n0 0 0\nnan 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n", r"a\.off: "),
+    ],
+)
+def test_what_is_no_surface_of_numbers_is_refused_in_one_line(tmp_path, name, text, words):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=words) as caught:
+        read_surface(tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
 @real_leg
 def test_a_real_leg_is_read():
     parts = ("skin", "muscle_hull", "tibia", "fibula")

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from making_stocking import COARSE, laws, short_leg
 
+from legfem.common.progress import Silent
+from legfem.geometry.slices import calf_levels
 from legfem.stockings.equilibrium import EquilibriumSettings, EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
-from legfem.stockings.leg import default_veins
+from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
+from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.pressures import MESH_ERROR, PressureProbe, vein_pressure_sd
+from legfem.stockings.result import StockingSettings, run_leg
 
 KPA = (2.6, 6.0)
 
@@ -55,6 +60,26 @@ def test_they_are_those_of_the_leg_solved_anew(leg):
     assert (sd > 0.9 * whole / math.sqrt(8)).all() and (sd < 1.1 * whole).all()
     both = known_to(np.diag([1.0, 0.0]), 1.0)
     np.testing.assert_allclose(both, np.hypot(got, sd), rtol=0.01)
+
+
+@pytest.mark.slow
+def test_the_fabrics_error_is_in_the_intervals_of_a_leg_whose_stiffness_was_given():
+    """Against a run with a fabric that is 5 % stiffer, which pulls that much more."""
+    bare = short_leg()
+    fabric = fitted_stocking(bare, ClassFit(CompressionClass.MODERATE))
+    exact, stated = ContourAccuracy(), replace(ContourAccuracy(), tension_sd=0.1)
+
+    def run(accuracy, stocking):
+        leg = StockingLeg(
+            "short", "a leg", "simulated", bare, bare, None, None, stocking, accuracy, laws(*KPA), True, "held",
+            calf_levels(bare), default_veins(bare, 80.0),
+        )  # fmt: skip
+        return run_leg(leg, StockingSettings(), Silent(), mesh=COARSE).pressures
+
+    without, known, more = run(exact, fabric), run(stated, fabric), run(exact, replace(fabric, stiffness=1.05 * 0.3))
+    got = np.sqrt(np.square(known.at_veins_sd) - np.square(without.at_veins_sd))
+    assert fabric.stiffness == 0.3
+    assert got == pytest.approx(0.1 * (np.array(more.at_veins) - without.at_veins) / 0.05, rel=0.1)
 
 
 def test_no_veins_have_no_errors(leg):

@@ -292,9 +292,7 @@ def test_files_that_were_looked_at_say_their_grades_and_how_they_were_read(tmp_p
     words = read(html).words
     assert len(html.encode()) < MOST_BYTES
     assert page.headline.tone == "wrong"
-    assert page.headline.sentence == (
-        "Of 2 recordings, 1 is of grade A (nothing to say), 1 is of grade D (not to be used)."
-    )
+    assert page.headline.sentence == ("Of 2 recordings, 1 is of grade A (good), 1 is of grade D (not to be used).")
     (warning,) = page.warnings
     assert warning.startswith("saturated.csv: ") and "saturated" in warning
     assert words.index(page.headline.sentence) < words.index(warning) < words.index("To repeat it")

@@ -153,7 +153,7 @@ class Walk:
         ):
             page.type(label, number)
         page.click("choose columns, units and directions", ".q-checkbox")
-        page.sees("turned round (-1)")
+        page.sees("reversed (-1)")
         self.look("describe")
         page.click("Only save this")
         page.sees("Is this what you measured?", 3 * _MINUTES)

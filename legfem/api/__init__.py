@@ -5,22 +5,22 @@ The commands call the functions of the modules here; those of the door itself na
 """
 
 from legfem.api import cohorts, diagnosed, identification, leg_in_stocking, loading, planned
-from legfem.api.arguments import in_python_words
+from legfem.api.arguments import front
 from legfem.api.cohorts import Cohort
 from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg
 from legfem.api.leg_in_stocking import LegInStocking
 from legfem.api.planned import PlannedTests
 from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
 
-cohort = in_python_words()(cohorts.cohort)
-diagnose = in_python_words()(diagnosed.diagnose)
-identify = in_python_words()(identification.identify)
-load_leg = in_python_words()(loading.load_leg)
-load_sites = in_python_words()(loading.load_sites)
-load_specimen = in_python_words()(loading.load_specimen)
-load_subject = in_python_words()(loading.load_subject)
-plan = in_python_words()(planned.plan)
-stocking = in_python_words()(leg_in_stocking.stocking)
+cohort = front(cohorts.cohort)
+diagnose = front(diagnosed.diagnose)
+identify = front(identification.identify)
+load_leg = front(loading.load_leg)
+load_sites = front(loading.load_sites)
+load_specimen = front(loading.load_specimen)
+load_subject = front(loading.load_subject)
+plan = front(planned.plan)
+stocking = front(leg_in_stocking.stocking)
 
 __all__ = [
     "Cohort",

@@ -6,9 +6,10 @@ of the front door and names the keyword instead (``leave_out``); the commands ca
 
 from __future__ import annotations
 
+import functools
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
@@ -44,6 +45,46 @@ def in_python_words() -> Iterator[None]:
         raise InputError(source, field, error.problem, remedy) from None
 
 
+def front[**Given, Found](call: Callable[Given, Found]) -> Callable[Given, Found]:
+    """Return a function of the front door: it looks at what it is given before it calls, and says keywords."""
+
+    @functools.wraps(call)
+    def called(*args: Given.args, **options: Given.kwargs) -> Found:
+        with in_python_words():
+            for name, value in options.items():
+                _check_kind(name, value)
+            return call(*args, **options)
+
+    return called
+
+
+_TEXTS = frozenset({"do", "law", "layout", "model", "on", "scheduler", "site", "weighting"})
+_PATHS = {
+    "correction": "a name or a file's path",
+    "library": "a folder's path",
+    "out": "a folder's path",
+    "table": "a file's path",
+}
+_LISTS = frozenset({"leave_out", "prior", "specimens"})
+_PAIRS = frozenset({"c10_bounds", "c20_bounds"})
+
+
+def _check_kind(name: str, value: object) -> None:
+    """Raise an InputError for a keyword's value that is of another kind; None, and what else is looked at, passes."""
+    if value is None:
+        return
+    if name in _TEXTS and not isinstance(value, str):
+        raise wrong(name, repr(value), "is no name" if name == "site" else f"is no {name}", "give a text")
+    if name in _PATHS and not isinstance(value, str | Path):
+        raise of_another_kind(name, value, _PATHS[name])
+    if name in _LISTS:
+        check_names(name, value)
+    if name in _PAIRS and not (
+        isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(one, Real) for one in value)
+    ):
+        raise of_another_kind(name, value, "two numbers of kPa")
+
+
 def _keyword(text: str) -> str:
     """Return the keyword of an option; what isn't one as it is."""
     if not text.startswith("--"):
@@ -63,10 +104,21 @@ def check_whole(name: str, value: object, least: int) -> None:
         raise wrong(name, repr(value), "is no such whole number", f"give one from {least:g} on")
 
 
-def check_length(name: str, value: object) -> None:
+_LAST_SEED = 2**32 - 1
+"""The greatest that generators of all libraries take."""
+
+
+def check_seed(value: object) -> None:
+    """Raise an InputError for what no generator of random numbers begins with."""
+    check_whole("seed", value, 0)
+    if int(value) > _LAST_SEED:  # type: ignore[call-overload]
+        raise wrong("seed", repr(value), "is too large", f"give one up to {_LAST_SEED}")
+
+
+def check_finite(name: str, value: object, unit: str = "mm") -> None:
     """Raise an InputError for what is no finite number; None is none."""
     if value is not None and not (isinstance(value, Real) and math.isfinite(value)):
-        raise wrong(name, repr(value), f"is no {name}", "give a number of mm")
+        raise wrong(name, repr(value), f"is no {name}", f"give a number of {unit}")
 
 
 def check_one_of(name: str, value: object, known: tuple[str, ...]) -> None:

@@ -12,7 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from legfem.api.arguments import check_folder, check_one_of, check_whole
+from legfem.api.arguments import check_folder, check_one_of, check_seed, check_whole
 from legfem.api.cohort_member import Options, done_with
 from legfem.api.loading import Given
 from legfem.api.results import Result
@@ -237,6 +237,8 @@ def cohort(
     check_one_of("do", do, get_args(Task.__value__))
     check_one_of("on", on, get_args(EngineName.__value__))
     check_whole("jobs", jobs, 1)
+    if seed is not None:
+        check_seed(seed)
     check_folder("out", out)
     started = time.perf_counter()
     given = {"law": law, "identify": identify, "prior": prior, "fix": fix, "depth": depth, "correction": correction}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from legfem.api.arguments import check_folder, check_names, check_unused, check_whole
+from legfem.api.arguments import check_folder, check_names, check_seed, check_unused, check_whole
 from legfem.api.loading import Given, one_of
 from legfem.api.results import Result
 from legfem.common.errors import InputError
@@ -276,7 +276,7 @@ def diagnose(
     from legfem.legs.variants import library_folder
     from legfem.specimens.folder import SpecimenFolder
 
-    check_whole("seed", seed, 0)
+    check_seed(seed)
     check_whole("jobs", jobs, 1)
     responses = library_folder() if library is None else Path(library)
     check_folder("library", responses)

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from legfem.api.arguments import (
+    check_finite,
     check_folder,
-    check_length,
     check_names,
     check_one_of,
+    check_seed,
     check_unused,
     check_whole,
     of_another_kind,
@@ -137,7 +138,7 @@ def identify(
     from legfem.specimens.folder import SpecimenFolder
 
     wanted = Wanted.of(identify, prior, fix, c10_bounds, c20_bounds)
-    check_length("depth", depth)
+    check_finite("depth", depth)
     check_whole("jobs", jobs, 1)
     if out is not None:
         check_folder("out", out)
@@ -146,7 +147,7 @@ def identify(
     direct: dict[str, Any] = {"weighting": weighting, "seed": seed, "emulator": emulator}
     stated = {name: value for name, value in direct.items() if value is not None}
     settings = replace(settings or IdentificationSettings(), **stated)
-    check_whole("seed", settings.seed, 0)
+    check_seed(settings.seed)
     check_one_of("weighting", settings.weighting, get_args(Weighting))
     request = SearchRequest(depth=depth, settings=settings, out=None if out is None else Path(out), jobs=jobs)
     check_names("leave_out", leave_out)

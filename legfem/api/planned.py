@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from legfem.api.arguments import check_folder, check_whole, wrong
+from legfem.api.arguments import check_finite, check_folder, check_whole, wrong
 from legfem.api.loading import Given, folder_of
 from legfem.api.results import Result
 from legfem.common.doubts import Doubt, log_doubts
-from legfem.common.errors import check_finite
 from legfem.common.progress import progress_on
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
@@ -131,7 +130,8 @@ def plan(
     from legfem.legs.plausibility import doubts_about
     from legfem.legs.variants import library_folder
 
-    check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
+    for name, value, unit in (("c10", c10, "kPa"), ("c20", c20, "kPa"), ("depth", depth, "mm"), ("rate", rate, "mm/s")):
+        check_finite(name, value, unit)
     check_whole("jobs", jobs, 1)
     folder = library_folder() if library is None else Path(library)
     check_folder("library", folder)

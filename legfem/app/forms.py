@@ -153,7 +153,7 @@ def _text(path: Path, text: str) -> None:
     ui.button("Save the text", on_click=save).props("outline")
 
 
-_SIGNS = {1: "as it is", -1: "turned round (-1)"}
+_SIGNS = {1: "as it is", -1: "reversed (-1)"}
 
 
 def first_readable(looking: Run) -> dict[str, Any] | None:
@@ -170,8 +170,8 @@ def columns_tab(folder: Path, looking: Run) -> None:
         return
     tag(
         "p",
-        f"Of {first['file']}; all recordings of a folder are read alike. Chosen is what "
-        "names, units and motion in the file suggest, or what was saved.",
+        f"These are the columns of {first['file']}; all recordings of a folder are read in the same way. What is "
+        "chosen below was saved, or follows from names, units and motion in the file.",
         "quiet",
     )
     if first["trouble"]:

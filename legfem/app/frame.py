@@ -46,9 +46,9 @@ def refused(line: str) -> None:
     tag("p", line, "line refused").props("role=alert")
 
 
-def wanting(line: str) -> None:
+def wanting(line: str) -> TextElement:
     """Put the line with which a command would refuse what isn't wrong, but not said yet."""
-    tag("p", line, "line wanting")
+    return tag("p", line, "line wanting")
 
 
 def warned(lines: Sequence[str]) -> None:
@@ -85,6 +85,11 @@ def when(moment: float) -> str:
 def page_of(kind: str, name: str) -> str:
     """Return the address of an input's or a run's page."""
     return f"/{kind}/{quote(name, safe='')}"
+
+
+def page_after_deletion(kind: str, name: str) -> str:
+    """Return the address of the first page, which offers to undo what was just deleted."""
+    return f"/?deleted={quote(f'{kind}/{name}', safe='')}"
 
 
 def drop_zone(text: str, name: str = "") -> None:

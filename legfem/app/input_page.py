@@ -10,7 +10,18 @@ from nicegui import ui
 
 from legfem.app.description import contours_in, scans_in
 from legfem.app.forms import columns_tab, settings_tab
-from legfem.app.frame import chip, command, drop_zone, framed, page_of, refused, tag, wanting, warned
+from legfem.app.frame import (
+    chip,
+    command,
+    drop_zone,
+    framed,
+    page_after_deletion,
+    page_of,
+    refused,
+    tag,
+    wanting,
+    warned,
+)
 from legfem.app.runs import ACTIONS, Action, Run, check_idle, looked_at, rename_input, runs_of, seen, written
 from legfem.app.wizard import ASK, ask, describe_page
 from legfem.app.workspace import Workspace, description_of, files_of
@@ -263,8 +274,7 @@ def _files_tab(workspace: Workspace, name: str) -> None:
 
     def delete() -> str:
         check_idle(workspace, name)
-        workspace.delete("inputs", name)
-        return "/"
+        return page_after_deletion("inputs", workspace.delete("inputs", name))
 
     with ui.element("div").classes("inrow"):
         for text, change in (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -72,6 +73,21 @@ class Answer:
         low, high = ends
         value, low, high = (number(one, (high - low) / 4) for one in (known["value"], low, high))
         return f"{value} ({low} to {high}) {known['unit']}"
+
+
+def relative_difference(one: tuple[float, float, float], other: tuple[float, float, float]) -> str:
+    """Return by how much a number differs from another, with the interval of two independent errors.
+
+    Each is the number and the ends of its 95 % interval, whose logarithm's error is taken to be normal.
+    """
+    if one == other:
+        return "–"
+    ratio = one[0] / other[0]
+    if min(*one, *other) <= 0:
+        return f"{100 * (ratio - 1):+.0f} %"
+    half = math.hypot(*(math.log(high / low) / 2 for _, low, high in (one, other)))
+    low, high = (100 * (ratio * math.exp(sign * half) - 1) for sign in (-1, 1))
+    return f"{100 * (ratio - 1):+.0f} % ({low:+.0f} to {high:+.0f} %)"
 
 
 def answers_of(run: Run) -> list[Answer]:

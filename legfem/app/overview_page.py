@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from html import escape
 from pathlib import Path
 
 from nicegui import ui
 
 from legfem.app.frame import chip, drop_zone, framed, page_of, tag, when
-from legfem.app.outcomes import Answer, answers_of, sentence_of
+from legfem.app.outcomes import Answer, answers_of, relative_difference, sentence_of
 from legfem.app.run_page import address
 from legfem.app.runs import EVERY, Run, runs_of
 from legfem.app.workspace import Workspace, description_of, files_of
@@ -26,12 +28,13 @@ _EXAMPLES = {
 _MOST_RUNS = 12
 
 
-def home_page(workspace: Workspace) -> None:
-    """Put the page."""
+def home_page(workspace: Workspace, deleted: str = "") -> None:
+    """Put the page; ``deleted`` is what was just deleted, as kind and name with a slash between."""
     with framed("Legs and specimens"):
-        drop_zone("Drop a folder here: recordings, contours or scans of one leg, or of specimens.")
+        _undo(workspace, deleted)
+        drop_zone("Drop a folder here, or files: recordings, contours or scans of one leg, or of specimens.")
         with ui.element("p"):
-            tag("span", "Nothing at hand? Begin with an example, simulated: ")
+            tag("span", "Nothing at hand? Begin with a simulated example: ")
             for text, (folder, name) in _EXAMPLES.items():
                 ui.button(text, on_click=lambda f=folder, n=name: _begin(workspace, f, n)).props("outline dense")
         if workspace.inputs:
@@ -53,25 +56,36 @@ def home_page(workspace: Workspace) -> None:
         tag("p", f"Everything is kept in {workspace.folder}.", "quiet")
 
 
+def _undo(workspace: Workspace, deleted: str) -> None:
+    kind, _, name = deleted.partition("/")
+    if (kind, name) not in workspace.deleted:
+        return
+    with ui.element("div").classes("inrow").props("role=status"):
+        tag("span", f"{name} is deleted.")
+        ui.button("Undo", on_click=lambda: _put_back(workspace, kind, name)).props("outline dense")
+
+
 def _deleted(workspace: Workspace) -> None:
     """Put what can be put back."""
     if not workspace.deleted:
         return
-
-    def put_back(kind: str, name: str) -> None:
-        now = workspace.put_back(kind, name)
-        if kind == "runs":
-            run = Run(workspace.run(now))
-            run.point_to(run.about, workspace.folder / "runs" / name / "results", run.results)
-        ui.navigate.to(page_of(kind.removesuffix("s"), now))
-
     with ui.element("details"):
         tag("summary", "Deleted")
         with ui.element("ul").classes("cards"):
             for kind, name in workspace.deleted:
                 with ui.element("li"):
                     tag("span", f"{kind.removesuffix('s')} {name}")
-                    ui.button("Put back", on_click=lambda k=kind, n=name: put_back(k, n)).props("flat dense")
+                    ui.button("Put back", on_click=lambda k=kind, n=name: _put_back(workspace, k, n)).props(
+                        "flat dense"
+                    )
+
+
+def _put_back(workspace: Workspace, kind: str, name: str) -> None:
+    now = workspace.put_back(kind, name)
+    if kind == "runs":
+        run = Run(workspace.run(now))
+        run.point_to(run.about, workspace.folder / "runs" / name / "results", run.results)
+    ui.navigate.to(page_of(kind.removesuffix("s"), now))
 
 
 def _study(workspace: Workspace) -> None:
@@ -148,37 +162,73 @@ def _differences(rows: list[Answer]) -> None:
     def draw() -> None:
         place.clear()
         with place:
-            _table(rows, known.get(chosen.value), max((ends[2] for ends in known.values()), default=1.0))
+            if known:
+                _plot(known, chosen.value)
+            _table(rows, known.get(chosen.value))
 
     chosen.on_value_change(draw)
     draw()
 
 
-def _table(rows: list[Answer], reference: tuple[float, ...] | None, most: float) -> None:
+_LABELS, _SCALE, _LINE = 360, 500, 26
+"""Widths of the plot's names and of its axis, and the height of a row, in its own units."""
+
+
+def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
+    """Put C10 of every result with its interval on one axis; the chosen one's interval goes through all rows."""
+    most = max(ends[2] for ends in known.values())
+    step = next(step for k in range(-4, 5) for step in (10.0**k, 2 * 10.0**k, 5 * 10.0**k) if most / step <= 6)
+    ticks = [k * step for k in range(math.ceil(most / step) + 1)]
+    foot = _LINE * len(known) + 8
+
+    def at(value: float) -> float:
+        return _LABELS + _SCALE * value / ticks[-1]
+
+    _, low, high = known[chosen]
+    drawn = f'<rect x="{at(low):.1f}" y="0" width="{at(high) - at(low):.1f}" height="{foot}" fill="#e6f0f7"/>'
+    for tick in ticks:
+        drawn += f'<line x1="{at(tick):.1f}" x2="{at(tick):.1f}" y1="0" y2="{foot}" stroke="#ddd"/>'
+        drawn += f'<text x="{at(tick):.1f}" y="{foot + 18}" text-anchor="middle">{tick:g}</text>'
+    drawn += f'<text x="{at(ticks[-1] / 2):.1f}" y="{foot + 38}" text-anchor="middle">C10 (kPa), 95 % interval</text>'
+    for row, (name, (value, low, high)) in enumerate(known.items()):
+        y = _LINE * (row + 0.5) + 4
+        shown = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
+        drawn += f'<text x="{_LABELS - 12}" y="{y + 5:.0f}" text-anchor="end">{escape(shown)}</text>'
+        drawn += f'<line x1="{at(low):.1f}" x2="{at(high):.1f}" y1="{y}" y2="{y}" stroke="#0b3d5c" stroke-width="3"/>'
+        drawn += f'<circle cx="{at(value):.1f}" cy="{y}" r="5" fill="#b03000"/>'
+    box = f"0 0 {_LABELS + _SCALE + 30} {foot + 46}"
+    with ui.element("figure").classes("wide"):
+        ui.html(
+            f'<svg viewBox="{box}" class="compared" role="img" aria-label="C10 of all results; the table has the '
+            f'numbers" font-size="15">{drawn}</svg>',
+            sanitize=False,
+        )
+        tag("figcaption", f"C10 of muscle or specimen with its 95 % interval; shaded: the interval of {chosen}")
+
+
+_LONGEST_NAME = 44
+
+
+def _table(rows: list[Answer], reference: tuple[float, float, float] | None) -> None:
     wide = ui.element("div").classes("wide").props('tabindex=0 role=region aria-label="Results"')
     with wide, ui.element("table"):
         with ui.element("thead"), ui.element("tr"):
-            for text in (*_COLUMNS.values(), "C10 on one scale", "difference"):
+            for text in (*_COLUMNS.values(), "difference (95 %)"):
                 tag("th", text).props("scope=col")
         with ui.element("tbody"):
             for row in rows:
-                _row(row, reference, most)
+                _row(row, reference)
 
 
-def _row(row: Answer, reference: tuple[float, ...] | None, most: float) -> None:
+def _row(row: Answer, reference: tuple[float, float, float] | None) -> None:
     with ui.element("tr"):
         with ui.element("th").props("scope=row"):
             ui.link(row.run, page_of("run", row.run))
         for name in list(_COLUMNS)[1:]:
             tag("td", getattr(row, name) or "–").props(f'data-label="{_COLUMNS[name]}"')
-        with ui.element("td").props('data-label="C10 on one scale"'):
-            if row.c10_ends is not None:
-                value, low, high = (100 * min(one / most, 1.0) for one in row.c10_ends)
-                bar = f'<line x1="{low:.1f}" x2="{high:.1f}" y1="8" y2="8" stroke="#0b3d5c" stroke-width="3"/>'
-                dot = f'<circle cx="{value:.1f}" cy="8" r="4" fill="#b03000"/>'
-                ui.html(f'<svg viewBox="-5 0 110 16" width="130" aria-hidden="true">{bar}{dot}</svg>', sanitize=False)
-        difference = row.c10_ends and reference and f"{100 * (row.c10_ends[0] / reference[0] - 1):+.0f} %"
-        tag("td", difference or "–").props("data-label=difference")
+        ends = row.c10_ends
+        difference = "–" if ends is None or reference is None else relative_difference(ends, reference)
+        tag("td", difference).props('data-label="difference (95 %)"')
 
 
 def _one(reports: dict[str, Run], first: str) -> None:

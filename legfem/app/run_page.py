@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 from nicegui import ui
 
-from legfem.app.frame import chip, command, framed, page_of, refused, tag
+from legfem.app.frame import chip, command, framed, page_after_deletion, page_of, refused, tag
 from legfem.app.outcomes import files_of_results, sentence_of
 from legfem.app.runs import EVERY, Run, RunState
 from legfem.app.workspace import Workspace
@@ -54,8 +54,7 @@ def _one_run(workspace: Workspace, run: Run) -> None:
         if run.alive:
             ui.notify("it runs: stop it first")
             return
-        workspace.delete("runs", run.folder.name)
-        ui.navigate.to("/")
+        ui.navigate.to(page_after_deletion("runs", workspace.delete("runs", run.folder.name)))
 
     moving, lasting = ui.element("div"), ui.element("div")
     seen: list[tuple[RunState, Callable[[], None]]] = []
@@ -137,7 +136,7 @@ def _report(run: Run) -> None:
                     ui.link(f"Table as {kind.upper()}", address(run, f"{table}.{kind}")).props("download")
     if run.report.suffix == ".html":
         ui.element("iframe").classes("report").props(
-            f'src="{address(run, run.report.name)}" title="report" sandbox="allow-scripts"'
+            f'src="{address(run, run.report.name)}" title="report of {run.kind}" sandbox="allow-scripts"'
         )
     else:
         tag("pre", run.report.read_text(encoding="utf-8"))

@@ -209,7 +209,8 @@ class Run:
 
 def written(module: str, options: Sequence[str]) -> str:
     """Return a command as people type it."""
-    return shlex.join([*module.split("."), *options])
+    program = module.split(".") if module.startswith("legfem.") else ["python", "-m", module]
+    return shlex.join([*program, *options])
 
 
 @dataclass(frozen=True)

@@ -97,8 +97,11 @@ def _add_pages(workspace: Workspace) -> None:
     for field in (ui.input, ui.number, ui.select):
         field.default_props("outlined dense stack-label hide-bottom-space")
     ui.button.default_props("unelevated no-caps")
-    ui.page("/")(lambda: home_page(workspace))
     ui.page("/compare")(lambda: compare_page(workspace))
+
+    @ui.page("/")
+    def home(deleted: str = "") -> None:
+        home_page(workspace, deleted)
 
     @ui.page("/input/{name}")
     def one_input(name: str) -> None:

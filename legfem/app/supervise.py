@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import fcntl
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -26,7 +25,9 @@ def started(folder: Path) -> bool:
             return False
         for name in ("exit.json", "session.json"):
             (folder / name).unlink(missing_ok=True)
-        subprocess.Popen(
+        log = folder / "log.txt"
+        log_from = log.stat().st_size if log.is_file() else 0
+        process = subprocess.Popen(
             [sys.executable, "-m", "legfem.app.supervise", str(folder), str(lock.fileno())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -34,6 +35,8 @@ def started(folder: Path) -> bool:
             start_new_session=True,
             pass_fds=(lock.fileno(),),
         )
+        # Written here, so that a run can be ended from its first moment on.
+        _written(folder / "session.json", {"leader": process.pid, "log_from": log_from})
     return True
 
 
@@ -51,8 +54,6 @@ def main(folder: Path, lock: int) -> None:
     signal.signal(signal.SIGINT, lambda number, frame: None)
     given = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     with (folder / "out.txt").open("wb") as out, (folder / "log.txt").open("ab") as log:
-        session = {"leader": os.getpid(), "log_from": log.tell()}
-        _written(folder / "session.json", session)
         try:
             process = subprocess.Popen(
                 given["arguments"], stdin=subprocess.DEVNULL, stdout=out, stderr=log, cwd=given["cwd"], pass_fds=(lock,)

@@ -30,7 +30,7 @@ from legfem.app.description import (
     with_settings,
 )
 from legfem.app.forms import column_fields, first_readable, setting_field, typed_value
-from legfem.app.frame import page_of, refused, tag
+from legfem.app.frame import page_of, refused, tag, wanting
 from legfem.app.runs import Run, begin_all
 from legfem.app.workspace import Workspace, description_of, files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
@@ -123,7 +123,8 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
                 stated = instrument() if state.kind == "leg" else {}
                 forms[state.kind]()
             except InputError as error:
-                ui.notify(str(error), type="negative", multi_line=True)
+                wanted.text = str(error).removeprefix("form: ")
+                wanted.set_visibility(True)
                 return False
             path = folder / str(description_of(folder))
             text = with_settings(path.read_text(encoding="utf-8"), stated)
@@ -136,6 +137,8 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
             if describe():
                 then()
 
+        wanted = wanting("").props("role=alert")
+        wanted.set_visibility(False)
         with ui.element("div").classes("inrow"):
             ui.button(ASK, on_click=lambda: done(lambda: ask(workspace, name)))
             ui.button("Only save this", on_click=lambda: done(ui.navigate.reload)).props("outline")
@@ -223,9 +226,10 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Descri
 
 
 _NO_CONTOURS = (
-    "A typical calf of this size, pressed from behind, stands for the leg's outlines; the interval of C10 includes the "
-    "error of that. Contours of the section (a CSV file part,x_mm,y_mm with the parts skin, fascia, tibia and fibula) "
-    "or a scan with labels give a narrower interval, and any place can be pressed then: add one under Files."
+    "No outlines of this leg were given, so a typical calf of this size is taken, pressed from behind; the interval of "
+    "C10 includes the error of doing so. Outlines of the section (a CSV file part,x_mm,y_mm with the parts skin, "
+    "fascia, tibia and fibula) or a labelled scan narrow the interval, and let the leg be pressed anywhere: add them "
+    "under Files."
 )
 
 
@@ -289,7 +293,7 @@ def _clicked(section: LegSection, place: SimpleNamespace) -> None:
         if fill == BONE_COLOUR:
             x, y = outline.mean(axis=0)
             drawn += f'<text x="{x:.0f}" y="{y:.0f}" text-anchor="middle" font-size="22">{part}</text>'
-    tag("p", "Click the section where the cylinder touched the skin; it travels square to the skin.")
+    tag("p", "Click the section where the skin was pressed. The direction of travel is then square to the skin.")
     width, height = (high - low) * _PIXELS
 
     def picture_of(more: str) -> str:
@@ -298,9 +302,9 @@ def _clicked(section: LegSection, place: SimpleNamespace) -> None:
     picture = ui.html(picture_of(""), sanitize=False).classes("aim")
     with ui.element("div").classes("fields"):
         boxes = [
-            _number("aim x (mm)", "a point on its way"),
-            _number("aim y (mm)", "upwards in the picture"),
-            _number("direction of travel (degrees)", "from +x (right), counter-clockwise"),
+            _number("aim x (mm)", "of a point on the line of travel"),
+            _number("aim y (mm)", "of the same point; y is upwards in the picture"),
+            _number("direction of travel (degrees)", "counter-clockwise from the right; 90 is upwards"),
         ]
 
     def show() -> None:
@@ -347,8 +351,8 @@ def _tested(folder: Path) -> Describe:
             fields[test] = [(one, setting_field(one)) for one in settings]
     tag(
         "p",
-        "All recordings are then of specimens of this size; where sizes differ, give each its [[specimen]] in the "
-        "file's text under Assumed.",
+        "All recordings are taken to be of specimens of this size. If sizes differ, give each specimen a [[specimen]] "
+        "of its own in the file's text, under Assumed.",
         "quiet",
     )
 
@@ -372,7 +376,7 @@ def _columns(first: dict[str, Any] | None) -> Callable[[], SourceColumns | None]
     if known:
         parts = (
             f"{quantity} from '{known[quantity]['column']}' ({known[quantity]['unit']}"
-            f"{', turned round' if known[quantity].get('sign', 1) < 0 else ''})"
+            f"{', reversed' if known[quantity].get('sign', 1) < 0 else ''})"
             for quantity in QUANTITIES
         )
         tag("p", f"In {first['file']}: {', '.join(parts)}.")
@@ -397,7 +401,7 @@ def _instrument(
     if known:
         tag("p", "As lab.toml states it.")
     elif shown:
-        tag("p", "The recording shows these errors from sample to sample: give the accuracies where you have them.")
+        tag("p", "These errors are estimated from the recording's noise. If you know the instrument's, give those.")
     names = ("force_sd_N", "displacement_sd_mm")
     by_sample = tuple(float(f"{value:.2g}") for value in shown or ()) or (None, None)
     with ui.element("div").classes("fields") as fields:

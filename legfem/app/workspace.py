@@ -168,11 +168,14 @@ class Workspace:
         """What can be put back, as kind (``inputs`` or ``runs``) and name, the latest first."""
         return [(kind, name) for kind in ("inputs", "runs") for name in _latest_first(self.folder / "deleted" / kind)]
 
-    def delete(self, kind: str, name: str) -> None:
-        """Put an input or a run aside, from where `put_back` takes it."""
+    def delete(self, kind: str, name: str) -> str:
+        """Put an input or a run aside, from where `put_back` takes it; return its name there."""
         aside = self.folder / "deleted" / kind
         aside.mkdir(parents=True, exist_ok=True)
-        _existing(self.folder / kind, name).replace(aside / _free(aside, name))
+        now = aside / _free(aside, name)
+        _existing(self.folder / kind, name).replace(now)
+        os.utime(now)  # what was deleted last stands first
+        return now.name
 
     def put_back(self, kind: str, name: str) -> str:
         """Undo a deletion; return the name, which has a number behind it where it was given anew meanwhile."""

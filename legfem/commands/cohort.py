@@ -10,6 +10,7 @@ import typer
 from legfem.commands.options import Jobs
 from legfem.common.command_line import (
     AsJson,
+    FiniteNumbers,
     Quiet,
     check_out_folder,
     command_context,
@@ -24,7 +25,7 @@ def _option(text: str) -> Any:
     return typer.Option(help=text, show_default=False)
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def cohort(
     folder: Annotated[Path, typer.Argument(help="That holds the members' folders, and cohort.csv or .xlsx.")],
     do: Annotated[

@@ -52,10 +52,12 @@ def look(
     """
     with command_context(quiet=quiet):
         from legfem.common.documents import write_atomically, write_document
+        from legfem.common.doubts import doubt_lines
         from legfem.data import Scales, among_repeats, segment
         from legfem.data.contact import LEG
         from legfem.data.formats import read_sheets
         from legfem.data.formats.sheet import Quantity
+        from legfem.data.plausibility import trial_doubts
         from legfem.data.quality import quality_of
         from legfem.data.reader import OWN_COLUMNS, Proposal, propose, read_own, recording_of
         from legfem.report.look import LOOK, channels_toml, draw_look, look_document, look_text, recordings_toml
@@ -105,9 +107,10 @@ def look(
                 "look at files of each layout by themselves, and keep them in folders of their own",
             )
         trials = among_repeats([trial for _, trial in read])
+        doubts = tuple(doubt for one in trials for doubt in trial_doubts(one))
         seen = [Looked(one.recording, how, quality_of(one)) for (how, _), one in zip(read, trials, strict=True)]
         folder.mkdir(parents=True, exist_ok=True)
-        text = "\n".join(look_text(*parts) for parts in seen)
+        text = "\n".join([*doubt_lines(doubts), *(look_text(*parts) for parts in seen)])
         pictures = [draw_look(recording, quality, folder) for recording, _, quality in seen]
         write_atomically(folder / PAGE, rendered(look_web_page(seen, tomls[first], text, command_line())))
         write_atomically(folder / "report.txt", text)

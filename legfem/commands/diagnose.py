@@ -61,11 +61,11 @@ def diagnose(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:
-        from legfem.api.arguments import check_whole
+        from legfem.api.arguments import check_seed
         from legfem.api.diagnosed import DIAGNOSIS
         from legfem.api.diagnosed import diagnose as diagnose_in_full
 
-        check_whole("seed", seed, 0)
+        check_seed(seed)
         if library is not None:
             check_out_folder(library)
         leg = tested(subject, subject_dir, specimen_dir, site)

@@ -11,9 +11,9 @@ import numpy as np
 import typer
 
 from legfem.commands.options import Site, SubjectDir
-from legfem.common.command_line import AsJson, Quiet, command_context
+from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context
 from legfem.common.doubts import log_doubts
-from legfem.common.errors import InputError, check_finite
+from legfem.common.errors import InputError
 from legfem.geometry.section import fat_thickness, girth
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def convert(
     cross_sections: Annotated[Path | None, typer.Option(help="CSV file: level_mm,part,loop,i,x_mm,y_mm.")] = None,
     scan: Annotated[
@@ -81,10 +81,7 @@ def convert(
         else:
             if level is None or out is None:
                 raise InputError("--level, --out", "missing", "both are needed", "give them")
-            check_finite(level=level, fascia_thickness=fascia_thickness, direction=direction)
             point = None if aim is None else np.array(aim)
-            if point is not None:
-                check_finite(aim=float(point.sum()))
             source, folder = _source(cross_sections, scan, label or (), surface or ()), out
             folder_of_leg(source, level, folder, fascia_thickness, point, direction)
             scanned = source.outlines(CuttingPlane.at_level(level))

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder, tested
-from legfem.common.command_line import AsJson, Quiet, command_context, parallel_context, process_count
+from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context, parallel_context, process_count
 from legfem.common.errors import InputError, UnsolvedError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -21,7 +21,7 @@ def _option(text: str) -> Any:
     return typer.Option(help=text, show_default=False)
 
 
-@app.command(name="identify")
+@app.command(name="identify", cls=FiniteNumbers)
 def run(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
@@ -109,10 +109,10 @@ def run(
     with _edge(model, jobs, quiet) as processes:
         from mpi4py import MPI
 
-        from legfem.api.arguments import check_whole
+        from legfem.api.arguments import check_seed
         from legfem.api.identification import identify as identify_in_full
 
-        check_whole("seed", seed, 0)
+        check_seed(seed)
         leg = tested(subject, subject_dir, specimen_dir, site)
         folder = results_folder(out, "identify", leg.id)
         found = identify_in_full(

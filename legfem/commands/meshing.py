@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.common.command_line import AsJson, Quiet, command_context, leave_to_first_rank
+from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context, leave_to_first_rank
 from legfem.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def export(
     out: Annotated[Path, typer.Option(help="File: .msh, .xdmf, .vtu or .inp.", show_default=False)],
     subject: Annotated[str | None, typer.Option(help="Section of a subject of legfem's.")] = None,
@@ -30,7 +30,9 @@ def export(
         bool, typer.Option("--idealised", help="A quarter of the 3D correction's reference leg.")
     ] = False,
     finer: Annotated[float, typer.Option(min=0.2, max=5.0, help="Divides the sizes of the elements.")] = 1.0,
-    extrude: Annotated[float, typer.Option(min=0.0, help="Makes a slab of a section, so thick (mm).")] = 0.0,
+    extrude: Annotated[
+        float, typer.Option(min=0.0, max=1000.0, help="Makes a slab of a section, so thick (mm).")
+    ] = 0.0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:

@@ -10,6 +10,7 @@ import typer
 
 from legfem.common.command_line import (
     AsJson,
+    FiniteNumbers,
     Quiet,
     brief_output,
     check_out_folder,
@@ -18,7 +19,6 @@ from legfem.common.command_line import (
     study_context,
     usable_cores,
 )
-from legfem.common.errors import check_finite
 
 Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
@@ -33,13 +33,13 @@ app = typer.Typer(
 )
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def convergence(
     subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
     subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
     c10_kpa: Annotated[float, typer.Option("--c10", min=0.0, help="Deep C10 (kPa).")] = 0.70,
     c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Deep C20 (kPa).")] = 0.80,
-    depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 30.0,
+    depth: Annotated[float, typer.Option(min=1.0, max=60.0, help="mm.")] = 30.0,
     out: Out = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -50,7 +50,6 @@ def convergence(
     Example: legfem study convergence --subject 3
     """
     with study_context("convergence", out, jobs, quiet=quiet) as (folder, processes):
-        check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
         from legfem.study import convergence as convergence_command
 
         with brief_output(quiet, as_json) as written:
@@ -65,7 +64,7 @@ class Weighting(StrEnum):
     COVARIANCE = "covariance"
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Of the genetic algorithm.")] = 1,
     corrected: Annotated[bool, typer.Option("--corrected", help="Also with each leg's own 3D correction.")] = False,
@@ -99,7 +98,7 @@ class CountChoice(StrEnum):
     FACTORS = "factors"
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def doe(
     factors: Annotated[
         list[Path] | None,
@@ -161,7 +160,7 @@ def doe(
             end_without_a_solution("doe")
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def correction(
     subject_dir: Annotated[
         Path | None,
@@ -169,17 +168,19 @@ def correction(
             "--subject", help="Folder of a subject, whose own leg is solved in 3D and compared with the table."
         ),
     ] = None,
-    length: Annotated[float, typer.Option(min=1.0, help="Of the leg's segment (mm).")] = 120.0,
-    radius: Annotated[float, typer.Option(min=1.0, help="Of the leg (mm).")] = 57.0,
-    bone_radius: Annotated[float, typer.Option(min=1.0, help="mm.")] = 15.0,
+    length: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Of the leg's segment (mm).")] = 120.0,
+    radius: Annotated[float, typer.Option(min=1.0, max=200.0, help="Of the leg (mm).")] = 57.0,
+    bone_radius: Annotated[float, typer.Option(min=1.0, max=100.0, help="mm.")] = 15.0,
     bone_offset: Annotated[float, typer.Option(help="Of the bone towards the cylinder (mm).")] = 0.0,
     held: Annotated[bool, typer.Option("--held", help="Hold the end faces along the leg.")] = False,
-    cylinder_length: Annotated[float, typer.Option(min=1.0, help="mm.")] = 50.0,
-    edge_radius: Annotated[float, typer.Option(min=0.01, help="Rounding of the cylinder's end edges (mm).")] = 2.0,
+    cylinder_length: Annotated[float, typer.Option(min=1.0, max=500.0, help="mm.")] = 50.0,
+    edge_radius: Annotated[
+        float, typer.Option(min=0.01, max=100.0, help="Rounding of the cylinder's end edges (mm).")
+    ] = 2.0,
     c10_kpa: Annotated[float, typer.Option("--c10", min=1e-3, help="Reference (kPa).")] = 2.0,
     c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Of the subject's leg (kPa).")] = 0.0,
-    depth: Annotated[float, typer.Option(min=5.0, help="mm.")] = 25.0,
-    finer: Annotated[float, typer.Option(min=0.1, help="Divides the sizes of the mesh's elements.")] = 1.0,
+    depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="mm.")] = 25.0,
+    finer: Annotated[float, typer.Option(min=0.1, max=10.0, help="Divides the sizes of the mesh's elements.")] = 1.0,
     trends: Annotated[bool, typer.Option("--trends", help="Also P against length, stiffness and radius.")] = False,
     legs: Annotated[bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")] = False,
     fields: Annotated[bool, typer.Option("--fields", help="Also the 3D model's fields for ParaView.")] = False,
@@ -203,18 +204,6 @@ def correction(
         from legfem.study.correction.calibration import Calibration
         from legfem.study.correction.cases import CorrectionCase, Material
 
-        check_finite(
-            length=length,
-            radius=radius,
-            bone_radius=bone_radius,
-            bone_offset=bone_offset,
-            cylinder_length=cylinder_length,
-            edge_radius=edge_radius,
-            c10=c10_kpa,
-            depth=depth,
-            finer=finer,
-            c20=c20_kpa,
-        )
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         if subject_dir is not None:

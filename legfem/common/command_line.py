@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import logging
+import math
 import os
 import signal
 import sys
@@ -13,13 +14,28 @@ from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand
 
 from legfem.common.errors import InputError, UnsolvedError, missing_module
 
 _OPTION = "-no_signal_handler"
+
+
+class FiniteNumbers(TyperCommand):
+    """A command that refuses ``nan`` and ``inf`` for any of its numbers: limits let the one pass, meshes neither."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Check what was given, then run the command."""
+        with command_context():
+            for option in self.params:
+                given = ctx.params.get(str(option.name))
+                for one in given if isinstance(given, list | tuple) else (given,):
+                    if isinstance(one, float) and not math.isfinite(one):
+                        raise InputError(option.opts[0], f"{one}", "is no finite number", "give one")
+        return super().invoke(ctx)
 
 
 def ignore_broken_pipes() -> None:

@@ -97,16 +97,3 @@ def check_positive(owner: object, *names: str, zero_allowed: bool = False) -> No
                 problem=f"is {number:g}",
                 remedy=f"give a finite value of {bound}",
             )
-
-
-def check_finite(**options: float | None) -> None:
-    """Check options of a command: ``depth=`` is ``--depth``.
-
-    Raises
-    ------
-    InputError
-        If one is not a finite number, which ranges of options let pass.
-    """
-    for name, value in options.items():
-        if value is not None and not math.isfinite(value):
-            raise InputError(f"--{name.replace('_', '-')}", f"{value}", "is not a finite number", "give a number")

@@ -24,7 +24,7 @@ _SATURATED_SAMPLES = 10
 _NEIGHBOURS = 9
 MINIMAL_SAMPLES = 20
 """Of a loading."""
-GRADES = {"A": "nothing to say", "B": "usable", "C": "look at it first", "D": "not to be used"}
+GRADES = {"A": "good", "B": "usable", "C": "look at it first", "D": "not to be used"}
 """What grades mean."""
 BEST_GRADE = "A"
 
@@ -106,7 +106,7 @@ def quality_of(trial: Segmentation) -> Quality:
         saturated,
         drops,
         max((grade for grade, _ in judged), default=BEST_GRADE),
-        tuple(f"{grade}: {reason}" for grade, reason in judged) or ("A: nothing to say",),
+        tuple(f"{grade}: {reason}" for grade, reason in judged) or ("A: good",),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,13 +12,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from legfem.channels.kind import ChannelKind
+from legfem.channels.registry import CHANNELS, IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
-from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
-from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measured_by, measures, unit_named
-from legfem.data.recording import MOST, Recording, backwards, not_increasing
+from legfem.data.formats.sheet import (
+    FEWEST_ROWS,
+    OWN,
+    WORDS,
+    Column,
+    Quantity,
+    Sheet,
+    Unit,
+    measured_by,
+    measures,
+    unit_named,
+)
+from legfem.data.recording import MOST, RecordedChannel, Recording, backwards, not_increasing, since_start
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
 if TYPE_CHECKING:
@@ -70,6 +83,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
     """
     sheet = _sheet_named(path, sheets, channels.sheet)
     values = {q: _converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES}
+    values["time"] = since_start(values["time"])
     if _first_is_doubled(values["time"]):
         values = {q: v[1:] for q, v in values.items()}
     time = values["time"]
@@ -84,14 +98,14 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
         )
     used = {getattr(channels, q).column for q in QUANTITIES}
     left = tuple(column for column in sheet.columns if column.name not in used)
-    beside = tuple(_dense(left, kind, values["time"]) for kind in CHANNELS.values() if _columns_of(left, kind))
+    beside = tuple(_dense(left, kind, values["time"]) for kind in IN_COLUMNS if _columns_of(left, kind))
     return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
 
 
 def channel_of(column: Column) -> ChannelKind | None:
     """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
     name = column.name.lower()
-    named = (kind for kind in CHANNELS.values() if all(word in name for word in kind.name.split("_")))
+    named = (kind for kind in IN_COLUMNS if all(word in name for word in kind.name.split("_")))
     return next((kind for kind in named if measures(column, "force" if kind.is_force else "displacement")), None)
 
 
@@ -144,6 +158,8 @@ def propose(
         if table is not None and not given:
             raise refuse_untimed(path, table)
         sheet, first = why
+        if not given:
+            _refuse_other_table(path, sheets)
         remedy = first.remedy if first.field.startswith("--") else _mend(path, sheet, given, sheets)
         raise InputError(path, first.field, first.problem, remedy)
     if len(usable) > 1:
@@ -169,6 +185,38 @@ def propose(
     return Proposal(channels, (*reasons, reason))
 
 
+def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
+    """Refuse tables of which none has a recording's quantities: readings beside a force, or something else."""
+    columns = [column for sheet in sheets for column in sheet.columns]
+    kind = next((kind for column in columns if (kind := channel_of(column))), None)
+    has = {quantity: [c for c in columns if _may_be(c, quantity) and not channel_of(c)] for quantity in QUANTITIES}
+    if kind is not None and has["time"] and not has["force"]:
+        raise InputError(
+            path,
+            "columns",
+            f"holds {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording",
+            f"give in subject.toml, beside the recordings: [channels.{kind.name}] file = {json.dumps(path.name)} "
+            "(or a file a trial, with {trial} for the trial's name)",
+        )
+    pressures = [c for c in columns if measures(c, "pressure")]
+    if pressures and has["time"] and has["displacement"] and not has["force"]:
+        raise InputError(
+            path,
+            "columns",
+            f"holds a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
+            "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and run: "
+            f"legfem data preview {shlex.quote(str(path.parent.parent))}",
+        )
+    if not any(has.values()):
+        few = ", ".join(f"'{c.name}'" for c in columns[:6]) + (", ..." if len(columns) > 6 else "")
+        raise InputError(
+            path,
+            "columns",
+            f"is no recording: none of its columns ({few}) is named, or has a unit, like time, displacement or force",
+            f"if three of them are, name them: {_look(path, dict.fromkeys(QUANTITIES, 'NAME:UNIT'))}",
+        )
+
+
 def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str:
     """Return the command that would read a file, with the units that are to be confirmed or filled in."""
     options: dict[str, str] = {str(quantity): text for quantity, text in given.items()}
@@ -179,8 +227,13 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
         except InputError:
             named = [c for c in sheet.columns if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
             column = next((c for c in named if measured_by(c) in (quantity, None)), None)
+            stated = unit_named(column.unit) if column is not None and column.unit else None
             if column is None:
                 options[quantity] = "NAME:UNIT"
+            elif stated is not None and stated.quantity is None:
+                return f"export '{column.name}' in {OWN[quantity]}, or correct its unit in the file"
+            elif sum(c.name == column.name for c in sheet.columns) > 1:
+                return f"give the columns '{column.name}' names of their own in the file, then name one"
             else:
                 unit = column.unit if measured_by(column) == quantity and column.unit else OWN[quantity]
                 options[quantity] = f"{column.name}:{unit}"
@@ -188,9 +241,18 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
     if len(sheets) > 1 and sheet.name:
         options["sheet"] = sheet.name
     missing = [quantity for quantity, text in options.items() if text == "NAME:UNIT"]
-    if missing:
-        return f"name {' and '.join(missing)}: {_look(path, options)}"
-    return f"if {', '.join(assumed)}: {_look(path, options)}"
+    if not missing:
+        return f"if {', '.join(assumed)}: {_look(path, options)}"
+    taken = {text.rpartition(":")[0] for text in options.values()}
+    left = [
+        c.name
+        for c in sheet.columns
+        if c.name not in taken and (unit_named(c.unit or "") is None or measured_by(c) in missing)
+    ]
+    if not left:
+        return f"record {' and '.join(missing)}, too, and export all three columns"
+    among = f" (of {', '.join(map(repr, left))})"
+    return f"name {' and '.join(missing)}{among}: {_look(path, options)}"
 
 
 def _first_is_doubled(time: FloatArray) -> bool:
@@ -312,6 +374,8 @@ def _same_signal(a: Column, b: Column) -> bool:
 def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
     """Return the signs with which displacement and force grow in the first press, and why."""
     d, f = recording.displacement, recording.force
+    if len(d) < FEWEST_ROWS:
+        raise InputError(path, "rows", f"{len(d)} samples are no whole press", f"record at least {FEWEST_ROWS}")
     few = max(3, len(d) // 200)
     away = d - np.median(d[:few])
     change = f - np.median(f[:few])
@@ -396,8 +460,8 @@ def _own_table(path: Path, area: float | None) -> Recording:
     table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
     if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
         table = table.iloc[1:]
-    time = table["time_s"].to_numpy(dtype=np.float64)
-    _check_sizes(path, (table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column)))
+    time = since_start(table["time_s"].to_numpy(dtype=np.float64))
+    _check_sizes(path, (time, *(table[name].to_numpy(dtype=np.float64) for name in (HEADER[1], column))))
     rows = not_increasing(time)
     if rows:
         raise InputError(
@@ -412,7 +476,7 @@ def _own_table(path: Path, area: float | None) -> Recording:
         force=factor * table[column].to_numpy(dtype=np.float64),
         trial=path.stem,
         source=path,
-        channels=tuple(_sparse(kind, table["time_s"], table[name]) for name, kind in further.items()),
+        channels=tuple(_sparse(kind, time, table[name]) for name, kind in further.items()),
     )
 
 
@@ -431,13 +495,13 @@ def read_own(path: Path) -> Recording | None:
 def _channel_columns(path: Path) -> dict[str, ChannelKind]:
     """Return the columns of further channels in a table's first line."""
     first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
-    known = {kind.column: kind for kind in CHANNELS.values()}
+    known = {kind.column: kind for kind in IN_COLUMNS}
     return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
 
 
-def _sparse(kind: ChannelKind, time: pd.Series[float], values: pd.Series[float]) -> RecordedChannel:
-    read = values.notna()
-    return RecordedChannel(kind.name, time[read].to_numpy(), values[read].to_numpy(), kind.usual)
+def _sparse(kind: ChannelKind, time: FloatArray, values: pd.Series[float]) -> RecordedChannel:
+    read = values.notna().to_numpy()
+    return RecordedChannel(kind.name, time[read], values.to_numpy()[read], kind.usual)
 
 
 def _other_dialect(path: Path, area: float | None) -> Recording | None:

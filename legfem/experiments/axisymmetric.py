@@ -6,12 +6,14 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from legfem.channels.reading import ChannelReader
+from legfem.channels.registry import files_of
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
@@ -27,7 +29,6 @@ from legfem.meshing.meridian import MeridianMesh, MeridianMeshSettings, mesh_mer
 from legfem.meshing.section import DEEP
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.path import ForceCurve, Path
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport
 from legfem.solve.settings import NewtonSettings, StepSettings
@@ -169,6 +170,9 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
     A subclass gives the ``arrangement``: indenter, body and mesh.
     """
 
+    side_seen: ClassVar[bool] = False
+    """Whether channels of a specimen's side are read."""
+
     @property
     @abstractmethod
     def arrangement(self) -> Arrangement:
@@ -199,7 +203,8 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
         if isinstance(self.law, tuple):
             stiffnesses = (f"{name}.{key}" for name in self.laws for key in ("C10", "C20"))
             contact = replace(contact, stiffnesses=tuple(stiffnesses))
-        return IndentationModel(system, solver, contact, given.length, given.whole, settings.steps)
+        reader = ChannelReader(system, files_of("specimen")) if self.side_seen else None
+        return IndentationModel(system, solver, contact, given.length, given.whole, settings.steps, reader)
 
 
 class BallIndentation(AxisymmetricTest[BallOnLayer]):
@@ -228,6 +233,8 @@ class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
     The upper half is meshed, so that its plate moves by half of the compression; displacements are
     those of the whole.
     """
+
+    side_seen: ClassVar = True
 
     @property
     def arrangement(self) -> Arrangement:
@@ -270,8 +277,8 @@ def _doubled(solved: Solved) -> Solved:
     path, curve, report = solved.path, solved.curve, solved.report
     return Solved(
         solved.parameters,
-        ForceCurve(2 * curve.displacement, curve.force, curve.sensitivities),
-        Path(path.time, 2 * path.displacement, path.force, path.sensitivities),
+        replace(curve, displacement=2 * curve.displacement),
+        replace(path, displacement=2 * path.displacement),
         replace(report, reached=2 * report.reached, target=2 * report.target),
     )
 

@@ -57,4 +57,5 @@ class HalfwayTest:
         by = {
             name: 0.5 * (least.curve.sensitivities[name] + most.curve.sensitivity(name, at)) for name in sensitivities
         }
-        return replace(least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by))
+        beside = {name: 0.5 * (values + most.curve.channel(name, at)) for name, values in least.curve.channels.items()}
+        return replace(least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by, beside))

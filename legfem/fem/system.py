@@ -263,6 +263,16 @@ class System:
         local = self._assemble_skin().reshape(-1, self.spaces.dimension).sum(axis=0)
         return -np.asarray(self.comm.allreduce(local))
 
+    def nodal_contact_force(self) -> FloatArray:
+        """Return what the rank adds to the indenter's force on each of its skin's nodes, (nodes, dimension)."""
+        self._trace()
+        return -self._assemble_skin().reshape(-1, self.spaces.dimension)
+
+    @property
+    def displacement(self) -> float:
+        """Of the indenter along its line of travel, mm."""
+        return float((self._centre.value - self.start) @ self.direction)
+
     def _trace(self) -> None:
         self.skin.domain.unknown.x.array[:] = self.unknown.x.array[self.spaces.trace]
 

@@ -63,6 +63,10 @@ class SliceSet:
         return contours
 
 
+_WITHIN = 0.5
+"""mm: a leg that is moved a little as a whole still has all of its slices."""
+
+
 def calf_levels(shape: LegShape, count: int = 5, height: float = 30.0, centre: float | None = None) -> FloatArray:
     """Return the levels of slices spread over a height of the calf, (count,), mm.
 
@@ -76,7 +80,7 @@ def calf_levels(shape: LegShape, count: int = 5, height: float = 30.0, centre: f
         From the lowest to the highest, mm.
     centre : float, optional
         Level of the middle (mm); by default where the girth is largest, moved as far as it takes to
-        keep all slices within the leg.
+        keep all slices within the leg, and `_WITHIN` off its ends.
 
     Raises
     ------
@@ -92,7 +96,8 @@ def calf_levels(shape: LegShape, count: int = 5, height: float = 30.0, centre: f
             "give a longer segment, or spread the slices less",
         )
     if centre is None:
-        centre = float(np.clip(largest_girth(shape), low + height / 2, high - height / 2))
+        room = height / 2 + min(_WITHIN, (high - low - height) / 2)
+        centre = float(np.clip(largest_girth(shape), low + room, high - room))
     levels = centre + np.linspace(-height / 2, height / 2, count)
     if levels[0] < low or levels[-1] > high:
         raise InputError(

@@ -62,9 +62,15 @@ def read_surface(path: Path) -> Any:
     except ImportError:  # trimesh looks for the encoding of what it takes for text
         raise InputError(path, "file", "is neither a whole binary STL nor text", "save it again") from None
     except Exception as error:  # the readers raise all kinds
-        raise InputError(path, "file", f"is no surface that can be read ({error})", "save it as STL") from None
+        said = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(path, "file", f"is no surface that can be read ({said})", "save it as STL") from None
+    if not isinstance(surface, trimesh.Trimesh):
+        what = "points" if isinstance(surface, trimesh.PointCloud) else "a drawing"
+        raise InputError(path, "file", f"holds {what}, no surface", "save the leg's part as STL, PLY or OBJ")
     if len(surface.faces) == 0:
         raise InputError(path, "file", "holds no triangles", "save it as STL, PLY or OBJ")
+    if not np.isfinite(surface.vertices).all():
+        raise InputError(path, "surface", "has corners that are no finite numbers", "save it again")
     if not surface.is_watertight:
         edges, count = np.unique(surface.edges_sorted, axis=0, return_counts=True)
         free = edges[count == 1]

@@ -13,11 +13,14 @@ of a stiffness.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize
 
@@ -46,7 +49,7 @@ class Kriging:
     def __init__(self, at: FloatArray, values: FloatArray, slopes: FloatArray, nugget: float) -> None:
         self._at, self._nugget = at, nugget
         self._values = np.vstack([values, *(slopes[:, j, :] for j in range(self.dimensions))])
-        self._trend = _trend(at, derivatives=True)
+        self._trend = _trend(at)
 
     @property
     def dimensions(self) -> int:
@@ -61,9 +64,21 @@ class Kriging:
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the values (..., m) at coordinates (..., p)."""
         flat = at.reshape(math.prod(at.shape[:-1]), self.dimensions)
-        covariance = _covariance(flat, self._at, self._fit.lengths, rows=False)
-        values = covariance @ self._fit.weights + _trend(flat, False) @ self._fit.trend
-        return np.asarray(values).reshape(*at.shape[:-1], values.shape[-1])
+        values = _covariance(flat, self._at, self._fit.lengths) @ self._fit.weights
+        values += self._fit.trend[0] + flat @ self._fit.trend[1:]
+        return values.reshape(*at.shape[:-1], values.shape[-1])
+
+    @property
+    def size(self) -> int:
+        """Number m of quantities."""
+        return int(self._values.shape[1])
+
+    def part(self, columns: Sequence[int] | NDArray[np.int_]) -> Kriging:
+        """Return the kriging of some of the quantities, with the covariance of all."""
+        found, fit = copy(self), self._fit
+        found._values = self._values[:, columns]
+        found._fit = replace(fit, weights=fit.weights[:, columns], trend=fit.trend[:, columns])
+        return found
 
     @cached_property
     def _fit(self) -> _Fit:
@@ -91,7 +106,7 @@ class Kriging:
             return -1e12
 
     def _fitted(self, lengths: FloatArray) -> _Fit:
-        covariance = _covariance(self._at, self._at, lengths, rows=True)
+        covariance = _covariance_of_samples(self._at, lengths)
         covariance += self._nugget * np.eye(len(covariance))
         factor = cho_factor(covariance, lower=True)
         whitened = cho_solve(factor, self._trend)
@@ -113,28 +128,30 @@ class _Fit:
     log_likelihood: float
 
 
-def _trend(at: FloatArray, derivatives: bool) -> FloatArray:
+def _trend(at: FloatArray) -> FloatArray:
+    """Return what values, and then derivatives, at places (n, p) take of a linear trend."""
     n, p = at.shape
-    value = np.hstack([np.ones((n, 1)), at])
-    if not derivatives:
-        return value
     slopes = [np.tile(np.eye(p + 1)[j + 1], (n, 1)) for j in range(p)]
-    return np.vstack([value, *slopes])
+    return np.vstack([np.hstack([np.ones((n, 1)), at]), *slopes])
 
 
-def _covariance(a: FloatArray, b: FloatArray, lengths: FloatArray, rows: bool) -> FloatArray:
-    """Return the covariance of values (and with ``rows`` derivatives) at a with both at b."""
+def _covariance(at: FloatArray, samples: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return the covariance of values at places (q, p) with values and derivatives at samples (n, p)."""
+    apart = (at[:, None, :] - samples) / lengths
+    k = np.exp(-0.5 * np.einsum("qnp,qnp->qn", apart, apart))
+    slopes = (apart / lengths * k[..., None]).transpose(0, 2, 1)
+    return np.concatenate([k, slopes.reshape(len(at), -1)], axis=1)
+
+
+def _covariance_of_samples(samples: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return the covariance of values and derivatives at samples (n, p) with each other."""
     inverse = 1 / lengths**2
-    apart = a[:, None, :] - b[None, :, :]
-    k = np.exp(-0.5 * np.einsum("ijp,p->ij", apart**2, inverse))
-    p = len(lengths)
-    by_b = [apart[:, :, q] * inverse[q] * k for q in range(p)]
-    top = np.hstack([k, *by_b])
-    if not rows:
-        return top
-    blocks = [top]
+    apart = samples[:, None, :] - samples[None, :, :]
+    n, p = samples.shape
+    blocks = [_covariance(samples, samples, lengths)]
+    k = blocks[0][:, :n]
     for q in range(p):
-        line = [-by_b[q]]
+        line = [-apart[:, :, q] * inverse[q] * k]
         for r in range(p):
             kronecker = inverse[q] if q == r else 0.0
             line.append((kronecker - apart[:, :, q] * apart[:, :, r] * inverse[q] * inverse[r]) * k)

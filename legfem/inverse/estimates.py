@@ -98,15 +98,15 @@ _TOLD = {
     "fascia.C10": "if the assumed C10 of the fascia were 10 % higher",
 }
 _RULED_BY: Mapping[ErrorSource, str] = {
-    "differences": "that recordings differ by a factor",
-    "model": "the model's own",
+    "differences": "differences of recordings by a factor",
+    "model": "the model's own error",
     "misfit": "what the law misses",
-    "sizes": "that of the specimen's sizes",
-    "ends": "that of the correction for the cylinder's ends",
-    "shape": "that of a typical shape in place of measured outlines",
-    "fibres": "that of the muscle fibres' ratio and effect",
-    "channels": "that of what was recorded beside the force",
-    "priors": "that of what was known before the test",
+    "sizes": "errors of the specimen's sizes",
+    "ends": "the correction for the cylinder's ends",
+    "shape": "a typical shape in place of measured outlines",
+    "fibres": "the muscle fibres' ratio and effect",
+    "channels": "errors of what was recorded beside the force",
+    "priors": "errors of what was known before the test",
 }
 
 
@@ -190,7 +190,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             why += f"; {optimum.departure.text}"
         source = main_source(shares[k])
         if source in _RULED_BY:
-            part = f"{100 * shares[k][source]:.0f} % of the error's square is {_RULED_BY[source]}"
+            part = f"{100 * shares[k][source]:.0f} % of the variance comes from {_RULED_BY[source]}"
             why += f"; {part}"
         if optimum.plane and parameter.name == DEEP_C10:
             why += "; a constant factor cannot be distinguished from it"

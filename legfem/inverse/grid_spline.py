@@ -32,22 +32,23 @@ class GridSpline:
         return np.concatenate([[0.0], self.grid])
 
     @cached_property
-    def _pieces(self) -> FloatArray:
-        """Coefficients (m, 4, m + 1) of every piece by the values, the cubic one first."""
-        return np.ascontiguousarray(np.moveaxis(CubicSpline(self._knots, np.eye(len(self._knots))).c, 0, 1))
+    def _coefficients(self) -> FloatArray:
+        """Of every piece by the values, (4 m, m + 1), the cubic ones of all pieces first."""
+        own = CubicSpline(self._knots, np.eye(len(self._knots))).c
+        return np.ascontiguousarray(own.reshape(-1, len(self._knots)))
 
     def through(self, values: FloatArray) -> PPoly:
         """Return the spline through values (m + 1,)."""
-        return PPoly.construct_fast(np.ascontiguousarray((self._pieces @ values).T), self._knots)
+        return PPoly.construct_fast((self._coefficients @ values).reshape(4, -1), self._knots)
 
     def at(self, displacement: FloatArray) -> At:
         """Return what evaluates courses (m + 1, k) at displacements (n,), as (n, k); below zero as at zero."""
         inside = np.maximum(displacement, 0.0)
-        piece = np.clip(np.searchsorted(self._knots, inside, side="right") - 1, 0, len(self.grid) - 1)
-        t = inside - self._knots[piece]
-        powers = np.stack([t**3, t**2, t, np.ones(len(t))], axis=1)
+        piece = np.minimum(np.searchsorted(self.grid, inside, side="right"), len(self.grid) - 1)
+        t = (inside - self._knots[piece])[:, None]
 
         def evaluated(courses: FloatArray) -> FloatArray:
-            return np.asarray(np.einsum("nq,nqk->nk", powers, (self._pieces @ courses)[piece]))
+            cubic, square, linear, constant = (self._coefficients @ courses).reshape(4, len(self.grid), -1)[:, piece]
+            return np.asarray(((cubic * t + square) * t + linear) * t + constant)
 
         return evaluated

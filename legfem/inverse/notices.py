@@ -15,7 +15,7 @@ from legfem.inverse.search_log import SearchLog
 UNCONVERGED = (
     "The search ended before it converged: the optimum may lie elsewhere. Rerun with another --seed or narrower bounds."
 )
-LAW_MISSES = "The intervals hold for the law as fitted and understate what is unknown."
+LAW_MISSES = "Its intervals assume that the law is right, so they are too narrow."
 _FAR = 3.0
 """Standard deviations from a prior's centre that chance doesn't explain."""
 

@@ -97,7 +97,7 @@ def code_fingerprint(*modules: str) -> str:
     for package in ("fenics-dolfinx", "petsc4py", "gmsh"):
         digest.update(package_version(package).encode())
     for name in sorted(_imported(modules)):
-        digest.update(name.encode() + ast.dump(_parsed(name)).encode())
+        digest.update(_read(name)[0])
     return digest.hexdigest()[:16]
 
 
@@ -107,14 +107,9 @@ def _imported(modules: tuple[str, ...]) -> set[str]:
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
-        if name in found or _file(name) is None:
-            continue
-        found.add(name)
-        for node in _statements(_parsed(name)):
-            if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-                waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-            elif isinstance(node, ast.Import):
-                waiting += [alias.name for alias in node.names]
+        if name not in found and _file(name) is not None:
+            found.add(name)
+            waiting += _read(name)[1]
     return found
 
 
@@ -129,11 +124,11 @@ def _file(name: str) -> Path | None:
 
 
 @cache
-def _parsed(name: str) -> ast.Module:
-    """Return a module's tree without the texts that stand as statements."""
+def _read(name: str) -> tuple[bytes, list[str]]:
+    """Return a module's name and code without the texts that stand as statements, and what it may import."""
     file = _file(name)
     assert file is not None
-    tree = ast.parse(file.read_text(encoding="utf-8"))
+    tree, imported = ast.parse(file.read_text(encoding="utf-8")), []
     for node in _statements(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             node.body = [
@@ -141,7 +136,11 @@ def _parsed(name: str) -> ast.Module:
                 for entry in node.body
                 if not (isinstance(entry, ast.Expr) and isinstance(entry.value, ast.Constant))
             ]
-    return tree
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            imported += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Import):
+            imported += [alias.name for alias in node.names]
+    return name.encode() + ast.dump(tree).encode(), imported
 
 
 def _statements(tree: ast.Module) -> Iterator[ast.AST]:

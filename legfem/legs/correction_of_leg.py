@@ -353,11 +353,16 @@ def why_uncorrected(subject: Subject) -> str | None:
     """Return why there is no correction by default; None where there is one."""
     if subject.plane_strain:
         return "the recordings are simulated in plane strain, which has no ends"
-    if other := _another_cylinder(subject, read_correction(REFERENCE).given["cylinder"]):
-        return (
-            f"legfem's own is for {other}; calibrate one with "
-            "legfem study correction --cylinder-length, and give it with --correction"
-        )
+    given = read_correction(REFERENCE).given["cylinder"]
+    if other := _another_cylinder(subject, given):
+        if np.isclose(subject.indenter.radius, given["radius"], rtol=0.01):
+            remedy = (
+                f"calibrate one with `legfem study correction --cylinder-length {subject.indenter.length:g} --out "
+                "correction`, and give it with `--correction correction/correction.json`"
+            )
+        else:
+            remedy = "`--model 3d` solves the leg with its own cylinder"
+        return f"legfem's own is for {other}; {remedy}"
     return None
 
 

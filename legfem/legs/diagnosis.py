@@ -109,20 +109,17 @@ class Diagnoser:
         remarks = list(observed.remarks)
         if not subject.instrument.stated:
             remarks.append(
-                "subject.toml states no instrument accuracy: errors are those seen from sample to "
-                "sample and between repeats. What drifts slowly or is alike in all trials cannot be "
-                "distinguished from physics; state the data sheet's figures under [instrument]."
+                "subject.toml states no instrument accuracy: the errors are those from sample to "
+                "sample and between repeats. What drifts slowly, or is the same in all trials, cannot be "
+                "distinguished from physics. State the data sheet's figures under [instrument]."
             )
         if subject.plane_strain and not subject.plane_strain_stated:
             remarks.append(
-                "subject.toml doesn't say whether the simulation had the cylinder's ends, so they "
-                "are among what may be left out; state plane_strain under [recordings]."
+                "subject.toml does not say whether the simulation had the cylinder's ends, so the effect of "
+                "ends is among the candidates. State plane_strain under [recordings]."
             )
         if observed.repeats < 2:
-            remarks.append(
-                "No protocol was repeated: errors between trials aren't seen, and come from "
-                "the instruments' figures alone."
-            )
+            remarks.append("No protocol was repeated, so the errors between trials are the instruments' figures alone.")
         return replace(observed, remarks=tuple(remarks))
 
     def library(self, subject: Subject, observed: Observations, progress: Progress) -> tuple[Library, SolvedResponses]:
@@ -143,6 +140,7 @@ class Diagnoser:
         observed, accuracy = self.observations(subject), accuracy_of(subject)
         library, solved = self.library(subject, observed, progress)
         observed = observed.with_channels(library.beside.names)
+        library = library.seeing([course for one in observed.channels for course in one.courses])
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose_body(
             observed,

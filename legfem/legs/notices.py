@@ -34,7 +34,7 @@ _TYPICAL = (
     "CT or ultrasound remove that error."
 )
 _NO_FIBRES = (
-    "The 3D correction takes muscle to be alike in all directions. Where its shear modulus along "
+    "The 3D correction takes muscle to be equally stiff in all directions. Where its shear modulus along "
     "the leg is three times that across, a cylinder of 50 mm meets 13 to 27 % more force "
     "(studies/fibres), and C10 is about as much too high. State fibre_ratio under [tissues.deep], "
     "or [[elastography]] along and across."
@@ -71,8 +71,8 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
     texts += of_elastography(details.subject, fit.estimates)
     if several and sum(one is not None for one in details.corrections) > 1:
         texts.append(
-            "What is wrong with the 3D correction is taken to be wrong alike at all sites: it "
-            "doesn't average out, and more sites don't narrow that part of the intervals."
+            "The error of the 3D correction is taken to be the same at all sites. It does not average "
+            "out, so more sites do not narrow that part of the intervals."
         )
     for name, tissue in details.subject.tissues.items():
         if name != "deep" and (ratio := poisson_ratio(tissue)) is not None and ratio < 0:
@@ -149,11 +149,11 @@ def _disagreement_of_sites(fit: Fit[LegDetails]) -> str:
             f"{key_of(name)} departs most at {far.name}, by {far.by_itself[name].departure:+.1f} standard errors"
         )
     return (
-        "The sites do not ask for the same parameters (chi-square "
+        "The sites do not agree on the parameters (chi-square "
         f"{fit.agreement.chi_square:.3g} for {fit.agreement.degrees_of_freedom} degrees "
-        f"of freedom): {'; '.join(departures)}. Something is otherwise there, wrongly "
-        "given, or left out by the law: diagnose that site by itself. Intervals are as wide as "
-        "if recordings erred by enough to make that usual, and hold for no cause in particular."
+        f"of freedom): {'; '.join(departures)}. That site differs, was stated wrongly, "
+        "or has physics that the law leaves out: diagnose it alone. The intervals are widened until such "
+        "a disagreement would be usual, and assume no particular cause."
     )
 
 
@@ -164,7 +164,7 @@ def begun_in_air(measured: LoadingCurve) -> Iterator[str]:
         at = ", ".join(f"{displacement:.2f}" for displacement in in_air)
         yield (
             f"{len(in_air)} of {measured.n_trials} recordings seem to begin in air: "
-            f"first contact is put at {at} mm. Very soft tissue that stiffens looks alike; if "
+            f"first contact is put at {at} mm. Very soft tissue that stiffens looks the same; if "
             "displacement counts from first touch, say so in subject.toml: [recordings] "
             "starts_at_contact = true."
         )
@@ -211,7 +211,7 @@ def disagreement(
             f"{abs(apart):.1f} standard deviations ({prior.source}: C10 "
             f"{mpa_to_kpa(prior.centre):.3g} ± {mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of "
             "100 Hz and more meet a stiffer tissue than a slow test does: a wider sd_kPa should "
-            "hold that, or one of the two is wrong."
+            "cover the difference, or one of the two is wrong."
         )
 
 
@@ -227,7 +227,7 @@ def _in_3d(fit: Fit[LegDetails], spatial: SpatialSites) -> Iterator[str]:
         )
     elif (fibres := fit.details.subject.fibres) is None:
         yield (
-            "Muscle is taken to be alike in all directions. Give --identify deep.fibre_ratio where "
+            "Muscle is taken to be equally stiff in all directions. Give --identify deep.fibre_ratio where "
             "the leg is pressed in two ways, or state fibre_ratio under [tissues.deep]."
         )
     else:
@@ -260,8 +260,8 @@ def _of_fibres(subject: Subject, in_correction: bool) -> Iterator[str]:
 def _without_correction(subject: Subject) -> str:
     if subject.plane_strain:
         return (
-            "these recordings are simulated in plane strain and hold no end effects. Recordings of "
-            "a leg get one by default."
+            "these recordings were simulated in plane strain and so contain no end effects. Recordings of "
+            "a real leg are corrected by default."
         )
     other = why_uncorrected(subject)
     return (

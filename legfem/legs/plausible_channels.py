@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from legfem.channels.kind import Recorded, Site
+from legfem.channels.registry import FILE_OF
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import Segmentation
 from legfem.data.channel_reader import LONGEST_LAG_S
-from legfem.data.channels import RecordedChannel
+from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import LOADING
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import LegSection, layer_thicknesses
+from legfem.geometry.section import LegSection
 
 _FARTHEST_LAG_S = 3.0
 """That is looked for."""
-_APART_MM, _APART = 3.0, 0.35
-"""Of a thickness from the section's own: mm, or a share of it where that is more."""
 
 
 def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter, outline_sd: float = 0.0) -> None:
@@ -40,11 +40,12 @@ def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter,
     for channel in trial.recording.channels:
         source = trial.source
         _check_time(channel, trial, source)
-        if channel.name == "lateral_force":
-            _check_lateral(channel, trial, source)
-        if channel.name in ("fat_thickness", "muscle_thickness"):
-            own = layer_thicknesses(section, indenter.aim, indenter.direction).get(channel.name)
-            _check_thickness(channel, trial, source, own, outline_sd)
+        force = np.interp(channel.time, trial.recording.time, trial.recording.force - trial.contact.baseline)
+        depths, values = loading_depths(channel, trial), channel.values
+        recorded = Recorded(values, depths, force, channel.accuracy, Site(section, indenter), outline_sd, channel.place)
+        found = FILE_OF[channel.name].check(channel.kind, recorded)
+        if found is not None:
+            raise InputError(source, channel.name, found.what, found.remedy)
 
 
 def loading_depths(channel: RecordedChannel, trial: Segmentation) -> FloatArray:
@@ -73,7 +74,8 @@ def _check_time(channel: RecordedChannel, trial: Segmentation, source: str) -> N
             f"from {t[0]:g} to {t[-1]:g} s",
             "give its times on the recording's clock",
         )
-    lag = seen_lag(channel, trial)
+    # The place that moves most shows it best.
+    lag = seen_lag(max((one for _, one in channel.at_each_place()), key=lambda one: float(np.ptp(one.values))), trial)
     if abs(lag) >= LONGEST_LAG_S:
         raise InputError(
             source,
@@ -105,54 +107,3 @@ def seen_lag(channel: RecordedChannel, trial: Segmentation) -> float:
     now = left(0.0)
     clear = np.sqrt(now) > 2 * channel.accuracy.reading and squares.min() < 0.25 * now
     return float(lags[np.argmin(squares)]) if clear else 0.0
-
-
-def _check_lateral(channel: RecordedChannel, trial: Segmentation, source: str) -> None:
-    force = np.interp(channel.time, trial.recording.time, trial.recording.force - trial.contact.baseline)
-    pressed = force > 0.2 * force.max()
-    if pressed.any() and np.median(np.abs(channel.values[pressed]) / force[pressed]) > 1.0:
-        worst = float(np.abs(channel.values[pressed]).max())
-        raise InputError(
-            source,
-            "lateral_force",
-            f"it is up to {worst:.3g} N, more than the force along the travel ({force.max():.3g} N)",
-            "check which of the load cell's axes is which, and its zero",
-        )
-
-
-def _check_thickness(
-    channel: RecordedChannel, trial: Segmentation, source: str, own: float | None, outline_sd: float
-) -> None:
-    name = channel.name.replace("_", " ")
-    if own is None:
-        raise InputError(
-            source,
-            channel.name,
-            "the line of travel meets no bone in the section: there is no such thickness",
-            "leave the column out, or correct aim_mm and direction_deg",
-        )
-    depth = loading_depths(channel, trial)
-    kept = np.isfinite(depth)
-    depth, values = depth[kept], channel.values[kept]
-    # A single frame says little of how it changes.
-    several = len(values) > 2 and np.ptp(depth) > 0
-    start, end = Polynomial.fit(depth, values, 1)(np.array([0.0, depth.max()])) if several else (values[0], values[0])
-    accuracy = channel.accuracy
-    # Of a line through n readings.
-    error = accuracy.reading * np.sqrt(12 / len(values))
-    if several and end - start > max(3 * error, 0.05 * own):
-        raise InputError(
-            source,
-            channel.name,
-            f"the {name} grows from {start:.3g} to {end:.3g} mm as the cylinder presses",
-            "check that the columns aren't exchanged, and that the frames are in order",
-        )
-    first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
-    tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * outline_sd) + float(depth.min())
-    if abs(first - own) > tolerance:
-        raise InputError(
-            source,
-            channel.name,
-            f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and the section's own is {own:.3g} mm",
-            "check its unit, the outlines, and that both are along the line of travel",
-        )

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from legfem.channels.kind import ChannelKind
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
-from legfem.data.channels import CHANNELS, ChannelKind
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import ChannelFit, Fit
@@ -27,7 +28,7 @@ def beside_force(fit: Fit[Any]) -> list[tuple[int, int]]:
 
 def channel_name(one: ChannelFit) -> str:
     """Return a channel's name in words."""
-    return one.channel.name.replace("_", " ")
+    return CHANNELS[one.channel.name].title
 
 
 def beside_curves(

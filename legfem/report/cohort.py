@@ -122,10 +122,7 @@ def _headline(members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Susp
     answers = [
         ("How many", f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"),
         ("Without a result", listed(failed) if failed else "none"),
-        (
-            "What is odd",
-            f"{len(odd)} thing{'' if len(odd) == 1 else 's'} to look into" if odd else "nothing that was looked for",
-        ),
+        ("What is odd", f"{len(odd)} thing{'' if len(odd) == 1 else 's'} to look into" if odd else "nothing"),
         *([("Compared under", model)] if model else []),
     ]
     return web.Headline(tone, f"Of {len(rows)} members: {said}.", answers, f"{good} of {len(rows)} can be used")
@@ -206,9 +203,9 @@ def _numbers(
         blocks.append(_forest(members, rows, found, names, units))
     if model:
         others = [row.name for row in rows if row.done and row.judged.preferred != model]
-        text = f"Members are compared under one model, {model}, which most recordings ask for."
+        text = f"Members are compared under one model, {model}, which most recordings need."
         if others:
-            text += f" {len(others)} ask for another: {listed(others)}. The table in cohort.csv has both."
+            text += f" {len(others)} need another: {listed(others)}. The table in cohort.csv has both."
         blocks.append(web.Prose(text))
     table = SortableTable(
         "numbers",

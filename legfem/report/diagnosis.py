@@ -20,7 +20,7 @@ from legfem.report import page as web
 from legfem.report.diagnosis_channels import channel_chapter
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
-from legfem.report.diagnosis_headline import TITLE, capital, headline
+from legfem.report.diagnosis_headline import TITLE, capital, headline, to_do
 from legfem.report.diagnosis_numbers import known_of
 from legfem.report.diagnosis_section import misfit_in_section
 from legfem.report.diagnosis_sentences import hidden_sentence, next_experiments, percent, verdict_sentence
@@ -56,7 +56,7 @@ def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
         how = _to_state(found)
         return [*blocks, how] if how.rows else blocks
     if not wanted:
-        return [web.Prose("No further test is needed: use the stiffness together with the law that it belongs to.")]
+        return [web.Prose(to_do(found, plan))]
     why = {"ambiguous": "To distinguish the candidates:", "named": "To confirm the cause that was found:"}
     before = [web.Prose(why[found.verdict])] if found.verdict in why else []
     return [*before, web.Bullets(wanted)]
@@ -189,7 +189,7 @@ def _physics(found: Diagnosis) -> list[web.Block]:
     blocks: list[web.Block] = [
         web.Prose(f"Verdict: {found.verdict.upper()}. {verdict_sentence(found)}"),
         web.Prose(_looks(found)),
-        web.WebTable("What was left out, and how probably", *tables.explanation_cells(found)),
+        web.WebTable("How probable each explanation is", *tables.explanation_cells(found)),
     ]
     blocks += _checks(found)
     if found.verdict == "consistent":
@@ -212,11 +212,12 @@ def _checks(found: Diagnosis) -> list[web.Block]:
     """Return what the base model and the first explanation leave in each phase."""
     return [
         web.Prose(
-            "By phase: what a model leaves (root mean square) beside what gain, zero, noise and all that is not known "
-            "exactly make, and in what share of tests that the model describes as much would be left. A share below "
-            "1 % means that the model's form is wrong there, whatever its probability among the models that were tried."
+            "The next table compares the misfit in each phase (root mean square) with what errors of gain and zero, "
+            "noise, and all that is not known exactly would cause. It gives the share of tests in which a correct "
+            "model would miss by as much. A share below 1 % means that the model's form is wrong in that phase, "
+            "however probable it is among the models that were tried."
         ),
-        web.WebTable("What the models leave in each phase", *tables.phase_cells(found), folded=True),
+        web.WebTable("Misfit of the models in each phase", *tables.phase_cells(found), folded=True),
     ]
 
 
@@ -227,28 +228,30 @@ def _how_common(found: Diagnosis) -> list[web.Block]:
         return []
     return [
         web.Prose(
-            "How common an effect is counts in C10's range. “Judgement” means that nobody has counted it. The last "
-            f"two columns are C10's range if the effect were {TIMES:g} times as rare, or as common, as assumed."
+            "C10's range depends on how common each effect is assumed to be. “Judgement” means that nobody has counted "
+            f"it. The last two columns give C10's range if the effect were {TIMES:g} times rarer, or more common."
         ),
-        web.WebTable("How common effects are taken to be, and what that does to C10", *rows, folded=True),
+        web.WebTable("How common effects are assumed to be, and C10's range", *rows, folded=True),
     ]
 
 
 def _hidden(found: Diagnosis) -> list[web.Block]:
     """Return what could hide, sorted by what it does to C10."""
     how = (
-        "Each effect was made stronger step by step, and everything else fitted again, up to the strength that "
-        "it can have. “Open” means that the recordings bound it no more closely than that; C10 and "
-        "the largest change of the force are what they would then be."
+        "Each effect was made stronger step by step, up to the greatest strength that is possible, and everything "
+        "else was fitted again each time. “Open” means that even that strength agrees with the recordings. C10 and "
+        "the largest change of the force are given for the ends of each range."
     )
     limit = f"{100 * TRUSTED:.0f} %"
     table = web.WebTable(
         "How strong each mechanism may be without being detected", *tables.limit_cells(found), folded=True
     )
     if not found.hidden:
-        return [web.Prose(f"{how} None of them can move C10 by more than {limit} without being seen."), table]
+        return [web.Prose(f"{how} None of them can change C10 by more than {limit} without being detected."), table]
     return [
-        web.Prose(f"{how} These could move C10 by more than {limit} without being seen, the greatest first:"),
+        web.Prose(
+            f"{how} The following could change C10 by more than {limit} without being detected, the largest first:"
+        ),
         web.Bullets([hidden_sentence(found, *one) for one in found.hidden]),
         table,
     ]
@@ -353,11 +356,11 @@ def _alike(found: Diagnosis) -> list[str]:
 def _noise(found: Diagnosis) -> str:
     noise, posterior = found.errors.noise, found.best.posterior
     return (
-        f"A force reading has an error of {noise.force_sd:.3g} N about the course of its trial "
-        f"({noise.white_sd:.2g} N from reading to reading; {noise.slow_sd:.2g} N slowly, over "
-        f"{noise.correlation_time:.2g} s), the zero of a trial {posterior.zero_sd:.2g} N, its gain "
-        f"{100 * posterior.gain_sd:.2g} %, the displacement {noise.wander_sd:.2g} mm "
-        f"(from {noise.source}). The {len(found.observed.values)} values compared are equivalent to "
+        f"Standard deviations: {noise.force_sd:.3g} N of a force reading within its trial "
+        f"({noise.white_sd:.2g} N from reading to reading, and {noise.slow_sd:.2g} N slowly, over "
+        f"{noise.correlation_time:.2g} s), {posterior.zero_sd:.2g} N of a trial's zero, "
+        f"{100 * posterior.gain_sd:.2g} % of its gain, and {noise.wander_sd:.2g} mm of the displacement. They come "
+        f"from {noise.source}. The {len(found.observed.values)} values compared are equivalent to "
         f"{found.errors.effective_samples:.0f} independent ones. {_solutions(found)} What is not "
         "known exactly (the geometry and the assumed tissue parameters) may vary within "
         "its stated accuracy; the table of numbers says how far each was moved."
@@ -367,7 +370,9 @@ def _noise(found: Diagnosis) -> str:
 def _solutions(found: Diagnosis) -> str:
     if not (found.solutions or found.emulator_error > 0):
         return "No full finite-element solution confirmed the interpolated forces."
-    made = f"{found.solutions} finite-element solutions were computed in this run, besides those from earlier runs; "
+    one = found.solutions == 1
+    made = f"{found.solutions or 'No'} finite-element solution{'' if one else 's'} {'was' if one else 'were'} computed "
+    made += "in this run, beside those from earlier runs; "
     if math.isnan(found.emulator_error):
         return made + "a solution of the base model stopped, so the interpolation could not be checked."
     return made + (

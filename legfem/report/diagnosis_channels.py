@@ -122,8 +122,8 @@ def _channel_curves(found: Diagnosis, protocol: int) -> Iterator[Curves]:
         at = span.start + rows
         lines = [
             Line("recorded" if len(at) == 1 else "recorded, mean", observed.values[at].mean(axis=0), None, points=True),
-            _line(BASE_NAME, found.weighted_base, at, BASE_COLOUR),
-            *(_line(shown.name, shown.model, at, REPAIRED_COLOUR) for shown in models),
+            _line(BASE_NAME, found.weighted_base, at, BASE_COLOUR, bool(one.places)),
+            *(_line(shown.name, shown.model, at, REPAIRED_COLOUR, bool(one.places)) for shown in models),
         ]
         here = set(at.ravel().tolist())
         yield beside_curves(
@@ -138,11 +138,12 @@ def _channel_curves(found: Diagnosis, protocol: int) -> Iterator[Curves]:
         )
 
 
-def _line(name: str, model: Explanation, at: NDArray[np.int_], colour: str) -> Line:
+def _line(name: str, model: Explanation, at: NDArray[np.int_], colour: str, points: bool) -> Line:
+    """Return what a model makes of readings in rows; as points where they are of many places."""
     left = left_of(model)
     met = model.fit.prediction + model.fit.residual - left
     dash: Dash = "dashed" if name == BASE_NAME else "solid"
-    return Line(name, met[at].mean(axis=0), -left[at].mean(axis=0), colour, dash)
+    return Line(name, met[at].mean(axis=0), -left[at].mean(axis=0), colour, dash, points)
 
 
 def _by_trial(readings: NDArray[np.int_], trial: NDArray[np.int_]) -> NDArray[np.int_]:

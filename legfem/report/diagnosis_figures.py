@@ -43,7 +43,7 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     every = found.explained.statements()[:MOST_STATEMENTS]
     listed = {model.names: model for model in found.models}
     figure = new_figure(8.6, 1.9 + 0.27 * len(every))
-    title(figure, "What was left out, and how probably", subject, origin)
+    title(figure, "How probable each explanation is", subject, origin)
     axes = figure.subplots()
     for row, one in enumerate(every):
         model = listed.get(one.names) if one.names else None

@@ -27,7 +27,7 @@ from legfem.report.diagnosis_sentences import (
     statements,
 )
 from legfem.report.estimates import high_or_low
-from legfem.report.words import number
+from legfem.report.words import moduli_text, number
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
 _MOST_CAUSES = 2
@@ -54,7 +54,7 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
             ("Problems found", _wrong(found)),
             ("How sure", _sure(found)),
             ("Effect on C10", _stiffness(found)),
-            ("What to do", _to_do(found, plan)),
+            ("What to do", to_do(found, plan)),
             *_high_or_low(found, tissue),
         ],
         heading,
@@ -86,14 +86,30 @@ def _write_down(found: Diagnosis) -> str:
         return "C10 was given, not found."
     low, high = _within(found)
     if found.verdict == "ambiguous" and not _alike(found):
-        return f"Write down a range: C10 between {low} and {high} kPa."
+        return f"Write down a range: C10 between {low} and {high} kPa, {_moduli_between(found)}."
     best = found.models[0] if found.models else found.base
     if not determined(best, DEEP_C10):
         return "Write down no number: this test cannot determine C10."
     if _wide(found):
         value = _value(found, best)
-        return f"Write down a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present)."
-    return f"Write down: C10 {_value(found, best)} kPa (most likely between {low} and {high})."
+        return (
+            f"Write down a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present), "
+            f"{_moduli_between(found)}."
+        )
+    c10, error = mpa_to_kpa(best.value(DEEP_C10)), _standard_error(found)
+    return f"Write down: C10 = {_value(found, best)} kPa ({low} to {high}), {moduli_text(c10, error)}."
+
+
+_MODULI = (2.0, 6.0)
+"""Shear modulus, and Young's of what hardly changes its volume, at small strain, over C10."""
+
+
+def _moduli_between(found: Diagnosis) -> str:
+    """Return between which values the moduli lie that belong to C10."""
+    ends = [mpa_to_kpa(end) for end in _ends(found)]
+    spread = (ends[1] - ends[0]) / 4
+    shear, young = (" and ".join(number(times * end, times * spread) for end in ends) for times in _MODULI)
+    return f"shear modulus G between {shear} kPa, Young's modulus E between {young} kPa"
 
 
 def _wrong(found: Diagnosis) -> str:
@@ -103,9 +119,9 @@ def _wrong(found: Diagnosis) -> str:
 
 def _wrong_of_the_rest(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        hides = _hides(found) if _wide(found) else ""
+        hides = f" But not every problem would show: {_hides(found)}" if _wide(found) else ""
         none = "None." if found.aside is None else "No other problem."
-        return f"{none}{' But: ' if hides else ''}{hides} What this test cannot show is listed further down."
+        return f"{none}{hides} What this test cannot show is listed further down."
     if found.verdict == "unexplained" and not found.withheld:
         return f"{misfit_sentence(found)}{_place(found)}"
     if found.verdict == "unexplained":
@@ -172,9 +188,12 @@ def _stiffness(found: Diagnosis) -> str:
         return "C10 was given, not found."
     before = _value(found, found.base)
     if found.verdict == "unexplained":
-        return f"{_C10}, is {before} kPa; the misfit moves it by {share(found.misfit.moves)} at most."
+        return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
     if found.verdict == "consistent" and _wide(found):
-        return f"{_C10}, is {before} kPa if nothing hides; what may hide can move it by {percent(found.may_be_off)}."
+        return (
+            f"{_C10}, is {before} kPa if no effect is hidden; a hidden effect could change it by "
+            f"{percent(found.may_be_off)}."
+        )
     if found.verdict == "consistent":
         return f"{_C10}, is {before} kPa; no correction is needed."
     after = [_value(found, model) for model in found.models]
@@ -212,8 +231,13 @@ def _alike(found: Diagnosis) -> bool:
 
 
 def _value(found: Diagnosis, model: Explanation) -> str:
+    return number(mpa_to_kpa(model.value(DEEP_C10)), _standard_error(found))
+
+
+def _standard_error(found: Diagnosis) -> float:
+    """Return the widest of the explanations' standard errors of C10, by which its digits are chosen."""
     ends = [one.shown(DEEP_C10).ci95 for one in (found.base, *found.models)]
-    return number(mpa_to_kpa(model.value(DEEP_C10)), max(high - low for low, high in ends) / 4)
+    return max(high - low for low, high in ends) / 4
 
 
 def _within(found: Diagnosis) -> tuple[str, str]:
@@ -234,7 +258,8 @@ def _wide(found: Diagnosis) -> bool:
     return found.may_be_off > TRUSTED
 
 
-def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
+def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
+    """Return what to do with the number, and what to ask a lab for."""
     lines = next_experiments(found)
     consistent = found.verdict == "consistent"
     widest = widened_by(found.explained, DEEP_C10) if _wide(found) and consistent else None
@@ -245,7 +270,7 @@ def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
         )
     if found.verdict == "consistent":
         if not lines:
-            return "Use the number above. No other test is needed."
+            return "Use the number together with the law that it belongs to. No other test is needed."
         return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
     if not plan and not lines:
         return "Use the corrected number." if found.verdict == "named" else "Use the range."

@@ -29,7 +29,7 @@ from legfem.report.diagnosis_document import Recorded
 from legfem.report.diagnosis_sentences import percent
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Known, Provenance
-from legfem.report.words import number, short_probability
+from legfem.report.words import moduli_text, number, short_probability
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
@@ -47,7 +47,10 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
         for model, which in shown:
             change = tables.relative_change(found.base.value(name), model.value(name))
             flag = tables.flag(model, name, 0.0)
-            remark = [wrong, flag, "" if model is found.base else change]
+            shown_c10 = model.shown(name)
+            error = (shown_c10.ci95[1] - shown_c10.ci95[0]) / 4
+            moduli = moduli_text(shown_c10.value, error) if model is found.base and name == DEEP_C10 else ""
+            remark = [wrong, flag, moduli if model is found.base else change]
             rows.append(
                 Known(
                     f"{symbol_of(name)}, {which}",
@@ -125,9 +128,9 @@ def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
     return [
         (
             name if len(every) == 1 else f"{name}, {len(every)} modes",
-            f"moved by {every[0]:+.1f} sd"
+            f"{every[0]:+.1f} sd from its prior"
             if len(every) == 1
-            else f"moved by {min(every):+.1f} to {max(every):+.1f} sd",
+            else f"{min(every):+.1f} to {max(every):+.1f} sd from their priors",
         )
         for name, every in moved.items()
     ]
@@ -153,7 +156,7 @@ def phase_cells(found: Diagnosis) -> Cells:
         for which, model in shown
         for check in checks_by_phase(model)
     ]
-    return ["model", "phase", "left (N)", "errors (N)", "share of tests"], rows
+    return ["model", "phase", "misfit (N)", "by errors (N)", "share of tests"], rows
 
 
 def occurrence_cells(found: Diagnosis) -> Cells:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
-from legfem.common.units import FloatArray
-from legfem.geometry.section import across, first_crossing
+from legfem.channels.kind import Site
+from legfem.channels.registry import FILE_OF
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.mechanisms.uneven_muscle import RADIUS_MM, UnevenMuscle, place_in_section
 from legfem.legs.subject import Subject
-from legfem.meshing.section import first_touch
 from legfem.report.diagnosis_curves import BASE_COLOUR, REPAIRED_COLOUR
 from legfem.report.diagnosis_figures import matched
 from legfem.report.page import Mark, StillSection
@@ -40,33 +37,8 @@ def _channel_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:
     departs = {window.channel for window in found.assessment.windows}
     for one in found.observed.channels:
         if one.name in departs:
-            x, y = seen_at(one.name, subject)
-            yield Mark(f"departs: {one.name.replace('_', ' ')}", x, -y, _CHANNEL_MM, BASE_COLOUR)
-
-
-def seen_at(channel: str, subject: Subject) -> FloatArray:
-    """Return where in the section a channel is seen (mm): the middle of what it is the thickness of, or a skin point.
-
-    Parameters
-    ----------
-    channel
-        Name of its kind.
-    subject
-        The leg.
-    """
-    section, indenter = subject.section, subject.indenter
-    travel = indenter.direction
-    centre = np.asarray(first_touch(section.skin, indenter.radius, indenter.aim, travel))
-    skin, fascia = (first_crossing(section.polygon(part).exterior, centre, travel) for part in ("skin", "fascia"))
-    if channel == "fat_thickness":
-        return np.asarray(centre + 0.5 * (skin + fascia) * travel)
-    if channel == "muscle_thickness":
-        return np.asarray(centre + (fascia + RADIUS_MM) * travel)
-    if channel.startswith("skin_rise"):
-        _, _, side, beside = channel.split("_")
-        origin = centre + (1 if side == "left" else -1) * float(beside) * across(travel)
-        return np.asarray(origin + first_crossing(section.polygon("skin").exterior, origin, travel) * travel)
-    return centre
+            x, y = FILE_OF[one.name].place(one.kind, Site(subject.section, subject.indenter))
+            yield Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR)
 
 
 def _stiffness_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:

@@ -25,9 +25,9 @@ def verdict_sentence(found: Diagnosis) -> str:
     """Return the verdict in some sentences."""
     if found.verdict == "consistent":
         return (
-            "The model describes the recordings to within their errors and what is not known of "
-            "what was pressed; nothing asks for more physics "
-            f"(probability {percent(found.explained.adequacy)} that none shows). {air(found)}"
+            "The model describes the recordings within their errors and what is not known exactly of "
+            "what was pressed. It needs no further physics "
+            f"(probability {percent(found.explained.adequacy)}). {air(found)}"
         ).strip()
     if found.verdict == "unexplained" and not found.withheld:
         return misfit_sentence(found)
@@ -48,8 +48,8 @@ def verdict_sentence(found: Diagnosis) -> str:
         f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
     )
     return (
-        f"{_contradiction(found)} {kin_sentence(found.models)}What it left out is one of these, and the "
-        f"recordings can't tell which: {candidates}. "
+        f"{_contradiction(found)} {kin_sentence(found.models)}It leaves out one of these, and the "
+        f"recordings do not show which: {candidates}. "
         f"{stiffness_range(found.base, found.models)} {air(found)}"
     ).strip()
 
@@ -146,9 +146,9 @@ def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
 def misfit_sentence(found: Diagnosis) -> str:
     """Return how far a model misses whose misfit is small, and what that does to C10."""
     return (
-        f"The model misses the recordings by more than noise, but by {share(found.misfit.size)} of the largest force "
-        f"only (root mean square); without any one phase or third of the depth C10 moves by "
-        f"{share(found.misfit.moves)} at most, which is less than its interval: that is good enough for C10."
+        f"The model misses the recordings by more than their noise, but only by {share(found.misfit.size)} of the "
+        f"largest force (root mean square). Leaving out any one phase, or any third of the depth, changes C10 by at "
+        f"most {share(found.misfit.moves)}. That is less than its interval, so the model is good enough for C10."
     )
 
 
@@ -160,7 +160,7 @@ def share(value: float) -> str:
 def aside_sentence(aside: SetAside) -> str:
     """Return what was set aside, and why."""
     return (
-        f"Something unknown touched a part of the recordings, which was set aside: {aside.described}. It departs "
+        f"Something unknown disturbed a part of the recordings, which was set aside: {aside.described}. It departs "
         f"from the other trials by up to {abs(aside.size_N):.2g} N, more than gain, zero, first contact and noise "
         "explain. Everything here is of the rest."
     )
@@ -174,7 +174,7 @@ def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:
     size = f"{value:.2g}" + ("" if first.unit == "-" else f" {first.unit}")
     plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
     what = (mechanism.would_be or plain).format(size)
-    seen = "would not have been seen" + ("" if end.open else ", but a stronger effect would")
+    seen = "would not have been detected" + ("" if end.open else ", but a stronger effect would")
     return f"{what[:1].upper()}{what[1:]} {seen}; C10 would then be {_digits(mpa_to_kpa(end.c10))} kPa."
 
 

@@ -22,7 +22,7 @@ from legfem.legs.elastography import ShearModulus
 from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.words import ENERGIES, fit_probability, number
+from legfem.report.words import ENERGIES, fit_probability, moduli_text, number
 
 
 def value_text(found: Estimate) -> str:
@@ -51,8 +51,12 @@ def words_of(name: str) -> str:
     return f"{field} of the {REGION_NAMES[tissue]}"
 
 
-def estimated(what: str, found: Estimate, recordings: int) -> Known:
-    """Return an estimate's row: what it is, in words, and from how many recordings it comes."""
+def estimated(what: str, found: Estimate, recordings: int, isotropic: bool) -> Known:
+    """Return an estimate's row: what it is, in words, and from how many recordings it comes.
+
+    Of an isotropic tissue, C10 has the moduli beside it.
+    """
+    moduli = f"; {_moduli(found)}" if isotropic and found.parameter.name.endswith(".C10") else ""
     bound = f"; at the {found.at_bound} bound of the search" if found.at_bound else ""
     prior = f"; {prior_text(found.parameter)}" if found.parameter.prior else ""
     return Known(
@@ -61,7 +65,7 @@ def estimated(what: str, found: Estimate, recordings: int) -> Known:
         "estimated" if found.parameter.role == "identified" else "prior",
         f"{recordings} recording{'s' * (recordings > 1)}{prior}",
         interval_text(found),
-        f"{found.identifiability}{bound}; ± {found.shown.standard_error:.2g} (sd)",
+        f"{found.identifiability}{bound}; ± {found.shown.standard_error:.2g} (sd){moduli}",
     )
 
 
@@ -88,7 +92,7 @@ def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
     blocks: list[Block] = [
         WebTable(
             "Laws, and how each was searched for",
-            ["law", "strain energy", "full solves", "failed", "from before", "converged", "s"],
+            ["law", "strain energy", "full solves", "failed", "reused from earlier runs", "converged", "time (s)"],
             [
                 [
                     LAW_NAMES[r.law],
@@ -116,16 +120,12 @@ def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
 
 
 def stiffness_sentence(found: Estimate, tissue: str) -> str:
-    """C10 with its interval, and the moduli at small strain that belong to it, as a page's first words.
+    """C10 with its interval, and the moduli at small strain that belong to it, as a page's first words."""
+    return f"{tissue} stiffness C10 = {value_text(found)} ({interval_text(found)}), {_moduli(found)}"
 
-    The shear modulus is 2 C10, Young's modulus of an incompressible tissue three times that.
-    """
-    shown = found.shown
-    shear, young = (f"{number(k * shown.value, k * shown.standard_error)} {shown.unit}" for k in (2.0, 6.0))
-    return (
-        f"{tissue} stiffness C10 = {value_text(found)} ({interval_text(found)}), "
-        f"shear modulus G = {shear}, Young's modulus E = {young}"
-    )
+
+def _moduli(found: Estimate) -> str:
+    return moduli_text(found.shown.value, found.shown.standard_error, found.shown.unit)
 
 
 def how_sure(parameters: Mapping[str, Estimate]) -> str:

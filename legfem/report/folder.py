@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import shutil
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,7 +23,8 @@ _UNFINISHED = ".report-unfinished"
 def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Path]:
     """Yield a hidden folder, from which files are moved into place at the end, the report last.
 
-    Whoever stops the run in between finds no half-written file.
+    Whoever stops the run in between finds no half-written file. A report of another command (of another
+    law or depth) that is there isn't overwritten: its files are moved to a folder ``earlier-1``, and a line says so.
 
     Parameters
     ----------
@@ -38,6 +42,7 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
         with naming(out):
             yield hidden
             if comm.rank == 0:
+                _keep_another(out, hidden)
                 for path in sorted(hidden.iterdir(), key=lambda path: path.name == REPORT):
                     target = out / path.name
                     if target.is_dir():
@@ -47,6 +52,46 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
         if comm.rank == 0:
             shutil.rmtree(hidden, ignore_errors=True)
     comm.barrier()
+
+
+_COMMAND = re.compile(r"^How to repeat it\n-+\n(.*)", re.MULTILINE)
+_LIST = re.compile(r"^Files\n-+\n(.*)", re.MULTILINE | re.DOTALL)
+_WITHOUT_EFFECT = {"--quiet": 1, "--json": 1, "--jobs": 2, "--out": 2}
+"""Options that change no result, and how many words each takes."""
+
+
+def _keep_another(out: Path, new: Path) -> None:
+    """Move a report that another command wrote aside, with all files that it lists."""
+    try:
+        before, now = ((folder / REPORT).read_text(encoding="utf-8") for folder in (out, new))
+    except OSError:
+        return
+    commands = [_command_of(text) for text in (before, now)]
+    if not all(commands) or commands[0] == commands[1]:
+        return
+    number = 1
+    while (aside := out / f"earlier-{number}").exists():
+        number += 1
+    aside.mkdir()
+    listed = _LIST.search(before)
+    lines = listed[1].splitlines() if listed else []
+    names = [name for line in lines if line[:1].strip() for name in line.split(", ")]
+    for name in (*names, REPORT):
+        if (out / name).exists():
+            (out / name).replace(aside / name)
+    print(f"{out} held the results of another command ({' '.join(commands[0])}): they are in {aside}", file=sys.stderr)
+
+
+def _command_of(text: str) -> list[str]:
+    """Return the words of the command that wrote a report, without those that change no result."""
+    found = _COMMAND.search(text)
+    words = shlex.split(found[1]) if found and found[1].startswith(("legfem ", "python -m legfem")) else []
+    kept: list[str] = []
+    while words:
+        taken = _WITHOUT_EFFECT.get(words[0], 0)
+        kept += [] if taken else words[:1]
+        words = words[taken or 1 :]
+    return kept
 
 
 NUMBERS = "all numbers with their units"

@@ -195,9 +195,8 @@ def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: P
         )
     )
     note = (
-        f"Picture and fields of the deformed leg are of the {LAW_NAMES[best.law]} law at "
-        f"{solved.report.reached:g} mm, from one more full solve that isn't among the "
-        f"{best.log.forward_solves} counted above ({solved.report.factorisations} factorisations, "
-        f"{solved.report.seconds:.1f} s)."
+        f"The picture and the fields of the deformed leg were computed with the {LAW_NAMES[best.law]} law at "
+        f"{solved.report.reached:g} mm, in one full solve beyond the search's {best.log.forward_solves} "
+        f"({solved.report.factorisations} factorisations, {solved.report.seconds:.1f} s)."
     )
     return _Solved(note, files, pressed)

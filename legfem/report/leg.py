@@ -26,12 +26,12 @@ from legfem.report.words import fit_probability, options_of
 type LegFit = Fit[LegDetails]
 
 _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "solid"}
-_LIKEWISE = "a length_mm that is 10 % lower acts as such forces do"
+_LIKEWISE = "a stated length_mm that is 10 % too low has the same effect as forces that are 10 % too high"
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the cylinder's length, its ends in 3D) "
-    "looks like a change of C10, and changes C10 without any sign of it.",
+    "cannot be distinguished from a change of C10, so C10 may be wrong by that factor without any sign of it.",
     "How the tissues behave over time: unloading, holds and other speeds were not used.",
-    "Which physics is missing, if a law does not fit.",
+    "Which physics is missing if a law does not fit.",
 )
 _ALIKE = (
     "An error that is the same at all sites (in the load cell's calibration, the correction for the "
@@ -164,11 +164,9 @@ def _headline(chosen: LegFit) -> web.Headline:
         )
     else:
         sentence = f"{_stiffness(chosen)}. The {law} law describes {where}."
-        wrong = "None. Only the loading part of the recordings was checked."
+        wrong = "None in the loading part of the recordings, which is all that was checked."
         if _suspect(chosen).indenter.lies_along:
-            wrong += (
-                " Effects that C10 may hide are not looked for here: legfem diagnose says how far they could move it."
-            )
+            wrong += " An effect that looks like a change of C10 is not detected here; legfem diagnose looks for it."
     c10 = _c10_value(chosen)
     return web.Headline(
         tone,

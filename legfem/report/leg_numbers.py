@@ -40,7 +40,7 @@ def known_of(fits: Sequence[LegFit]) -> list[Known]:
     details, subject = first.details, first.details.subject
     trials = sum(curve_of(one).n_trials for one in first.tests)
     rows = [
-        estimated(f"{words_of(name)}, {LAW_NAMES[fit.law]} law", found, trials)
+        estimated(f"{words_of(name)}, {LAW_NAMES[fit.law]} law", found, trials, subject.fibres is None)
         for fit in reversed(fits)
         for name, found in fit.estimates.items()
     ]
@@ -203,7 +203,7 @@ def _procedure(fit: LegFit) -> str:
     own = ""
     if details.own_errors:
         sizes = ", ".join(f"{symbol_of(name)} {sd:.3g} (sd)" for name, sd in details.own_errors.items())
-        own = f" Each site's instrument errs by itself: {sizes}."
+        own = f" Errors of the sites' instruments are independent: {sizes}."
     together = "All sites were fitted together by one set of tissues. " if several else ""
     return (
         f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. The loading was brought to one mean "

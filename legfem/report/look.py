@@ -9,11 +9,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from legfem.channels.registry import OF_LEGS
 from legfem.common.documents import markdown_table
 from legfem.data import Recording, SourceColumns
-from legfem.data.channels import RecordedChannel
 from legfem.data.quality import Quality
 from legfem.data.reader import QUANTITIES, Proposal
+from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
 
@@ -47,6 +48,8 @@ def channels_toml(channels: Sequence[RecordedChannel]) -> str:
     """Return the blocks that state the accuracy of channels beside the force, which is usual until it is changed."""
     lines = []
     for one in channels:
+        if one.kind not in OF_LEGS:
+            continue
         unit, accuracy = one.kind.unit, one.accuracy
         lines += [
             f"[channels.{one.name}]",
@@ -63,7 +66,7 @@ def _channel_row(one: RecordedChannel) -> tuple[str, str]:
     kind, accuracy = one.kind, one.accuracy
     low, high = float(one.values.min()), float(one.values.max())
     errors = f"± {accuracy.reading:g} {kind.unit} a reading, ± {accuracy.bias:g} {kind.unit} of all"
-    return (kind.name.replace("_", " "), f"{len(one.values)} readings, {low:.3g} to {high:.3g} {kind.unit}, {errors}")
+    return (kind.title, f"{len(one.values)} readings, {low:.3g} to {high:.3g} {kind.unit}, {errors}")
 
 
 def recording_name(recording: Recording) -> str:
@@ -177,13 +180,15 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
     curve = figure.add_subplot(grid[:, 1])
     lowest = forced
     drawn = [
-        (moved, recording.time, recording.displacement, "displacement (mm)"),
-        (forced, recording.time, recording.force, "force (N)"),
+        (moved, [(recording.time, recording.displacement)], "displacement (mm)"),
+        (forced, [(recording.time, recording.force)], "force (N)"),
     ]
     for row, one in enumerate(beside, 2):
         lowest = figure.add_subplot(grid[row, 0], sharex=moved)
-        drawn.append((lowest, one.time, one.values, f"{one.name.replace('_', ' ')} ({one.kind.unit})"))
-    for (axes, time, values, label), letter in zip(drawn, _LETTERS, strict=False):
+        # A line a place.
+        lines = [(place.time, place.values) for _, place in one.at_each_place()]
+        drawn.append((lowest, lines, f"{one.kind.title} ({one.kind.unit})"))
+    for (axes, lines, label), letter in zip(drawn, _LETTERS, strict=False):
         shown = set()
         for part in quality.trial.parts:
             axes.axvspan(
@@ -194,8 +199,9 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
                 label=None if part.phase in shown or part.phase == AIR else part.phase,
             )
             shown.add(part.phase)
-        few = len(values) < _FEW
-        axes.plot(time, values, "o" if few else "-", color=DATA_COLOUR, lw=0.8, markersize=3)
+        for time, values in lines:
+            few = "o" if len(lines) == 1 else ".-"
+            axes.plot(time, values, few if len(values) < _FEW else "-", color=DATA_COLOUR, lw=0.8, markersize=3)
         axes.set_ylabel(label)
         panel(axes, letter, "over time")
     for drop in quality.drops:

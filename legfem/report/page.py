@@ -513,11 +513,11 @@ def listed(explore: str) -> ReportFile:
 def command_line() -> str:
     """Return the command that is running, as it can be given again; empty outside of one."""
     spec = sys.modules["__main__"].__spec__
-    if spec is not None and spec.name.startswith(("legfem", "studies")):
+    if sys.argv[0].startswith("legfem "):  # as `legfem.__main__` leaves it, with the command's name
+        program = sys.argv[0]
+    elif spec is not None and spec.name.startswith(("legfem", "studies")):
         module = str(spec.parent)
         program = module.replace(".", " ") if module.startswith("legfem.") else f"python -m {module}"
-    elif Path(sys.argv[0]).name == "legfem":
-        program = "legfem"
     else:
         return ""
     return f"{program} {shlex.join(sys.argv[1:])}".strip()

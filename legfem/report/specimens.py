@@ -107,7 +107,7 @@ def followed(result: SpecimenFit) -> str:
     """Return how stiffness follows the size of what presses or is pressed, as a clause."""
     first = result.details.folder.recordings[0]
     if not first.recording.timed:
-        return "a stress of twice the true value, by its unit or measure, makes it twice as large"
+        return "a stress of twice the true value, by its unit or measure, doubles the stiffness"
     return kind_in(first.sizes).followed
 
 
@@ -301,7 +301,12 @@ def _next(best: SpecimenFit) -> list[str]:
 
 def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
     rows = [
-        estimates.estimated(f"{_words(name)}, {LAW_NAMES[r.law]} law", found, sum(one.fitted for one in r.tests))
+        estimates.estimated(
+            f"{_words(name)}, {LAW_NAMES[r.law]} law",
+            found,
+            sum(one.fitted for one in r.tests),
+            not any(map(is_ratio, r.values)),
+        )
         for r in results
         for name, found in r.estimates.items()
     ]
@@ -377,7 +382,7 @@ def _in_numbers(result: SpecimenFit) -> list[web.Block]:
     law, axes = LAW_NAMES[result.law], compared(result)[0].axes
     blocks: list[web.Block] = [
         web.WebTable(
-            f"Recordings and the {law} law; own/joint is the factor on the law's force that would fit each best",
+            f"Recordings and the {law} law; own/joint: the factor by which the law's force fits that one best",
             [
                 "recording",
                 "mm/s",

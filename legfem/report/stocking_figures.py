@@ -324,7 +324,7 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
         xlabel="fat thickness (mm)", xlim=(0, None), ylabel="greatest hydrostatic pressure\nin the fat (mmHg)"
     )
     by_interface.plot([low, top], [low, top], color=FAINT, linewidth=0.8, zorder=0)
-    by_interface.annotate("alike ", (top, top), color=FAINT, ha="right", va="top")
+    by_interface.annotate("equal ", (top, top), color=FAINT, ha="right", va="top")
     by_interface.set(xlabel="pressure on the skin (mmHg)")
     mean = mpa_to_mmhg(result.equilibrium.load.mean_pressure)
     for axes in (by_thickness, by_interface):

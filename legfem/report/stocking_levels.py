@@ -67,8 +67,8 @@ def level_blocks(result: StockingResult) -> list[Block]:
         )
         blocks.append(
             WebTable(
-                f"Mean pressure round the leg at the makers' levels, mmHg with 95 % intervals; limits: {asked}.",
-                ("level", "height", "pressure (mmHg)", "of that at B", "limits (mmHg)", "verdict"),
+                f"Mean pressure round the leg at the makers' levels, mmHg with 95 % intervals; limits: {asked}",
+                ("level", "height", "pressure (mmHg)", "share of B's", "limits (mmHg)", "verdict"),
                 rows,
             )
         )
@@ -78,6 +78,14 @@ def level_blocks(result: StockingResult) -> list[Block]:
             Prose(
                 f"The modelled part has no {', '.join(missing)}: state heights as [stocking.levels_mm] in "
                 f"leg.toml, within {leg.bare.levels[0]:.0f} to {leg.bare.levels[-1]:.0f} mm."
+            )
+        )
+    open_ones = [row[0] for row in rows if row[0] != "B" and row[4] == "–"]
+    if makers.intended_class and open_ones:
+        blocks.append(
+            Prose(
+                f"For limits at {', '.join(open_ones)}, state [stocking.limits_percent] in leg.toml: the least and "
+                "greatest share of the pressure at B that your standard allows."
             )
         )
     slope = 10 * np.polyfit(along.levels, along.mean, 1)[0]
@@ -113,17 +121,22 @@ def level_blocks(result: StockingResult) -> list[Block]:
     )
     error = leg.accuracy
     tension = (
-        f"{100 * error.tension_sd:g} % in the fabric's tension"
+        f"{100 * error.tension_sd:g} % of the fabric's tension"
         if error.tension_sd
-        else "none in the fabric's tension, which is taken as given ([accuracy] tension_relative_sd states its error)"
+        else "none of the fabric's tension, which counts as exact until [accuracy] tension_relative_sd states its error"
     )
     blocks.append(
         Prose(
-            f"Intervals include these errors (standard deviations): {tension}; {100 * error.pressure_sd:g} % over an "
-            "eighth of the girth; for the mesh a tenth of what the leg's giving way changes, a judgement."
+            f"The intervals include these standard deviations: {tension}; {100 * error.pressure_sd:g} % of the "
+            "pressure over an eighth of the girth; and, for the mesh, a tenth of the change that the leg's giving way "
+            "causes (a judgement)."
         )
     )
     return blocks
+
+
+_BESIDE = {"within": "within", "too low": "too low for", "too high": "too high for"}
+_UNSURE = "which may or may not be within"
 
 
 def sentence_at_ankle(result: StockingResult) -> str:
@@ -132,6 +145,7 @@ def sentence_at_ankle(result: StockingResult) -> str:
         return ""
     for name, _, pressure, _, limits, verdict in level_rows(result):
         if name == "B":
-            beside = "" if limits == "–" else f", {verdict} class {result.leg.makers.intended_class} ({limits})"
-            return f"At the ankle (B) it presses with {pressure} mmHg{beside}."
+            of_class = f"class {result.leg.makers.intended_class} ({limits} mmHg)"
+            beside = "" if limits == "–" else f", {_BESIDE.get(verdict, _UNSURE)} {of_class}"
+            return f"At the ankle (B) the stocking presses with {pressure} mmHg{beside}."
     return ""

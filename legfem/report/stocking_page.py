@@ -32,6 +32,7 @@ from legfem.report.stocking_stiffness import (
     stiffness_blocks,
     verdict_sentence,
 )
+from legfem.report.words import moduli_text
 from legfem.stockings.document import versions
 from legfem.stockings.estimates import model_misses
 from legfem.stockings.notices import TISSUES, stocking_notices
@@ -46,14 +47,15 @@ def known_of(result: StockingResult) -> list[web.Known]:
     rows = []
     for known in result.estimates:
         bound = f"; at the {known.at_bound} bound of the search" if known.at_bound else ""
+        c10 = mpa_to_kpa(known.value)
         rows.append(
             web.Known(
                 f"C10 of the {TISSUES[known.name]}",
-                f"{mpa_to_kpa(known.value):.3g} kPa",
+                f"{c10:.3g} kPa",
                 "estimated",
                 "both scans",
                 stiffness_interval(known.ci95),
-                f"{known.identifiability}{bound}",
+                f"{known.identifiability}{bound}; {moduli_text(c10, c10 * known.relative_half_width / 2)}",
             )
         )
     if leg.known:
@@ -79,7 +81,7 @@ def known_of(result: StockingResult) -> list[web.Known]:
                 f"{accuracy.sd:.2g} mm (sd)",
                 "prior",
                 "leg.toml, or legfem's usual",
-                remark=f"alike over {accuracy.correlation:g} mm",
+                remark=f"correlated over {accuracy.correlation:g} mm",
             )
         )
     rows.append(
@@ -296,7 +298,8 @@ def _sentence(result: StockingResult) -> str:
     low, high = (f"{mpa_to_mmhg(p):.0f}" for p in (min(at_veins), max(at_veins)))
     span = low if low == high else f"{low} to {high}"
     return (
-        f"{text}; at the deep veins the pressure is {span} mmHg ({share_of(at_veins, found.mean_interface)} of that)."
+        f"{text}; at the deep veins the pressure is {span} mmHg "
+        f"({share_of(at_veins, found.mean_interface)} of the mean on the skin)."
     )
 
 
@@ -350,8 +353,8 @@ def _next(result: StockingResult) -> list[str]:
     unsure = [TISSUES[known.name] for known in result.estimates if known.identifiability != "identifiable"]
     if unsure:
         lines.append(
-            f"Don't rely on the stiffness of the {' and the '.join(unsure)}: these scans don't "
-            "tell it well enough. The pressures hardly depend on it."
+            f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "
+            "determine it well enough. The pressures hardly depend on it."
         )
     if not result.searches:
         lines.append("Scan the leg in its stocking, too: then the stiffness can be found.")
@@ -387,7 +390,7 @@ def _scanned(result: StockingResult) -> list[web.Block]:
     if leg.compressed is not None:
         lines.append(
             f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard "
-            f"deviation, alike over {accuracy.correlation:g} mm), which leaves "
+            f"deviation, correlated over {accuracy.correlation:g} mm), which leaves "
             f"{accuracy.smoothed_sd:.2g} mm in its contours, and the stocking's pressure to be "
             f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
             "the stiffness rest on that."

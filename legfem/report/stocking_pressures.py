@@ -65,7 +65,7 @@ def vein_interval(result: StockingResult, vein: int) -> tuple[float, float]:
 def low_in_fat(result: StockingResult) -> str:
     """Return by how much the greatest pressure in the fat is too low on the mesh."""
     least, most = (f"{100 * share:.0f}" for share in too_low_by(result.tetrahedra))
-    return f"{least} to {most} % too low on this mesh, as measured on leg 1"
+    return f"{least} to {most} % too low on this mesh, judging by finer meshes of leg 1"
 
 
 def place_in_fat(bare: LegShape, point: FloatArray) -> str:
@@ -133,7 +133,7 @@ def _used(result: StockingResult) -> str:
         "They are data of the identification."
         if tension_text(result) is not None
         else "They are data of the identification; the fabric was taken as it was given "
-        "([accuracy] tension_relative_sd), so that they say little."
+        "([accuracy] tension_relative_sd), so they add little."
     )
 
 
@@ -173,11 +173,12 @@ def _inside(result: StockingResult, fat: FatPressures | None) -> list[Block]:
     found = result.pressures
     if found is None:
         return []
-    beside = ", not those of the fabric" if tension_text(result) is None else " and those of the fabric's tension"
+    stated = result.leg.accuracy.tension_sd > 0
+    beside = " and of the fabric's tension" if stated else "; the fabric's tension counts as exact"
     note = (
         "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein in "
-        f"it, at z = {result.leg.veins[0].position[2]:.1f} mm. Intervals (95 %) count the errors "
-        f"of stiffness, mesh and the pressure round the leg{beside}."
+        f"it, at z = {result.leg.veins[0].position[2]:.1f} mm. The 95 % intervals include the errors "
+        f"of the stiffness, the mesh and the pressure round the leg{beside}."
         if result.leg.veins
         else "Hydrostatic pressure, positive in compression. No veins were given or placed."
     )
@@ -194,11 +195,10 @@ def _inside(result: StockingResult, fat: FatPressures | None) -> list[Block]:
         interface = fat.rank_correlation(fat.greatest, fat.interface)
         blocks.append(
             Prose(
-                f"Round this leg the fat is {fat.thickness.min():.1f} to {fat.thickness.max():.1f} "
-                "mm thick. The greatest pressure in the fat under a place on the skin goes with "
-                f"the fat's thickness with a rank correlation of {correlation(thickness)}, with "
-                f"the pressure on the skin there with {correlation(interface)}. That is within one "
-                "leg; it says nothing of differences between legs."
+                f"The fat of this leg is {fat.thickness.min():.1f} to {fat.thickness.max():.1f} mm thick. The rank "
+                f"correlation of the greatest pressure in the fat is {correlation(thickness)} with the fat's "
+                f"thickness there, and {correlation(interface)} with the pressure on the skin above. Both are of "
+                "places on one leg, and say nothing about differences between legs."
             )
         )
     return blocks
@@ -254,7 +254,7 @@ def _bars(result: StockingResult, found: TissuePressures) -> Bars:
             )
         )
     return Bars(
-        "Pressures (mmHg, kPa), on the skin by Laplace's law, inside hydrostatic; ends: 95 %",
+        "Pressures in mmHg (kPa) with 95 % intervals: on the skin by Laplace's law, inside hydrostatic",
         ("where", "pressure"),
         bars,
     )

@@ -24,13 +24,8 @@ STIFFNESS = "Stiffness of muscle and fat"
 def verdict_sentence(known: StiffnessEstimate) -> str:
     """Return in plain words how well a stiffness is known."""
     tissue = TISSUES[known.name]
-    share = f"within {100 * known.relative_half_width:.2g} %"
-    if known.relative_half_width >= 1:
-        share = "not even within 100 %"
-    limit = {
-        "identifiable": f"at most {100 * IDENTIFIABLE_WITHIN:.0f} %",
-        "weakly identifiable": f"at most {100 * WEAKLY_WITHIN:.0f} %",
-    }
+    half = f"± {100 * known.relative_half_width:.2g} %"
+    limit = {"identifiable": IDENTIFIABLE_WITHIN, "weakly identifiable": WEAKLY_WITHIN}
     if known.at_bound:
         return (
             f"The stiffness of the {tissue} is not identifiable: the best value stands at the "
@@ -38,16 +33,17 @@ def verdict_sentence(known: StiffnessEstimate) -> str:
         )
     if known.identifiability == "not identifiable":
         return (
-            f"The stiffness of the {tissue} is not identifiable from these scans: known {share} "
-            "(95 %). Don't use the value by itself."
+            f"The stiffness of the {tissue} cannot be determined from these scans (not identifiable): its 95 % "
+            f"interval is {'wider than ± 100 %' if known.relative_half_width >= 1 else half}. Do not use the value "
+            "by itself."
         )
     if known.identifiability == "weakly identifiable" and known.relative_half_width <= IDENTIFIABLE_WITHIN:
         return (
-            f"The stiffness of the {tissue} is weakly identifiable at best: its interval is narrow "
-            f"({share}), but the fit is not sound (see Warnings)."
+            f"The stiffness of the {tissue} is weakly identifiable at best: its interval is narrow ({half}), but "
+            "the model does not describe the scans (see Warnings)."
         )
-    called = f"{limit[known.identifiability]} is called so"
-    return f"The stiffness of the {tissue} is {known.identifiability}: known {share} (95 %; {called})."
+    called = f"the limit for this is ± {100 * limit[known.identifiability]:.0f} %"
+    return f"The stiffness of the {tissue} is {known.identifiability}: its 95 % interval is {half} ({called})."
 
 
 def stiffness_blocks(result: StockingResult) -> list[Block]:
@@ -61,8 +57,8 @@ def stiffness_blocks(result: StockingResult) -> list[Block]:
     if best is not None:
         blocks += [Prose(verdict_sentence(known)) for known in result.estimates]
         errors = (
-            "The intervals count errors of the contours, of the registration, and of a pressure "
-            "that is wrong here and there round the leg."
+            "The intervals include errors of the contours, of the registration, and of a pressure "
+            "that differs from place to place round the leg."
         )
         blocks += [Prose(f"{errors} {_of_fabric(result)}"), Prose(_goodness(result, best))]
     blocks += [_searches(result), Prose(_agreement(result))]
@@ -82,10 +78,10 @@ def stiffness_blocks(result: StockingResult) -> list[Block]:
 def _of_fabric(result: StockingResult) -> str:
     known = 100 * result.leg.accuracy.tension_sd
     if known:
-        by = " and by sensors under it" if result.sensors else ""
-        return f"They count a fabric whose tension is known to {known:g} % (sd){by}."
+        by = " and the sensors" if result.sensors else ""
+        return f"They include an error of {known:g} % (sd) of the fabric's tension, which the scans{by} narrow."
     return (
-        "They do not count a fabric whose stiffness or size is wrong: a pressure 10 % higher "
+        "They do not include errors of the fabric's stiffness or size: a pressure that is 10 % higher "
         "everywhere makes both tissues about 10 % stiffer."
     )
 
@@ -99,15 +95,15 @@ def _goodness(result: StockingResult, best: StiffnessFit) -> str:
         shift = ", ".join(f"{value:.2f}" for value in best.rigid[:3])
         turn = ", ".join(f"{value:.2f}" for value in np.degrees(best.rigid[3:]))
         moved = (
-            f" For that the fit moves the model by {shift} mm along x, y, z and turns it by {turn} "
-            "degrees about them, as far as the registration leaves room."
+            f" To reach this, the fit moves the model by {shift} mm along x, y, z and turns it by {turn} "
+            "degrees about them, within the error of the registration."
         )
     return (
         f"The model's contours of skin and hull meet the scan's in {len(misfit.target.levels)} "
-        f"slices to {best.rms:.3f} mm (root mean square); errors of the contours alone make "
-        f"{expected_rms(leg.accuracy):.3f} mm, and the bare leg is "
-        f"{float(np.sqrt(np.mean(bare**2))):.3f} mm off. The weighted misfit is "
-        f"{best.chi_square:.2f}; errors of the size and roughness assumed make 1.{moved}"
+        f"slices to within {best.rms:.3f} mm (root mean square). Errors of the contours alone would cause "
+        f"{expected_rms(leg.accuracy):.3f} mm; the bare leg differs from the scan by "
+        f"{float(np.sqrt(np.mean(bare**2))):.3f} mm. The weighted misfit is "
+        f"{best.chi_square:.2f}; it is 1 if the errors have the size and roughness that are assumed.{moved}"
     )
 
 
@@ -205,11 +201,13 @@ def discrepancy_blocks(found: ModelDiscrepancy) -> list[web.Block]:
 def discrepancy_verdict(found: ModelDiscrepancy) -> str:
     """Return in words whether model and scan differ, and why."""
     if found.verdict == "consistent":
-        return "Consistent: nothing of what the fit leaves is beyond the errors of contours, registration and pressure."
+        return (
+            "Consistent: what the fit does not describe lies within the errors of contours, registration and pressure."
+        )
     if found.verdict == "unexplained":
         return (
             "Unexplained: the contours differ beyond their errors, and none of the mechanisms "
-            "below describes it. Don't rely on the stiffness."
+            "below describes this. Do not rely on the stiffness."
         )
     statements = {score.name: score.statement for score in found.scores}
     named = " or ".join(f"{name} ({statements[name]})" for name in found.named)

@@ -57,6 +57,15 @@ def number(value: float, spread: float = math.nan) -> str:
     return f"{value:.3g}"
 
 
+def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
+    """Return the moduli at small strain that belong to C10 of an isotropic tissue that hardly changes its volume.
+
+    The shear modulus is 2 C10, Young's modulus three times that.
+    """
+    shear, young = (f"{number(k * c10, k * error)} {unit}" for k in (2.0, 6.0))
+    return f"shear modulus G = {shear}, Young's modulus E = {young}"
+
+
 def options_of(subject: Subject) -> str:
     """Options of a command that name a subject."""
     site = f" --site {shlex.quote(subject.site)}" if subject.site else ""

@@ -3,7 +3,8 @@
 All are as probable beforehand. Intervals are those of the mixture, each alternative counting by its evidence beside a
 smooth error of unknown form (`legfem.specimens.misfit`), alike in all recordings, and summed over the laws that are
 fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence counts the
-less by Birge's ratio squared: a form that is wrong tells little of another.
+less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video shows the
+specimen's side, weigh the alternatives beside the forces (`legfem.specimens.lateral_stretch`).
 """
 
 from __future__ import annotations
@@ -35,10 +36,15 @@ def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:
     least = max(min(fit.details.misfit.rms for fit in every), 1e-6)
     dispersion = max(1.0, min(fit.goodness.chi_square / max(fit.goodness.degrees_of_freedom, 1) for fit in every))
     evidence = [
-        logsumexp([readings * fit.details.misfit.log_evidence(least) for fit in fits]) / dispersion
+        logsumexp([readings * fit.details.misfit.log_evidence(least) for fit in fits]) / dispersion + _of_side(fits)
         for fits in each.values()
     ]
     return dict(zip(each, map(float, softmax(evidence)), strict=True))
+
+
+def _of_side(fits: Sequence[_Fit]) -> float:
+    """Return the logarithm of the lateral stretches' density beside the law that meets them best; 0 without any."""
+    return max((fit.details.lateral.log_density for fit in fits if fit.details.lateral), default=0.0)
 
 
 def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mapping[str, str], to_know: str) -> _Fit:

@@ -13,6 +13,7 @@ from legfem.inverse.fit import Fit, TestFit, r_squared
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.kind import ShownAxes
+from legfem.specimens.lateral_stretch import LateralFit
 from legfem.specimens.misfit import LawMisfit
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.size_dependence import SizeDependence
@@ -36,6 +37,8 @@ class SpecimenDetails:
     """Why the fibres' ratio can't be determined, as a sentence, where it was looked for in vain."""
     thickness: SizeDependence | None = None
     """How specimens' stiffness goes with their thickness, where it does."""
+    lateral: LateralFit | None = None
+    """Lateral stretches beside the fit, where a video showed them."""
     alternatives: tuple[Weighed, ...] = ()
     """Of what isn't known of the test, the most probable first; the fit is that of the first."""
 

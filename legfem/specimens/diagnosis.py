@@ -177,9 +177,9 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
     remarks = list(observed.remarks)
     if folder.instrument is None:
         remarks.append(
-            "specimen.toml states no instrument accuracy: errors are those seen from sample to "
-            "sample and between repeats. What drifts slowly or is alike in all trials cannot be "
-            "distinguished from physics; state the data sheet's figures under [instrument]."
+            "specimen.toml states no instrument accuracy: the errors are those from sample to "
+            "sample and between repeats. What drifts slowly, or is the same in all trials, cannot be "
+            "distinguished from physics. State the data sheet's figures under [instrument]."
         )
     if not used[0].recording.timed:
         remarks.append(
@@ -197,9 +197,7 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
             "specimen.toml leaves open; the others' is as stated there."
         )
     if observed.repeats < 2:
-        remarks.append(
-            "No protocol was repeated: errors between trials aren't seen, and come from the instruments' figures alone."
-        )
+        remarks.append("No protocol was repeated, so the errors between trials are the instruments' figures alone.")
     return replace(observed, remarks=tuple(remarks))
 
 

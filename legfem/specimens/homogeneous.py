@@ -29,7 +29,7 @@ class HomogeneousKind[Entry: FileTable, Body: HomogeneousBody](SpecimenKind[Entr
     """
 
     own: ClassVar = {"length_mm": "length", "area_mm2": "area"}
-    followed: ClassVar = "an area_mm2 of half the true value makes it twice as large"
+    followed: ClassVar = "an area_mm2 of half the true value doubles the stiffness"
     cube: ClassVar = {"length_mm": 10.0, "area_mm2": 100.0}
     directions: ClassVar[tuple[Direction, ...]] = ()
     as_force: ClassVar = ("area",)

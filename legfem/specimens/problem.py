@@ -45,6 +45,7 @@ from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.lateral_stretch import lateral_fit
 from legfem.specimens.laws import ParameterRequest, identified_law
 from legfem.specimens.misfit import LawMisfit, misfit_of
 from legfem.specimens.prepared import Prepared, prepare
@@ -143,6 +144,8 @@ class SpecimenProblem:
             estimates = MappingProxyType({**estimates, **moved})
         tests = [_test_fit(one, force[span]) for one, span in zip(fitted, comparison.spans, strict=True)]
         predicted, notes = self._predicted(found, stiffness, readings)
+        lateral = lateral_fit(fitted, self.forward, model_values(best.values))
+        notes += [lateral.text] if lateral else []
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
         values = self.forward.with_compressibility(best.values)
         result = Fit(
@@ -173,6 +176,7 @@ class SpecimenProblem:
                 missed,
                 why,
                 thickness,
+                lateral,
             ),
             doubts=self._doubts(),
         )
@@ -267,8 +271,8 @@ class SpecimenProblem:
         texts += [*of_search(log), *of_compromise(log.compromise), *at_limits(result)]
         if not result.goodness.fits:
             texts.append(
-                "The law does not describe these recordings within their errors. The intervals carry what an error of "
-                "its form may do to the numbers, by the size of what is left."
+                "The law does not describe these recordings within their errors. Its intervals are widened by what a "
+                "law of the wrong form may do to the numbers, judged by the size of the misfit."
             )
         in_air = [one.name for one in found.search.misfit.recordings if one.course.in_air]
         if in_air:

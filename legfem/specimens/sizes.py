@@ -187,7 +187,7 @@ def sizes_text(sizes: Sizes) -> str:
         layers = " on ".join(f"{name} {thickness:g} mm" for name, thickness in sizes.layers[::-1])
         return f"{sizes_text(sizes.whole)}; {layers}"
     told = (
-        f"{name.replace('_', ' ')} "
+        f"{'in' if name == 'pulled' else name.replace('_', ' ')} "
         + (value if isinstance(value, str) else f"{value:g} {'mm²' if name == 'area' else 'mm'}")
         for name, value in asdict(sizes).items()
     )

@@ -24,7 +24,7 @@ from legfem.geometry.slices import calf_levels
 from legfem.imaging.label_volume import check_same_spacing
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import OutlineSettings
-from legfem.imaging.registration import Registration, register_shapes
+from legfem.imaging.registration import Registration
 from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.elastography import ShearModulus, doubts_about_elastography
 from legfem.legs.plausibility import doubts_about_size
@@ -33,6 +33,7 @@ from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted
 from legfem.stockings.leg import Posture, StockingLeg, Vein, default_veins
 from legfem.stockings.levels import PLACES, MakersLevels
 from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.same_leg import check_scans_differ, doubts_about_second_scan, registered
 from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
 from legfem.stockings.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
 
@@ -47,8 +48,6 @@ PRESSURE = PhysicalRange(
     "18 to 49 mmHg and more at the ankle: RAL-GZ 387/1",
     {"N/m": 1e-3, "N/cm": 0.1},
 )
-_THICKER, _THICKER_BY_FAR = 1.001, 1.005
-"""Mean perimeter in the stocking over that without: a stocking makes a leg thinner."""
 _BEYOND_MM = 10.0
 """Length beyond a table's end for which its last perimeter may stand without a word."""
 LEAST_LENGTH_MM = 80.0
@@ -86,7 +85,7 @@ def load_leg(directory: Path) -> StockingLeg:
             check_same_spacing(bare_scan.volume, scan.volume)
         scanned = scan.shape(OUTLINES, levels)
         check_scans_differ(scanned_bare, scanned, toml)
-        registration = register_shapes(_dense(scanned), _dense(scanned_bare))
+        registration = registered(_dense(scanned_bare), _dense(scanned), given.accuracy.contour_sd_mm, toml)
         motion = registration.transform
         shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
     bare, scanned_bare, *others = _segment(toml, given, shapes)
@@ -268,34 +267,11 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> tuple[Doubt, ...]:
             *_girth_doubts(leg, toml),
             *_length_doubts(leg, toml),
             *_tissues_doubts(leg, toml),
-            *_compressed_doubts(leg, toml),
+            *(doubts_about_second_scan(leg.bare, leg.compressed, toml) if leg.compressed is not None else ()),
             *_stocking_doubts(leg.bare, leg.stocking, toml),
             *doubts_about_elastography(toml, leg.elastography),
         ]
     )
-
-
-def check_scans_differ(bare: LegShape, compressed: LegShape, toml: Path) -> None:
-    """Check that a leg's two scans, as they were read, aren't one scan given twice.
-
-    Raises
-    ------
-    InputError
-        If all their outlines agree to a micrometre, which no second scan does.
-    """
-    same = bare.levels.shape == compressed.levels.shape and all(
-        part in compressed.contours
-        and compressed.contours[part].shape == xy.shape
-        and np.allclose(compressed.contours[part], xy, rtol=0.0, atol=1e-3)
-        for part, xy in bare.contours.items()
-    )
-    if same:
-        raise InputError(
-            toml,
-            "compressed",
-            "is the same scan as [bare]",
-            "give the scan of the leg in its stocking, or leave [compressed] out",
-        )
 
 
 def _girth_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
@@ -320,23 +296,6 @@ def _tissues_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
         yield from ranges.D1.doubts(toml, f"tissues.{name}.D1_per_MPa", float(law.D1))
         if leg.known:
             yield from ranges.C10[name].doubts(toml, f"tissues.{name}.C10_kPa", mpa_to_kpa(float(law.C10)))
-
-
-def _compressed_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
-    if leg.compressed is None:
-        return
-    ratio = float(np.mean(perimeter(leg.compressed) / perimeter(leg.bare)))
-    if ratio <= _THICKER:
-        return
-    found = Doubt(
-        str(toml),
-        "compressed",
-        f"the leg is {100 * (ratio - 1):.2g} % thicker in its stocking than without",
-        "are the scans of [bare] and [compressed] exchanged?",
-    )
-    if ratio > _THICKER_BY_FAR:
-        raise found.error()
-    yield found
 
 
 def _stocking_doubts(bare: LegShape, stocking: Stocking, toml: Path) -> Iterator[Doubt]:

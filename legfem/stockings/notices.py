@@ -102,7 +102,7 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
         yield (
             f"The model misses the scan: its contours are {best.rms:.2f} mm off (root mean "
             f"square), more than {MISSED_BEYOND:g} times the {expected_rms(accuracy):.2f} mm that "
-            "errors of the contours make. Intervals of the stiffness don't hold then; look at the "
+            "errors of the contours cause. The intervals of the stiffness are then too narrow: check the "
             "contours."
         )
     priors = elastography_priors(result.leg.elastography)
@@ -149,6 +149,6 @@ def _of_the_load(result: StockingResult) -> Iterator[str]:
         )
     if leg.ends == "held":
         yield (
-            "The segment's end faces are held in their planes, as if the leg went on alike beyond "
-            "them: within some 10 mm of the ends pressures are not to be relied on."
+            "The modelled part's end faces are held in their planes, as if the leg continued unchanged beyond "
+            "them. Do not rely on pressures within about 10 mm of the ends."
         )

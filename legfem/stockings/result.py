@@ -6,9 +6,11 @@ import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
 from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import SliceSet
 from legfem.meshing.solid_leg import SolidMeshSettings, settings_for_cells
@@ -160,7 +162,9 @@ def run_leg(
     identified = searches[0] if searches and not leg.known else None
     if identified is None:
         parameters = {f"{name}.C10": float(law.C10) for name, law in leg.tissues.items()}
-        tension, covariance = None, None
+        # The stiffness counts as exact, the fabric's tension as well as it is stated.
+        tension = None
+        covariance: FloatArray | None = np.diag([0.0, 0.0, leg.accuracy.tension_sd**2])
     else:
         parameters, tension = by_name(identified.parameters), identified.tension
         covariance = identified.log_covariance if tension is None else tension.log_covariance

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from legfem.common.errors import InputError
+from legfem.data.formats.force_curves import refuse_force_curve
 from legfem.data.formats.sheet import Column, Sheet, check_size
 from legfem.data.formats.text import read_text
 
@@ -66,9 +67,10 @@ def _zipped(path: Path) -> list[Sheet]:
         with tempfile.TemporaryDirectory() as folder:
             inner = Path(folder) / (Path(files[0].filename).name)
             inner.write_bytes(archive.read(files[0]))
-            if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
-                raise InputError(path, "file", "holds another archive", "unpack it")
             try:
+                refuse_force_curve(inner)
+                if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
+                    raise InputError(inner, "file", "holds another archive", "unpack it")
                 return read_sheets(inner)
             except InputError as error:
                 raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
@@ -122,7 +124,7 @@ def read_sheets(path: Path) -> list[Sheet]:
     Raises
     ------
     InputError
-        If the file is missing, too large, of no known kind, damaged, or holds no table of numbers.
+        If the file is missing, too large, of no known kind, damaged, a microscope's, or holds no table of numbers.
     """
     ending = path.suffix.lower()
     if not path.is_file():
@@ -132,6 +134,7 @@ def read_sheets(path: Path) -> list[Sheet]:
     if path.stat().st_size == 0:
         raise InputError(path, "file", "is empty", "copy or export it again")
     check_size(path, path.stat().st_size)
+    refuse_force_curve(path)
     reader = READERS.get(ending) or _by_content(path)
     try:
         sheets = (reader or read_text)(path)

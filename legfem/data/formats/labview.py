@@ -51,13 +51,13 @@ def read_lvm(path: Path) -> list[Sheet]:
     segment = found[0]
     values = np.asarray(segment["data"], dtype=np.float64)
     labels = [str(name).strip() for name in segment["Channel names"]]
-    units = iter(str(unit).strip() for unit in segment.get("Y_Unit_Label", ()))
+    units = _units_of(labels, [str(unit).strip() for unit in segment.get("Y_Unit_Label") or ()])
     columns = []
     for k, label in enumerate(labels):
         if label == "X_Value":
             columns.append(Column(label, "s", values[:, k]))
         elif label != "Comment":
-            columns.append(_column(label, next(units, None), values[:, k]))
+            columns.append(_column(label, units.get(k), values[:, k]))
     clocks = [c for c in columns if c.name == "X_Value"]
     if any(not np.array_equal(c.values, clocks[0].values) for c in clocks[1:]):
         raise InputError(path, "X_Columns", "every channel has a time of its own", "save one time for all")
@@ -67,6 +67,18 @@ def read_lvm(path: Path) -> list[Sheet]:
     step = float(np.atleast_1d(segment["Delta_X"])[0])
     remark = f"the time is counted in the header's Delta_X of {step:g} s"
     return [Sheet("", (_clock(step, len(values)), *columns), (remark,))]
+
+
+def _units_of(labels: list[str], given: list[str]) -> dict[int, str]:
+    """Return the units of an LVM segment's columns: they stand above those, but for a file's first time.
+
+    Of several times each has an empty unit; where none is empty units belong to the channels in turn.
+    """
+    channels = [k for k, label in enumerate(labels) if label not in ("X_Value", "Comment")]
+    if labels.count("X_Value") > 1 and given[1:2] != [""]:
+        return dict(zip(channels, given, strict=False))
+    first = 1 if labels[:1] == ["X_Value"] else 0
+    return {k: given[k - first] for k in channels if k - first < len(given)}
 
 
 def check_lengths(path: Path, name: str, columns: list[Column]) -> None:

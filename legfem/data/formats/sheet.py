@@ -33,19 +33,19 @@ _UNITS = {
         3600.0: "h hr hour",
     },
     "displacement": {
-        1.0: "mm millimeter millimeters millimetre",
-        10.0: "cm",
-        1000.0: "m meter metre",
-        1e-3: "um µm micron microns",
-        1e-6: "nm nanometer nanometers nanometre",
+        1.0: "mm millimeter millimeters millimetre millimetres",
+        10.0: "cm centimeter centimeters centimetre centimetres",
+        1000.0: "m meter meters metre metres",
+        1e-3: "um µm micron microns micrometer micrometers micrometre micrometres",
+        1e-6: "nm nanometer nanometers nanometre nanometres",
         25.4: "in inch inches",
     },
     "force": {
         1.0: "n newton newtons",
-        1e-3: "mn",
+        1e-3: "mn millinewton millinewtons",
         1e-6: "µn un",
         1e-9: "nn",
-        1e3: "kn",
+        1e3: "kn kilonewton kilonewtons",
         _G: "kgf kp",
         1e-3 * _G: "gf p",
         4.4482216152605: "lbf",
@@ -55,14 +55,15 @@ _UNITS = {
         1e-3: "kpa",
         1e-4: "mbar hpa",
         0.1: "bar",
-        1e-6: "pa",
+        1e-6: "pa pascal pascals",
         MPA_PER_MMHG: "mmhg torr",
         6.894757293168e-3: "psi",
     },
 }
 _OTHERS = """
-% - v mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm gpa mm/mm
+% - v volt volts mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm gpa mm/mm
 n.m n·m n*m kn·mm kn.mm n·mm n.mm µm/s um/s nm/s n/mm² n/mm2 cycles cycle count g kg lb strain
+m/s² m/s^2 m/s2
 """
 _KNOWN = {
     name: Unit(quantity, factor)  # type: ignore[arg-type]
@@ -169,8 +170,9 @@ def sheet_of_rows(path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks
     """Return the table in rows of cells, numbers as floats; None where there is none.
 
     What is number in the middle of the table are its columns; others, empty or of text, are passed over. The numbers
-    begin at the first of three rows that have all of them, and end at the last that has one; what stands below is
-    passed over too. Above are the columns' names, and perhaps a row of units and what else a program writes there.
+    begin at the first of three rows that have all of them (of all that remain in a table of few), and end at the last
+    that has one; what stands below is passed over too. Above are the columns' names, and perhaps a row of units and
+    what else a program writes there.
 
     Raises
     ------
@@ -260,7 +262,8 @@ def _first_of_numbers(rows: Sequence[Sequence[Cell]], kept: Sequence[int], colum
     if len(columns) < 2:
         return None
     whole = [all(isinstance(_at(rows[k], c), float) for c in columns) for k in kept]
-    return next((kept[i] for i in range(len(kept) - 2) if all(whole[i : i + 3])), None)
+    few = len(kept) < FEWEST_ROWS
+    return next((k for i, k in enumerate(kept) if all(whole[i : i + 3]) and (few or i + 3 <= len(kept))), None)
 
 
 def _mostly_numbers(row: Sequence[Cell], columns: Sequence[int]) -> bool:

@@ -100,8 +100,9 @@ def _decoded(path: Path) -> tuple[str, str]:
 def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
     """Return delimiter and decimal mark with which the last lines are numbers throughout."""
     filled = [line for line in lines if line.strip()]
-    # The middle, where no heading is, and the end, unless something follows there.
-    middle = len(filled) // 2
+    # The middle, where no heading is, and the end, unless something follows there. A table of few rows has one
+    # line above its numbers.
+    middle = len(filled) // 2 if len(filled) >= FEWEST_ROWS else 1
     tried = filled[middle : middle + _LINES_TRIED] or filled
     fits = [
         (delimiter, decimal, widths.pop())
@@ -111,7 +112,7 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
         if len(widths := _widths(tried, delimiter, decimal)) == 1
     ]
     fits = [fit for fit in fits if fit[2] >= 2] or _with_other_columns(tried)
-    if len(filled) < FEWEST_ROWS or not fits:
+    if len(filled) < 2 or not fits:
         ragged = any(len(_widths(tried, d, ".")) > 1 for d in "\t;,|")
         cells = [cell for d in "\t;," for row in _parted(tried, d) for cell in row]
         problem, remedy = next(filter(None, map(why_no_number, cells)), None) or (

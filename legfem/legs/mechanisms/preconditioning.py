@@ -55,7 +55,7 @@ class Preconditioning(Mechanism):
             statement="share of the excess that is still there at the end of the unloading",
         ),
     )
-    would_be: ClassVar[str] = "a first trial that is stiffer by a share of {}"
+    would_be: ClassVar[str] = "a first trial that is stiffer than the later ones by a share of {} (softer, if negative)"
     next_experiment: ClassVar[str] = "cycle five to ten times before recording, and rest between trials"
     measured_sd: ClassVar[float | None] = 0.03
     """An estimate: the gains of trials, over several cycles."""

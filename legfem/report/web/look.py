@@ -97,7 +97,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
             Chapter("Recordings", [block for k, one in enumerate(seen) for block in _recording(k, one, len(seen))]),
             Chapter("What was seen", [_table(names, seen)]),
             Chapter(
-                "To read them so",
+                "To read them this way",
                 [
                     Bullets(
                         ["Put this block into the folder's subject.toml or specimen.toml; it is in recordings.toml."]
@@ -109,7 +109,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
             ),
         ],
         repeat=Repeat(command, versions_of("legfem", "python")),
-        data="files as an instrument wrote them; whether measured or simulated they don't say",
+        data="files of an instrument; they do not say whether they were measured or simulated",
     )
 
 
@@ -117,8 +117,7 @@ def _read(channels: SourceColumns) -> str:
     """Return which columns were taken for what."""
     every = ((quantity, getattr(channels, quantity)) for quantity in QUANTITIES)
     told = (
-        f"{quantity} from '{one.column}' ({one.unit}{', turned round' if one.sign < 0 else ''})"
-        for quantity, one in every
+        f"{quantity} from '{one.column}' ({one.unit}{', reversed' if one.sign < 0 else ''})" for quantity, one in every
     )
     text = ", ".join(told)
     return f"{text[0].upper()}{text[1:]}."
@@ -130,8 +129,7 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
     most = max(_LEAST_POINTS, _MOST_POINTS // (2 * count))
     picked = np.unique(np.linspace(0, len(recording) - 1, most).round().astype(int))
     name = recording_name(recording)
-    few = "" if len(picked) == len(recording) else f" One sample in {len(recording) // len(picked)}"
-    few += " is drawn." if few else ""
+    few = "" if len(picked) == len(recording) else f" {len(picked)} of its {len(recording)} samples are drawn."
     time, moved, force = (values[picked] for values in (recording.time, recording.displacement, recording.force))
     return [
         Curves(

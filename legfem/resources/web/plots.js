@@ -10,6 +10,8 @@
   for (const script of document.querySelectorAll("script[data-curves]")) {
     const given = JSON.parse(script.textContent);
     const figure = script.closest("figure");
+    const known = given.x.filter((one) => one !== null);
+    const [min, max] = [Math.min(...known), Math.max(...known)];
     const rising = given.x.every((one, k) => !k || one >= given.x[k - 1]);
     const charts = [];
     let cursor = null;
@@ -26,7 +28,7 @@
       const datasets = given.lines.map((line) => ({
         label: line.name, data: line.values[place] ? points(given.x, line.values[place]) : [], read: line.read,
         borderColor: line.colour, borderWidth: line.points || line.faint ? 1 : 2, borderDash: DASHES[line.dash],
-        pointRadius: line.points ? 2.5 : 0, pointHoverRadius: 4, pointBackgroundColor: "#fff", showLine: !line.points,
+        pointRadius: line.points ? 2.5 : 0, pointHoverRadius: 4, pointBackgroundColor: "#fff", showLine: !line.points, clip: 6,
       }));
       for (const [x, low, high] of last ? given.band : []) {
         const edge = {borderWidth: 0, pointRadius: 0, pointHoverRadius: 0, backgroundColor: "rgba(120, 120, 120, 0.3)"};
@@ -68,8 +70,9 @@
             for (const other of charts) other.draw();
           },
           scales: {
-            x: {type: "linear", bounds: "data", ticks: {display: last, includeBounds: false}, title: {display: last, text: given.label}},
-            y: {title: {display: true, text: given.labels[place]}, afterFit: (axis) => { axis.width = EDGE; }},
+            // With limits of its own the axis has its ticks at round numbers, not counted from the first reading.
+            x: {type: "linear", min, max, ticks: {display: last, includeBounds: false}, title: {display: last, text: given.label}},
+            y: {ticks: {includeBounds: false}, title: {display: true, text: given.labels[place]}, afterFit: (axis) => { axis.width = EDGE; }},
           },
           plugins: {
             legend: {display: false},

@@ -36,7 +36,7 @@ class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
     body: ClassVar = CylinderOnBlock
     words: ClassVar = "a cylinder across a block"
     done: ClassVar = "a cylinder lying across a block pressed it"
-    followed: ClassVar = "a length_mm of half the true value makes it twice as large"
+    followed: ClassVar = "a length_mm of half the true value doubles the stiffness"
     own: ClassVar = {"thickness_mm": "thickness", "width_mm": "width", "length_mm": "length"}
     ranges: ClassVar = {"cylinder_diameter_mm": length_range("a cylinder's diameter", 1.0, 100.0)}
     layered: ClassVar = True

@@ -300,7 +300,8 @@ def _warnings(found: Calibrated) -> list[str]:
 
 def _next() -> list[str]:
     return [
-        "Give it to an identification: legfem identify --subject 3 --correction correction.json",
+        "Give the file beside this page to an identification: legfem identify --subject-dir FOLDER --correction "
+        "correction.json",
         "For a leg of another girth or depth to the bone, calibrate with --legs.",
     ]
 

@@ -45,7 +45,7 @@ def to_know(result: StudyResult) -> str:
         return "Not computed: run it without --factorial-only."
     name, errors = ranked[0]
     moved = " and ".join(f"{label_of(one)} {10 * error:+.0f} %" for one, error in zip(IDENTIFIED, errors, strict=True))
-    return f"Before all {label_of(name)}: taken 10 % too high, it moves {moved}."
+    return f"Above all, {label_of(name)}: if it is taken 10 % too high, it changes {moved}."
 
 
 def to_measure(result: StudyResult) -> list[str]:
@@ -61,11 +61,11 @@ def to_measure(result: StudyResult) -> list[str]:
         for name, half in within.items()
     )
     if all(half <= IDENTIFIED_WITHIN for half in within.values()):
-        first = f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial tells {halves}."
+        first = f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial gives {halves}."
     else:
         first = (
             f"A press of {depth:g} mm alone isn't enough: with fat and fascia known within their "
-            f"ranges only, it tells {halves}. Measure {label_of(ranked[0][0])} by another test."
+            f"ranges only, it gives {halves}. Measure {label_of(ranked[0][0])} by another test."
         )
     depths = {n: information.told_from(n, within_ranges=True) for n in information.names if n in IDENTIFIED}
     return [
@@ -135,7 +135,7 @@ def verdicts(results: Sequence[StudyResult]) -> list[Verdict]:
 def _in_words(findings: tuple[ClaimFinding, ...], titles: list[str]) -> str:
     told = [(f.holds, title) for f, title in zip(findings, titles, strict=True) if f.holds is not None]
     if not told:
-        return "can't be told"
+        return "cannot be determined"
     if all(holds for holds, _ in told):
         conditions = dict.fromkeys(f.only_where for f in findings if f.only_where)
         return f"holds only where {' and '.join(conditions)}" if conditions else "reproduced"

@@ -46,6 +46,9 @@ PARAMETERS: Mapping[str, Kind] = {
 OF_THE_GEOMETRY = ("fascia.thickness", "indenter.diameter")
 """Parameters whose change needs another mesh."""
 
+LONGEST_MM, DEEPEST_MM = 200.0, 60.0
+"""Of a factor that is a length, and of a press: what a leg has room for."""
+
 _TISSUES = {"deep": "deep", "superficial": "fat", "fascia": "fascia"}
 
 
@@ -191,6 +194,8 @@ class _Range(FileTable):
 
 def _number(name: str) -> Any:
     # A reduced polynomial with C20 = 0 is neo-Hookean; all else must be positive.
+    if name in OF_THE_GEOMETRY:
+        return Annotated[Positive, Field(le=LONGEST_MM)]
     return NotNegative if name == "deep.C20" else Positive
 
 
@@ -207,9 +212,13 @@ _Ranges = create_model("_Ranges", __base__=FileTable, **_RANGES)
 _Values = create_model("_Values", __base__=FileTable, **_VALUES)
 
 
+MOST_RUNS = 100_000
+"""Simulations of a design: a cluster's, for months."""
+
+
 class _Emulator(FileTable):
-    training: Annotated[int, Field(ge=0)] = 80
-    testing: Annotated[int, Field(ge=0)] = 20
+    training: Annotated[int, Field(ge=0, le=MOST_RUNS)] = 80
+    testing: Annotated[int, Field(ge=0, le=MOST_RUNS)] = 20
 
 
 Window = Annotated[list[Finite], Field(min_length=2, max_length=2)]
@@ -217,7 +226,7 @@ Window = Annotated[list[Finite], Field(min_length=2, max_length=2)]
 
 class _File(FileTable):
     title: str | None = None
-    depth_mm: Positive = 30.0
+    depth_mm: Annotated[Positive, Field(le=DEEPEST_MM)] = 30.0
     windows_mm: list[Window] = Field(default=[[0, 5], [5, 20], [20, 30]])
     coding: Coding = "linear"
     factors: _Ranges  # type: ignore[valid-type]

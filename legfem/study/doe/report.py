@@ -78,7 +78,7 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
 def _variance(result: StudyResult) -> list[web.Block]:
     return [
         web.Bullets(result.run_notes()),
-        web.Prose(f"{UNITS_NOTE} R² predicted is that of runs which the surface hasn't seen. {_counting(result)}"),
+        web.Prose(f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. {_counting(result)}"),
         web.WebTable("Sums of squares and what they say, a row a metric", *tables.anova_cells(result)),
         web.WebTable(
             "Effects without an error estimate (Lenth), curvature at the centre, normality",
@@ -168,7 +168,7 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
         That does it again.
     """
     chapters = [
-        web.Chapter("What each factor makes", _effects(result)),
+        web.Chapter("What each factor causes", _effects(result)),
         web.Chapter("The forces behind it", [_curves(result)]),
         web.Chapter("The response surface", _surface(result)),
         *number_chapters(result),
@@ -202,19 +202,20 @@ def _headline(result: StudyResult) -> web.Headline:
     unseen = not_seen(result)
     return web.Headline(
         "caution" if _warnings(result) else "sound",
-        f"A press {result.definition.depth:g} mm deep shows {in_words(factor)} most: it makes "
-        f"{100 * share:.0f} % of how the {metric.label} varies over the ranges.",
+        f"A press {result.definition.depth:g} mm deep shows {in_words(factor)} most, which causes "
+        f"{100 * share:.0f} % of the variation of the {metric.label} over the ranges.",
         [
             (
-                "What it doesn't show",
+                "What it does not show",
                 f"{', '.join(unseen)}: below 1 % in every window."
                 if unseen
-                else "Every factor makes 1 % or more somewhere.",
+                else "Every factor causes 1 % or more somewhere.",
             ),
             (
                 "How sure",
-                "Of how runs differ that it hasn't seen, the fitted surface predicts "
-                f"{_percents(fits)} (R²). The runs are a model's, without noise.",
+                "The fitted surface predicts "
+                f"{_percents(fits)} of the variance of runs that were not used in the fit (R²). The runs are "
+                "a model's, without noise.",
             ),
             ("What must be known before the test", to_know(result)),
             ("What to do", to_measure(result)[0]),
