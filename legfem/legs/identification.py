@@ -13,10 +13,9 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.inverse.catalogue import DEEP_RATIO
+from legfem.inverse.catalogue import DEEP_RATIO, LawName
 from legfem.inverse.fibre_ratio import check_in_plane
 from legfem.inverse.fit import Fit, fit
-from legfem.inverse.laws import LawName
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.correction import TabulatedCorrection

@@ -17,9 +17,8 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.catalogue import DEEP_C10, LawName
 from legfem.inverse.fit import Fit, fit_with
-from legfem.inverse.laws import LawName
 from legfem.inverse.outcome import FullSolver
 from legfem.inverse.settings import IdentificationSettings
 from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction

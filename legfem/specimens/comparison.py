@@ -26,9 +26,8 @@ from legfem.specimens.fibre_ratio import kinds_of, tells_ratio, were_turned
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.own_stiffness import OwnStiffness
-from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.relaxation import borne, branch_ratios, clock
-from legfem.specimens.sizes import fibres_text
+from legfem.specimens.sizes import SpecimenRecording, fibres_text
 
 GRID = 50
 """Displacements at which a test's force is known to the search."""

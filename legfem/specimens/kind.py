@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from legfem.common.doubts import Doubt, PhysicalRange
+from legfem.common.errors import Doubt, PhysicalRange
 from legfem.common.input_files import FileTable, Text, trouble
 from legfem.data import Instrument, Recording, Segmentation
 from legfem.data.folder import RecordingsEntry

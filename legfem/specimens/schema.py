@@ -19,7 +19,7 @@ from legfem.common.input_files import (
     trouble,
 )
 from legfem.data.folder import InstrumentEntry, with_lab
-from legfem.inverse.laws import LawName
+from legfem.inverse.catalogue import LawName
 from legfem.specimens.fibre_directions import Direction
 from legfem.specimens.kind import SpecimenKind, SpecimenRecordingsEntry
 from legfem.specimens.kinds import kinds
