@@ -3,7 +3,7 @@ What is seen in a recording
 ===========================
 
 Before anything is solved: the phases of a recording, where the cylinder first touches, how noisy it is, and a grade. Subject 3's
-first trial (**reconstructed**), with 1.5 mm of air put before it.
+first trial (**reconstructed**), with 4 mm of air put before it.
 """
 
 from dataclasses import replace
@@ -18,12 +18,12 @@ from legfem.data.quality import quality_of
 leg = lf.load_subject("3")
 trial = leg.recordings[0]
 rate = 0.4  # mm/s
-wait = np.arange(0.0, 1.5 / rate, np.diff(trial.time).mean())
+wait = np.arange(0.0, 4.0 / rate, np.diff(trial.time).mean())
 generator = np.random.default_rng(1)
 recording = replace(
     trial,
     time=np.concatenate([wait, wait[-1] + trial.time[1] - trial.time[0] + trial.time]),
-    displacement=np.concatenate([rate * wait, 1.5 + trial.displacement]),
+    displacement=np.concatenate([rate * wait, 4.0 + trial.displacement]),
     force=np.concatenate([0.05 * generator.standard_normal(len(wait)), trial.force]),
 )
 seen = segment(recording)

@@ -14,8 +14,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import legfem as lf
+from legfem.channels.registry import CHANNELS
 from legfem.data import Recording
-from legfem.data.channels import CHANNELS, RecordedChannel
+from legfem.data.recording import RecordedChannel
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.legs.experiments import plane_strain_test
 

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from making_identification import DEPTH, AnalyticLeg, identify, pressed_leg
 
+from legfem.channels.kind import ChannelAccuracy
+from legfem.channels.registry import CHANNELS
 from legfem.common.errors import InputError
-from legfem.data.channels import CHANNELS, ChannelAccuracy, RecordedChannel
+from legfem.data.recording import RecordedChannel
 from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.comparison import total_of

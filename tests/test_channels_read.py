@@ -12,11 +12,11 @@ import pytest
 from making import TOML, press, write_subject
 from typer.testing import CliRunner
 
+from legfem.channels.registry import CHANNELS
 from legfem.commands.data import app
 from legfem.common.errors import InputError
-from legfem.data.channels import CHANNELS, RecordedChannel
 from legfem.data.reader import read_samples
-from legfem.data.recording import write_recording
+from legfem.data.recording import RecordedChannel, write_recording
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 from legfem.report.preview import preview_of

@@ -11,14 +11,16 @@ import shapely
 from making_diagnosed import BASE, diagnosed_of
 from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
 
+from legfem.channels.kind import Site
+from legfem.channels.registry import CHANNELS, FILE_OF
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
-from legfem.data.channels import CHANNELS, RecordedChannel
+from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.discrepancy import possible_discrepancies
+from legfem.inverse.emulator import At
 from legfem.inverse.errors import error_model
-from legfem.inverse.grid_spline import At
 from legfem.inverse.linearised import LinearisedProblem, fit
 from legfem.inverse.observations import Observations, blank_observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
@@ -27,8 +29,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
-from legfem.report.diagnosis_channels import channel_chapter, channel_misfits, channel_sentences
-from legfem.report.diagnosis_section import misfit_in_section, seen_at
+from legfem.report.diagnosis_channels import channel_chapter, channel_misfits, channel_sentences, misfit_in_section
 from legfem.report.page import Curves
 from legfem.solve.protocol import Protocol
 
@@ -335,13 +336,17 @@ def test_the_section_is_marked_where_channels_depart() -> None:
     (mark,) = drawn.marks
     at = shapely.Point(mark.x, -mark.y)
     section = subject.section
+
+    def seen_at(name: str) -> shapely.Point:
+        return shapely.Point(FILE_OF[name].place(CHANNELS[name], Site(section, subject.indenter)))
+
     assert mark.name == "departs: fat thickness"
     assert section.polygon("skin").contains(at) and not section.polygon("fascia").contains(at)
-    assert section.polygon("fascia").contains(shapely.Point(seen_at("muscle_thickness", subject)))
+    assert section.polygon("fascia").contains(seen_at("muscle_thickness"))
     for side in ("left", "right"):
-        skin = shapely.Point(seen_at(f"skin_rise_{side}_25", subject))
+        skin = seen_at(f"skin_rise_{side}_25")
         assert section.polygon("skin").exterior.distance(skin) < 1e-6
-        away = skin.distance(shapely.Point(seen_at("lateral_force", subject)))
+        away = skin.distance(seen_at("lateral_force"))
         assert away > 24.9
     assert not misfit_in_section(diagnosed_of(replace(both, channels=()), ("force-drift",), library=Seen()), subject)
 

@@ -19,11 +19,11 @@ from making_instrument_files import REAL, D, F, T, plain_csv, rows, workbook, zw
 from openpyxl import Workbook
 from typer.testing import CliRunner
 
+from legfem.channels.registry import CHANNELS
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data import read_samples
 from legfem.data.channel_reader import read_channel
-from legfem.data.channels import CHANNELS
 from legfem.data.folder import RecordingsEntry
 from legfem.data.formats.workbook import read_workbook
 from legfem.legs.loading import load_subject

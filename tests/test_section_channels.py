@@ -11,10 +11,13 @@ import shapely
 from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
-from legfem.data.channels import CHANNELS
+from legfem.channels.kinds.contact_force import ContactForces
+from legfem.channels.kinds.skin_rise import RISES
+from legfem.channels.reading import ChannelReader
+from legfem.channels.registry import CHANNELS
+from legfem.channels.seen import ReadState
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.section_channels import BESIDE_MM, ContactForces, ReadState, skin_rise
 from legfem.fem.outlines import first_crossing
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
@@ -39,7 +42,9 @@ def solved(test) -> Solved:
 
 def test_every_channel_is_a_known_kind(solved):
     assert set(solved.path.channels) <= set(CHANNELS)
-    assert {"lateral_force", *THICKNESSES, *map(skin_rise, BESIDE_MM)} == set(solved.curve.channels)
+    assert {"lateral_force", "contact_width", *THICKNESSES, *(kind.name for kind in RISES.values())} == set(
+        solved.curve.channels
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -88,7 +93,7 @@ def test_thicknesses_at_first_touch_are_the_section_s(test, solved):
     # Beside the skin's corners, outlines are smoothed and meshed: 0.05 mm.
     assert channels["fat_thickness"][0] == pytest.approx(fascia - skin, abs=0.05)
     assert channels["muscle_thickness"][0] == pytest.approx(bone - inner, abs=0.05)
-    assert all(channels[skin_rise(beside)][0] == 0.0 for beside in BESIDE_MM)
+    assert all(channels[kind.name][0] == 0.0 for kind in RISES.values())
 
 
 def test_the_skin_under_the_cylinder_is_as_deep_as_the_cylinder(test, solved):
@@ -109,12 +114,12 @@ def test_the_skin_beside_is_where_its_deformed_polygon_is(test):
     moved = nodes + system.skin.domain.unknown.x.array.reshape(-1, 2)
     edges = system.spaces.skin_space.dofmap.list
     halves = np.concatenate([edges[:, [0, 2]], edges[:, [2, 1]]])
-    for beside in BESIDE_MM:
+    for beside, kind in RISES.items():
         origin = system.start + beside * left - 200 * travel
         line = shapely.LineString([origin, origin + 400 * travel])
         before, after = (line & shapely.MultiLineString(list(points[halves])) for points in (nodes, moved))
         place = [((shapely.get_coordinates(crossing) - origin) @ travel).min() for crossing in (before, after)]
-        assert rises[skin_rise(beside)][-1] == pytest.approx(place[0] - place[1], abs=0.02)
+        assert rises[kind.name][-1] == pytest.approx(place[0] - place[1], abs=0.02)
 
 
 def symmetric() -> tuple[LegSection, Indenter]:
@@ -132,7 +137,7 @@ def test_a_symmetric_leg_has_no_lateral_force_and_no_bone_ahead():
     path = PlaneStrainIndentation(*symmetric(), tissues, settings).solve(depth=DEPTH).path
     assert "muscle_thickness" not in path.channels
     assert np.abs(path.channels["lateral_force"]).max() < 3e-3 * path.force[-1]
-    left, right = (path.channels[skin_rise(beside)][-1] for beside in (25.0, -25.0))
+    left, right = (path.channels[RISES[beside].name][-1] for beside in (25.0, -25.0))
     assert left == pytest.approx(right, rel=0.02)
 
 
@@ -163,9 +168,11 @@ def test_a_line_beside_an_outline_meets_nothing():
 def test_forces_in_3d_turn_with_the_travel():
     """To the left of the travel as in a section, and along the leg; both are channels that the model in 3D gives."""
     direction = np.array([0.6, -0.8, 0.0])
-    reader = ContactForces(SimpleNamespace(direction=direction))
+    reader = ChannelReader(SimpleNamespace(direction=direction), (ContactForces(),))
     force = 2.0 * direction + 0.5 * np.array([0.8, 0.6, 0.0]) + np.array([0.0, 0.0, 0.1])
-    read = reader.read(ReadState(np.zeros(0), np.zeros((1, 0)), force, 3.0 * force[None]))
+    read = reader.read(
+        ReadState(np.zeros(0), np.zeros((1, 0)), force, 3.0 * force[None], np.zeros((0, 3)), np.zeros((1, 0, 3)))
+    )
     assert read["lateral_force"][0] == pytest.approx(0.5) and read["axial_force"][0] == pytest.approx(0.1)
     assert read["lateral_force"][1] == pytest.approx([1.5]) and read["axial_force"][1] == pytest.approx([0.3])
     assert set(read) == {name for name, kind in CHANNELS.items() if "3d" in kind.models}

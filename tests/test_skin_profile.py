@@ -9,9 +9,9 @@ import pytest
 import shapely
 from making import TOML, press, write_subject
 
+from legfem.channels.registry import CHANNELS
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data.channels import CHANNELS
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 

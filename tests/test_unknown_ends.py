@@ -10,15 +10,15 @@ import pytest
 from making_specimens import BAR, PLANTED, write_bars
 
 import legfem as lf
+from legfem.channels.registry import CHANNELS
 from legfem.data import Recording, write_recording
-from legfem.experiments.axisymmetric import CylinderCompression
+from legfem.data.recording import RecordedChannel
+from legfem.experiments.axisymmetric import CylinderCompression, HalfwayTest
 from legfem.experiments.bodies import CylinderBetweenPlates
-from legfem.experiments.halfway import HalfwayTest
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.parameter import Parameter
 from legfem.mechanics.materials import NeoHookean
-from legfem.specimens.alternatives import alternatives_text
-from legfem.specimens.details import Weighed
+from legfem.specimens.details import Weighed, alternatives_text
 from legfem.specimens.kinds.plates import PartlyHeld, PlatesEntry, PlatesKind
 from legfem.specimens.shallow_tests import settings_to
 
@@ -41,7 +41,7 @@ starts_at_contact = true
 """
 
 
-def pressed(folder: Path, ends: str, seed: int = 1) -> Path:
+def pressed(folder: Path, ends: str, seed: int = 1, side: bool = False) -> Path:
     """Write a folder whose cylinder was solved on a finer mesh with half the steps, and read with noise."""
     usual = settings_to(3.6)
     steps = replace(usual.steps, largest=usual.steps.largest / 2)
@@ -52,9 +52,41 @@ def pressed(folder: Path, ends: str, seed: int = 1) -> Path:
     d = np.linspace(0.0, 3.6, 150)
     noise = np.random.default_rng(seed).normal(0.0, 0.01, 150)
     (folder / "recordings").mkdir(parents=True)
-    write_recording(Recording(d / 0.1, d, curve(d) + noise, "a"), folder / "recordings" / "a.csv")
+    seen = np.arange(0.0, 3.61, 0.3)
+    # A picture that is 2 % off, in steps of a pixel of 400.
+    stretch = np.round(400 * (1 + 1.02 * (curve.channel("lateral_stretch", seen) - 1))) / 400
+    video = RecordedChannel("lateral_stretch", seen / 0.1, stretch, CHANNELS["lateral_stretch"].usual)
+    recording = Recording(d / 0.1, d, curve(d) + noise, "a", None, (video,) if side else ())
+    write_recording(recording, folder / "recordings" / "a.csv")
     (folder / "specimen.toml").write_text(PLATES)
     return folder
+
+
+@pytest.mark.parametrize("ends", ["bonded", pytest.param("sliding", marks=pytest.mark.slow)])
+def test_a_video_of_the_side_says_what_the_ends_do(tmp_path: Path, ends: str) -> None:
+    """The middle is wider than volume asks for where ends stick: force leaves that open, a video hardly."""
+    chances = []
+    for side in (False, True):
+        found = lf.identify(lf.load_specimen(pressed(tmp_path / f"{side}", ends, side=side)), "neo-hookean")
+        details = found["neo-hookean"].details
+        chances.append({one.name: one.probability for one in details.alternatives})
+        assert (details.lateral is not None) == side
+    print(chances)
+    assert chances[1][ends] > 0.95 and 1 - chances[1][ends] < 0.5 * (1 - chances[0][ends]) + 1e-3
+    assert "Lateral stretch" in found.summary()
+
+
+def test_the_middle_bulges_where_ends_stick() -> None:
+    """Volume alone makes a sliding, incompressible cylinder wider by its shortening's root; a compressible one less."""
+    body = CylinderBetweenPlates(12.0, 12.0, "sliding")
+    stretches = {}
+    for name, ends, bulk in (("sliding", "sliding", 1000), ("bonded", "bonded", 1000), ("soft", "sliding", 2)):
+        test = CylinderCompression(replace(body, ends=ends), NeoHookean(C10, 1 / (bulk * C10)), settings_to(1.2))
+        curve = test.solve(depth=1.2, sensitivities=["deep.D1"]).curve
+        stretches[name] = float(curve.channel("lateral_stretch", 1.2))
+    print(stretches)
+    assert stretches["sliding"] == pytest.approx(0.9**-0.5, rel=1e-3)
+    assert stretches["bonded"] > stretches["sliding"] + 0.01 > stretches["soft"] + 0.02
 
 
 @pytest.mark.parametrize("ends", ["bonded", pytest.param("sliding", marks=pytest.mark.slow)])

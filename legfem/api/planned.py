@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from legfem.api.arguments import check_finite, check_folder, check_whole, wrong
 from legfem.api.loading import Given, folder_of
 from legfem.api.results import Result
-from legfem.common.doubts import Doubt, log_doubts
+from legfem.common.errors import Doubt, log_doubts
 from legfem.common.progress import progress_on
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject

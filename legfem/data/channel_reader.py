@@ -5,23 +5,35 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
+from itertools import product
 from pathlib import Path, PurePath
 from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import create_model, model_validator
 
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Frames, FramesError, Read, Site
+from legfem.channels.registry import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
-from legfem.data.channels import CHANNELS, ChannelAccuracy, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import Column, Quantity, measures, unit_named
 from legfem.data.reader import channel_of
-from legfem.data.recording import Recording, backwards, not_increasing
+from legfem.data.recording import RecordedChannel, Recording, backwards, not_increasing
 
 TRIAL, SITE = "{trial}", "{site}"
 """In the name of a file: the name of the trial that it belongs to, and of the leg's site."""
+
+
+_OF_IMAGES_AND_FILMS = {
+    "shift_mm": "shift",
+    "turn_deg": "turn",
+    "apart_mm": "apart",
+    "creep_percent": "creep",
+    "threshold_kPa": "threshold",
+}
+"""Keys that few channels have, and what of their accuracy each is."""
 
 
 class RecordedChannelEntry(FileTable):
@@ -48,6 +60,22 @@ class RecordedChannelEntry(FileTable):
     """Standard deviation of the channel's scale."""
     lag_s: NotNegative | None = None
     """Standard deviation of the difference between the channel's clock and the recording's."""
+    shift_mm: NotNegative | None = None
+    """Standard deviation of how far an image lies beside where it is said to, in either direction."""
+    turn_deg: NotNegative | None = None
+    """Standard deviation of how an image is turned against the section."""
+    apart_mm: NotNegative | None = None
+    """Distance over which errors of an image's readings are alike."""
+    sd_kPa: Positive | None = None
+    """Standard deviation of a reading, for a channel in kPa."""
+    bias_kPa: NotNegative | None = None
+    """Standard deviation of a constant error, for a channel in kPa."""
+    slow_kPa: NotNegative | None = None
+    """Standard deviation of an error that changes slowly within a trial, for a channel in kPa."""
+    creep_percent: NotNegative | None = None
+    """Standard deviation of what a film reads more for every tenfold of the time under load."""
+    threshold_kPa: NotNegative | None = None
+    """Pressure below which a film reads nothing: such readings are left out."""
 
     @model_validator(mode="after")
     def _file_within(self) -> RecordedChannelEntry:
@@ -66,9 +94,8 @@ class RecordedChannelEntry(FileTable):
             If an error is given in another unit, or clocks that are a second apart.
         """
         usual, field = kind.usual, f"channels.{kind.name}"
-        other = "mm" if kind.is_force else "N"
-        for name in ("sd", "bias", "slow"):
-            if getattr(self, f"{name}_{other}") is not None:
+        for name, other in product(("sd", "bias", "slow"), UNITS):
+            if other != kind.unit and getattr(self, f"{name}_{other}") is not None:
                 raise InputError(
                     source, f"{field}.{name}_{other}", f"the channel is in {kind.unit}", f"give {name}_{kind.unit}"
                 )
@@ -79,19 +106,27 @@ class RecordedChannelEntry(FileTable):
                 f"clocks that may be {self.lag_s:g} s apart say nothing of where the cylinder was",
                 "bring both to one clock (tap the cylinder, and look for it in both)",
             )
+        for stated, of in _OF_IMAGES_AND_FILMS.items():
+            if getattr(self, stated) is not None and not getattr(usual, of):
+                raise InputError(source, f"{field}.{stated}", f"the channel has no such {of}", "leave it out")
         given = {
             "reading": getattr(self, f"sd_{kind.unit}"),
             "bias": getattr(self, f"bias_{kind.unit}"),
             "slow": getattr(self, f"slow_{kind.unit}"),
             "gain": None if self.gain_percent is None else self.gain_percent / 100,
             "lag": self.lag_s,
+            "shift": self.shift_mm,
+            "turn": self.turn_deg,
+            "apart": self.apart_mm,
+            "creep": None if self.creep_percent is None else self.creep_percent / 100,
+            "threshold": self.threshold_kPa,
         }
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
-SKIN_PROFILE = "skin_profile"
-"""Of ``[channels]``: points of the skin, which become several channels where the line of travel is known."""
-_FIELDS: dict[str, Any] = dict.fromkeys((*CHANNELS, SKIN_PROFILE), (RecordedChannelEntry | None, None))
+_FIELDS: dict[str, Any] = dict.fromkeys(
+    (*(kind.name for kind in OF_LEGS), *OF_FRAMES), (RecordedChannelEntry | None, None)
+)
 
 
 class _SomeChannels(FileTable):
@@ -106,9 +141,22 @@ LONGEST_LAG_S = 1.0
 
 
 def with_channels(
-    toml: Path, given: FileTable, recordings: Sequence[Recording], site: str = ""
+    toml: Path, given: FileTable, recordings: Sequence[Recording], site: Site, name: str = ""
 ) -> tuple[Recording, ...]:
     """Return recordings with the channels that a subject's file names, and the accuracy that it states.
+
+    Parameters
+    ----------
+    toml
+        The subject's file.
+    given
+        Its ``[channels]``.
+    recordings
+        Of one site.
+    site
+        Where the leg is pressed.
+    name
+        Of the site, where a leg has several.
 
     Raises
     ------
@@ -116,29 +164,39 @@ def with_channels(
         If a channel's file or column isn't there or can't be read.
     """
     entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
-    for name, entry in entries.items():
-        if name == SKIN_PROFILE:
-            continue
-        kind = CHANNELS[name]
-        accuracy = entry.accuracy(kind, toml)
+    for key, entry in entries.items():
+        kind = None if key in OF_FRAMES else CHANNELS[key]
+        accuracy = None if kind is None else entry.accuracy(kind, toml)
         if not recordings:
             continue
-        if entry.file is None:
+        if kind is None and (entry.file is None or entry.column is not None):
+            columns = ",".join(("time_s", *OF_FRAMES[key].columns))
+            raise InputError(toml, f"channels.{key}", "frames have a file of their own", f"give file, of {columns}")
+        if kind is not None and accuracy is not None and entry.file is None:
             recordings = [_stated(one, kind, accuracy) for one in recordings]
-            if not any(channel.name == name for one in recordings for channel in one.channels):
+            if not any(channel.name == key for one in recordings for channel in one.channels):
                 raise InputError(
                     toml,
-                    f"channels.{name}",
+                    f"channels.{key}",
                     f"no recording has a column {kind.column}",
                     "add it, its cells empty where nothing was read, or name a file",
                 )
             continue
-        paths = [channel_file(toml, entry, one, len(recordings), name, site) for one in recordings]
-        recordings = [_with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)]
+        paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
+        if kind is None or accuracy is None:
+            read = _of_frames(paths, OF_FRAMES[key], site, recordings)
+            recordings = [
+                _with_frames(toml, path, entry, found, one)
+                for path, found, one in zip(paths, read, recordings, strict=True)
+            ]
+        else:
+            recordings = [
+                _with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)
+            ]
     return tuple(recordings)
 
 
-def channel_file(
+def _channel_file(
     toml: Path, entry: RecordedChannelEntry, recording: Recording, trials: int, name: str, site: str
 ) -> Path:
     """Return the file of an entry for one of a number of trials: within the folder, or beside the recording.
@@ -170,6 +228,45 @@ def is_channel_file(path: Path, given: FileTable, site: str = "") -> bool:
 def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) -> Recording:
     stated = (replace(one, accuracy=accuracy) if one.name == kind.name else one for one in recording.channels)
     return replace(recording, channels=tuple(stated))
+
+
+def _of_frames(
+    paths: Sequence[Path], file: ChannelFile, site: Site, recordings: Sequence[Recording]
+) -> Sequence[Sequence[Read]]:
+    """Return the channels that every trial's file of frames gives."""
+    frames = []
+    for path, one in zip(paths, recordings, strict=True):
+        table = read_table(path, ("time_s", *file.columns)).to_numpy(dtype=np.float64)
+        table = table[np.argsort(table[:, 0], kind="stable")]
+        frames.append(Frames(table[:, 0], table[:, 1:], one.time, one.force))
+    try:
+        return file.of_frames(frames, site)
+    except FramesError as error:
+        raise InputError(paths[0], error.field, error.what, error.remedy) from None
+
+
+def _with_frames(
+    toml: Path, path: Path, entry: RecordedChannelEntry, found: Sequence[Read], recording: Recording
+) -> Recording:
+    taken = {one.name for one in recording.channels} & {one.name for one in found}
+    if taken:
+        raise InputError(path, "channels", f"{', '.join(taken)} is there already", "keep one of both")
+    channels = [_at_places(path, one, entry.accuracy(CHANNELS[one.name], toml)) for one in found]
+    return replace(recording, channels=(*recording.channels, *channels))
+
+
+def _at_places(path: Path, one: Read, accuracy: ChannelAccuracy) -> RecordedChannel:
+    """Return a channel that frames give, without what is below the instrument's threshold."""
+    told = np.ones(len(one.values), dtype=bool) if accuracy.threshold is None else one.values >= accuracy.threshold
+    if not told.any():
+        raise InputError(
+            path,
+            one.name,
+            f"no reading reaches {accuracy.threshold:g} {CHANNELS[one.name].unit}",
+            "give a lower threshold, or leave the file out",
+        )
+    course = None if one.course is None else one.course[told]
+    return RecordedChannel(one.name, one.time[told], one.values[told], accuracy, path, course, one.places)
 
 
 def _with_file(

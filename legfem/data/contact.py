@@ -156,7 +156,7 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
         return _at_start(d, force, start, noise, displacement_sd)
     first = float(x[0])
     last = max(rough + 0.5 * way, first + 0.1 * way)
-    slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else 0.5 * white
+    slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else white
     pressed = _OF_FORCE * np.maximum(y - y[:_FEWEST].mean(), 0.0)
     whitened = _whitening(x, white / np.sqrt(size), slow, pressed, way)
     onsets = np.linspace(first, last, 101)

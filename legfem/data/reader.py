@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from legfem.channels.kind import ChannelKind
+from legfem.channels.registry import CHANNELS, IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
-from legfem.data.channels import CHANNELS, ChannelKind, RecordedChannel
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import (
     FEWEST_ROWS,
@@ -29,7 +30,7 @@ from legfem.data.formats.sheet import (
     measures,
     unit_named,
 )
-from legfem.data.recording import MOST, Recording, backwards, not_increasing, since_start
+from legfem.data.recording import MOST, RecordedChannel, Recording, backwards, not_increasing, since_start
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
 if TYPE_CHECKING:
@@ -97,14 +98,14 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
         )
     used = {getattr(channels, q).column for q in QUANTITIES}
     left = tuple(column for column in sheet.columns if column.name not in used)
-    beside = tuple(_dense(left, kind, values["time"]) for kind in CHANNELS.values() if _columns_of(left, kind))
+    beside = tuple(_dense(left, kind, values["time"]) for kind in IN_COLUMNS if _columns_of(left, kind))
     return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
 
 
 def channel_of(column: Column) -> ChannelKind | None:
     """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
     name = column.name.lower()
-    named = (kind for kind in CHANNELS.values() if all(word in name for word in kind.name.split("_")))
+    named = (kind for kind in IN_COLUMNS if all(word in name for word in kind.name.split("_")))
     return next((kind for kind in named if measures(column, "force" if kind.is_force else "displacement")), None)
 
 
@@ -494,7 +495,7 @@ def read_own(path: Path) -> Recording | None:
 def _channel_columns(path: Path) -> dict[str, ChannelKind]:
     """Return the columns of further channels in a table's first line."""
     first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
-    known = {kind.column: kind for kind in CHANNELS.values()}
+    known = {kind.column: kind for kind in IN_COLUMNS}
     return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
 
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from legfem.channels.reading import ChannelLog, ChannelReader
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Meshed, Picklable, Solved, as_protocol, cached_in_process
-from legfem.experiments.section_channels import ChannelLog, ChannelReader
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.key import key_of

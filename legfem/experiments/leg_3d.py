@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from legfem.channels.reading import ChannelReader
+from legfem.channels.registry import files_of
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import cached_in_process
 from legfem.experiments.indentation import IndentationModel, IndentationTest, leg_model
 from legfem.experiments.indenter_pose import IndenterInPose, Indenting, Pose, in_pose
-from legfem.experiments.section_channels import ContactForces
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.leg_shape import SKIN, LegShape
@@ -179,7 +180,7 @@ class LegIndentation3D(IndentationTest):
         )
         solver = NewtonSolver(system, settings.newton, settings.linear)
         radius = self.indenter.radius
-        reader = ContactForces(system)
+        reader = ChannelReader(system, files_of("3d"))
         return IndentationModel(system, solver, settings.contact, radius, 1.0, settings.steps, reader)
 
 

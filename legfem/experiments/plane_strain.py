@@ -13,6 +13,9 @@ import numpy as np
 from mpi4py import MPI
 from shapely import Point
 
+from legfem.channels.reading import ChannelReader
+from legfem.channels.registry import files_of
+from legfem.channels.seen import Sight
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
@@ -26,7 +29,6 @@ from legfem.experiments.indentation import (
     RecentSolutions,
     leg_model,
 )
-from legfem.experiments.section_channels import SectionChannels
 from legfem.fem.fields import most_stretched
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
@@ -151,6 +153,8 @@ class PlaneStrainIndentation(IndentationTest):
         Motion of the mesh's outlines once it is made; none by default.
     meshed
         Mesh of the section, if there is one already; by default it is made when first needed.
+    sights
+        Places at which channels are read that have none of their own.
 
     Raises
     ------
@@ -167,6 +171,7 @@ class PlaneStrainIndentation(IndentationTest):
     mechanisms: Sequence[Term] = ()
     moved: MeshMotion | None = None
     meshed: SectionMesh | None = field(default=None, repr=False)
+    sights: tuple[Sight, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that the section can have the indenter."""
@@ -331,7 +336,7 @@ class PlaneStrainIndentation(IndentationTest):
             self.indenter.radius,
             self.indenter.length,
             self.settings.steps,
-            SectionChannels(system),
+            ChannelReader(system, files_of("2d"), self.sights),
         )
 
     def _placed(self, placement: LateralPlacement) -> IndentationModel:

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from legfem.common.units import FloatArray
-from legfem.fem.forms import Rounding, body_forms, skin_forms
+from legfem.fem.forms import Clock, Rounding, Symbols, body_forms, skin_forms
 from legfem.fem.spaces import LegSpaces
-from legfem.fem.symbols import Clock, Symbols
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import volume_ratio
 from legfem.mechanics.model import LegModel
@@ -262,6 +261,16 @@ class System:
         self._trace()
         local = self._assemble_skin().reshape(-1, self.spaces.dimension).sum(axis=0)
         return -np.asarray(self.comm.allreduce(local))
+
+    def nodal_contact_force(self) -> FloatArray:
+        """Return what the rank adds to the indenter's force on each of its skin's nodes, (nodes, dimension)."""
+        self._trace()
+        return -self._assemble_skin().reshape(-1, self.spaces.dimension)
+
+    @property
+    def displacement(self) -> float:
+        """Of the indenter along its line of travel, mm."""
+        return float((self._centre.value - self.start) @ self.direction)
 
     def _trace(self) -> None:
         self.skin.domain.unknown.x.array[:] = self.unknown.x.array[self.spaces.trace]

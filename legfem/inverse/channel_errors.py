@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from legfem.channels.registry import FILE_OF
 from legfem.common.units import FloatArray
 from legfem.data.noise import contrasts_of
 from legfem.inverse.channel_readings import ChannelReadings
@@ -18,6 +19,8 @@ from legfem.inverse.channel_readings import ChannelReadings
 _MODEL_SHARE, _MODEL_LENGTH_MM = 0.01, 5.0
 """Of the model's own error, smooth along the displacement: over what the channel changes by. Meshes twice as fine
 change thicknesses by 0.007 mm at most, the skin's rise by 0.04 mm and the lateral force by 0.2 %."""
+_OWN = 0.05
+"""Of a reading's variance: what no neighbour shares."""
 _SHAPE_LENGTH_MM = 10.0
 """Of what outlines that are off, and two effects at once, do beyond the sum of their single effects
 (`ChannelKind.model_share`): with skin and fascia 1 mm off, an aim of 1 mm and bones of 0.5 to 1.4 mm, 0.15 mm of the
@@ -41,10 +44,19 @@ def reading_covariance(
         Numbers of the trials by programme.
     """
     same = np.equal.outer(one.trial, one.trial)
-    slow = one.accuracy.slow**2 * np.exp(-np.abs(np.subtract.outer(one.time, one.time)) / slowest)
+    alike = one.alike(one.accuracy.apart)
+    slow = one.accuracy.slow**2 * np.exp(-np.abs(np.subtract.outer(one.time, one.time)) / slowest) * alike
     lag = one.accuracy.lag * slope * one.speed
-    own = np.diag(one.white_variance) + same * (slow + np.outer(lag, lag))
+    own = _white(one, alike) + same * (slow + np.outer(lag, lag))
     return np.asarray(_excess_of_repeats(one, own, repeated) * own)
+
+
+def _white(one: ChannelReadings, alike: FloatArray) -> FloatArray:
+    """Return the covariance (k, k) of errors from frame to frame, which places near each other share."""
+    if one.course is None:
+        return np.diag(one.white_variance)
+    sd = np.sqrt(one.white_variance)
+    return np.asarray(np.outer(sd, sd) * alike * np.equal.outer(one.frame, one.frame) + np.diag(_OWN * sd**2))
 
 
 def model_covariance(one: ChannelReadings, change: float) -> FloatArray:
@@ -52,7 +64,8 @@ def model_covariance(one: ChannelReadings, change: float) -> FloatArray:
     apart = np.subtract.outer(one.displacement, one.displacement)
     of_meshes = (_MODEL_SHARE * change) ** 2 * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
     deeper = one.kind.model_share * one.displacement
-    return np.asarray(of_meshes + np.outer(deeper, deeper) * np.exp(-0.5 * (apart / _SHAPE_LENGTH_MM) ** 2))
+    total = of_meshes + np.outer(deeper, deeper) * np.exp(-0.5 * (apart / _SHAPE_LENGTH_MM) ** 2)
+    return np.asarray(total * one.alike(_SHAPE_LENGTH_MM))
 
 
 def _excess_of_repeats(one: ChannelReadings, own: FloatArray, repeated: Sequence[Sequence[int]]) -> float:
@@ -85,9 +98,18 @@ def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray
     force
         (k,), N, along the travel: a cell that reads several forces mixes them by as much as its gains are off.
     """
-    found = {"zero" if one.kind.is_force else "boundary": one.accuracy.bias * np.ones(len(predicted))}
+    alike = "zero" if one.kind.follows_force else "boundary"
+    found: dict[str, FloatArray] = {alike: one.accuracy.bias * np.ones(len(predicted))}
     if one.accuracy.gain > 0:
         found["gain"] = one.accuracy.gain * predicted
         if one.kind.is_force:
             found["cross-talk"] = one.accuracy.gain * force
-    return {f"{one.kind.name.replace('_', ' ')}: {name}": effect for name, effect in found.items()}
+    return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
+
+
+def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, FloatArray]:
+    """Return by name what one standard deviation does of what readings at several places share, (k,)."""
+    if one.course is None:
+        return {}
+    found = FILE_OF[one.name].shared(one.place, one.time, one.frame, predicted, one.accuracy)
+    return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}

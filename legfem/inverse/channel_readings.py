@@ -6,16 +6,18 @@ cylinder moves and by time where it is held, so that a dense record and a single
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from legfem.channels.kind import ChannelAccuracy, ChannelKind
+from legfem.channels.registry import CHANNELS, FILE_OF
 from legfem.common.units import FloatArray
-from legfem.data.channels import CHANNELS, ChannelAccuracy, ChannelKind, RecordedChannel
+from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import HOLD, LOADING, Segmentation
 from legfem.data.smoothing import sample_noise
 from legfem.inverse.data import Channel
@@ -24,6 +26,9 @@ from legfem.inverse.stations import Stations
 _MOST = {LOADING: 12, HOLD: 4}
 _MOST_UNLOADING = 6
 """Readings of a segment."""
+_MOST_AT_PLACES = {LOADING: 4, HOLD: 1}
+_MOST_UNLOADING_AT_PLACES = 2
+"""Likewise, of each of many places."""
 _SLOPE_DEGREE = 3
 _IN_AIR_MM = 1.0
 """Before first contact: a sample there is one of the skin just touched."""
@@ -49,13 +54,50 @@ class ChannelReadings:
     """In the channel's unit."""
     white_variance: FloatArray
     """Of what is independent from reading to reading, in that squared."""
+    course: NDArray[np.int_] | None = field(default=None, kw_only=True)
+    """Number of each reading's place; None of a channel that has no places."""
+    places: tuple[tuple[float, ...], ...] = field(default=(), kw_only=True)
+    """At which it is read."""
+
+    @property
+    def courses(self) -> tuple[str, ...]:
+        """Names of its courses along the test, one a place."""
+        return self.kind.courses(len(self.places))
+
+    @cached_property
+    def rows(self) -> tuple[NDArray[np.int_], ...]:
+        """Readings of each course."""
+        if self.course is None:
+            return (np.arange(len(self.values)),)
+        return tuple(np.flatnonzero(self.course == k) for k in range(len(self.places)))
+
+    @cached_property
+    def place(self) -> FloatArray:
+        """Of each reading, (k, q); q = 0 of a channel that has no places."""
+        return np.zeros((len(self.values), 0)) if self.course is None else np.array(self.places)[self.course]
+
+    def alike(self, length: float) -> FloatArray:
+        """Return how errors are correlated that are alike over a length (mm) between places, (k, k)."""
+        if self.course is None:
+            return np.ones((len(self.values), len(self.values)))
+        apart = FILE_OF[self.name].apart(self.place)
+        return np.asarray(np.exp(-0.5 * (apart / length) ** 2) if length > 0 else 1.0 * (apart == 0))
+
+    @cached_property
+    def frame(self) -> NDArray[np.int_]:
+        """Number of each reading's frame: those of one trial at one time."""
+        keys = np.column_stack([self.trial, np.round(self.time, 3)])
+        return np.unique(keys, axis=0, return_inverse=True)[1].ravel()
 
     def slope(self, values: FloatArray) -> FloatArray:
-        """Return the derivative (k,) of values (k,) by the displacement, over all readings."""
-        degree = min(_SLOPE_DEGREE, len(np.unique(np.round(self.displacement, 1))) - 1)
-        if degree < 1:
-            return np.zeros(len(self.displacement))
-        return np.asarray(Polynomial.fit(self.displacement, values, degree).deriv()(self.displacement))
+        """Return the derivative (k,) of values (k,) by the displacement, over all readings of each place."""
+        found = np.zeros(len(self.displacement))
+        for rows in self.rows:
+            at = self.displacement[rows]
+            degree = min(_SLOPE_DEGREE, len(np.unique(np.round(at, 1))) - 1)
+            if degree >= 1:
+                found[rows] = Polynomial.fit(at, values[rows], degree).deriv()(at)
+        return found
 
     @property
     def name(self) -> str:
@@ -66,6 +108,11 @@ class ChannelReadings:
     def is_force(self) -> bool:
         """Whether it is a force on the cylinder."""
         return self.kind.is_force
+
+    @property
+    def follows_force(self) -> bool:
+        """Whether what acts on the force by a factor acts on it."""
+        return self.kind.follows_force
 
     @property
     def channel(self) -> Channel:
@@ -81,15 +128,24 @@ class StationChannel(ChannelReadings):
     weights: FloatArray
     """(k, n): of the course at the n stations of all trials."""
 
+    def read(self, course: Callable[[str], FloatArray]) -> FloatArray:
+        """Return the readings (k,) of courses (n,) at the stations, by their names."""
+        found = np.zeros(len(self.values))
+        for name, rows in zip(self.courses, self.rows, strict=True):
+            if len(rows):
+                found[rows] = self.weights[rows] @ course(name)
+        return found
+
     @cached_property
     def nearest(self) -> NDArray[np.int_]:
         """Station that each reading takes most of."""
         return np.argmax(self.weights, axis=1)
 
 
-def grouped(samples: NDArray[np.int_], phase: str) -> list[NDArray[np.int_]]:
+def grouped(samples: NDArray[np.int_], phase: str, at_places: bool = False) -> list[NDArray[np.int_]]:
     """Return samples of a segment in the groups that are averaged to a reading, in the order of time."""
-    most = min(_MOST.get(phase, _MOST_UNLOADING), len(samples))
+    usual, unloading = (_MOST_AT_PLACES, _MOST_UNLOADING_AT_PLACES) if at_places else (_MOST, _MOST_UNLOADING)
+    most = min(usual.get(phase, unloading), len(samples))
     return np.array_split(samples, most) if most else []
 
 
@@ -112,13 +168,15 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
     found = []
     for name in dict.fromkeys(one.name for _, one in recorded):
         mine = [(k, one) for k, one in recorded if one.name == name]
+        first = mine[0][1]
         readings = [
-            _Reading(k, weights, float(np.mean(one.values[samples])), noise_of(one) ** 2 / len(samples))
+            _Reading(k, weights, float(np.mean(here.values[samples])), noise_of(here) ** 2 / len(samples), number)
             for k, one in mine
-            for samples, weights in _readings(trials[k], stations[k], one)
+            for number, here in one.at_each_place()
+            for samples, weights in _readings(trials[k], stations[k], here, bool(first.places))
         ]
         if readings:
-            found.append(_at_stations(CHANNELS[name], mine[0][1].accuracy, readings, stations))
+            found.append(_at_stations(CHANNELS[name], first.accuracy, readings, stations, first.places))
     return tuple(found)
 
 
@@ -129,10 +187,15 @@ class _Reading:
     """(m,): what it takes of its own trial's stations."""
     value: float
     variance: float
+    course: int = 0
 
 
 def _at_stations(
-    kind: ChannelKind, accuracy: ChannelAccuracy, readings: Sequence[_Reading], stations: Sequence[Stations]
+    kind: ChannelKind,
+    accuracy: ChannelAccuracy,
+    readings: Sequence[_Reading],
+    stations: Sequence[Stations],
+    places: tuple[tuple[float, ...], ...] = (),
 ) -> StationChannel:
     starts = np.cumsum([0, *(len(own.time) for own in stations)])
     weights = np.zeros((len(readings), starts[-1]))
@@ -148,6 +211,8 @@ def _at_stations(
         np.array([one.value for one in readings]),
         np.array([one.variance for one in readings]),
         weights,
+        course=np.array([one.course for one in readings]) if places else None,
+        places=places,
     )
 
 
@@ -161,10 +226,13 @@ class PlannedChannel:
         Of its kind.
     at
         Displacements in the loading of single frames (mm); all along the test without any.
+    places
+        At which it is read.
     """
 
     name: str
     at: tuple[float, ...] = ()
+    places: tuple[tuple[float, ...], ...] = ()
 
 
 def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stations]) -> tuple[StationChannel, ...]:
@@ -182,11 +250,12 @@ def planned_readings(planned: Sequence[PlannedChannel], stations: Sequence[Stati
         kind = CHANNELS[one.name]
         variance = kind.usual.reading**2
         readings = [
-            _Reading(k, weights, 0.0, variance / count)
+            _Reading(k, weights, 0.0, variance / count, number)
             for k, own in enumerate(stations)
+            for number in range(max(1, len(one.places)))
             for count, weights in _planned_in(one, own)
         ]
-        found.append(_at_stations(kind, kind.usual, readings, stations))
+        found.append(_at_stations(kind, kind.usual, readings, stations, one.places))
     return tuple(found)
 
 
@@ -202,7 +271,7 @@ def _planned_in(one: PlannedChannel, stations: Stations) -> list[tuple[int, Floa
         return found
     for number in np.unique(stations.segment):
         here = np.flatnonzero(stations.segment == number)
-        for group in grouped(here, str(stations.phase[here[0]])):
+        for group in grouped(here, str(stations.phase[here[0]]), bool(one.places)):
             weights = np.zeros(len(stations.time))
             weights[group] = 1.0 / len(group)
             found.append((len(group), weights))
@@ -210,7 +279,7 @@ def _planned_in(one: PlannedChannel, stations: Stations) -> list[tuple[int, Floa
 
 
 def _readings(
-    trial: Segmentation, stations: Stations, one: RecordedChannel
+    trial: Segmentation, stations: Stations, one: RecordedChannel, at_places: bool = False
 ) -> list[tuple[NDArray[np.int_], FloatArray]]:
     """Return each reading's samples, and what it takes of the trial's stations (m,)."""
     since = one.time - trial.touched
@@ -227,7 +296,7 @@ def _readings(
             along = since - segment.time[0] if held else np.maximum(at, 0.0)
             places = stations.time[here] - stations.protocol.time[number] if held else stations.displacement[here]
             mine = np.flatnonzero(inside & (since >= begins) & (since < ends) & _near(along, places))
-            for samples in grouped(mine, segment.phase):
+            for samples in grouped(mine, segment.phase, at_places):
                 weights = np.zeros(len(stations.time))
                 weights[here] = _between(along[samples], places).mean(axis=0)
                 found.append((samples, weights))

@@ -58,7 +58,12 @@ def discrepancy_scales(observed: Observations, prediction: FloatArray) -> tuple[
         (N,): of the base model.
     """
     largest = float(np.abs(prediction[: len(observed.force)]).max())
-    return largest, *(largest if one.is_force else observed.depth for one in observed.channels)
+    lengths = dict.fromkeys((one.name for one in observed.channels), observed.depth)
+    for one, span in zip(observed.channels, observed.data.spans[1:], strict=True):
+        if one.follows_force:
+            # A pressure's own size; another force is small beside that along the travel.
+            lengths[one.name] = largest if one.is_force else float(np.abs(prediction[span]).max())
+    return largest, *lengths.values()
 
 
 def possible_discrepancies(observed: Observations, prediction: FloatArray) -> list[Discrepancy]:

@@ -13,11 +13,15 @@ of a stiffness.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PPoly
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize
 
@@ -46,7 +50,7 @@ class Kriging:
     def __init__(self, at: FloatArray, values: FloatArray, slopes: FloatArray, nugget: float) -> None:
         self._at, self._nugget = at, nugget
         self._values = np.vstack([values, *(slopes[:, j, :] for j in range(self.dimensions))])
-        self._trend = _trend(at, derivatives=True)
+        self._trend = _trend(at)
 
     @property
     def dimensions(self) -> int:
@@ -61,9 +65,21 @@ class Kriging:
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the values (..., m) at coordinates (..., p)."""
         flat = at.reshape(math.prod(at.shape[:-1]), self.dimensions)
-        covariance = _covariance(flat, self._at, self._fit.lengths, rows=False)
-        values = covariance @ self._fit.weights + _trend(flat, False) @ self._fit.trend
-        return np.asarray(values).reshape(*at.shape[:-1], values.shape[-1])
+        values = _covariance(flat, self._at, self._fit.lengths) @ self._fit.weights
+        values += self._fit.trend[0] + flat @ self._fit.trend[1:]
+        return values.reshape(*at.shape[:-1], values.shape[-1])
+
+    @property
+    def size(self) -> int:
+        """Number m of quantities."""
+        return int(self._values.shape[1])
+
+    def part(self, columns: Sequence[int] | NDArray[np.int_]) -> Kriging:
+        """Return the kriging of some of the quantities, with the covariance of all."""
+        found, fit = copy(self), self._fit
+        found._values = self._values[:, columns]
+        found._fit = replace(fit, weights=fit.weights[:, columns], trend=fit.trend[:, columns])
+        return found
 
     @cached_property
     def _fit(self) -> _Fit:
@@ -91,7 +107,7 @@ class Kriging:
             return -1e12
 
     def _fitted(self, lengths: FloatArray) -> _Fit:
-        covariance = _covariance(self._at, self._at, lengths, rows=True)
+        covariance = _covariance_of_samples(self._at, lengths)
         covariance += self._nugget * np.eye(len(covariance))
         factor = cho_factor(covariance, lower=True)
         whitened = cho_solve(factor, self._trend)
@@ -113,28 +129,30 @@ class _Fit:
     log_likelihood: float
 
 
-def _trend(at: FloatArray, derivatives: bool) -> FloatArray:
+def _trend(at: FloatArray) -> FloatArray:
+    """Return what values, and then derivatives, at places (n, p) take of a linear trend."""
     n, p = at.shape
-    value = np.hstack([np.ones((n, 1)), at])
-    if not derivatives:
-        return value
     slopes = [np.tile(np.eye(p + 1)[j + 1], (n, 1)) for j in range(p)]
-    return np.vstack([value, *slopes])
+    return np.vstack([np.hstack([np.ones((n, 1)), at]), *slopes])
 
 
-def _covariance(a: FloatArray, b: FloatArray, lengths: FloatArray, rows: bool) -> FloatArray:
-    """Return the covariance of values (and with ``rows`` derivatives) at a with both at b."""
+def _covariance(at: FloatArray, samples: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return the covariance of values at places (q, p) with values and derivatives at samples (n, p)."""
+    apart = (at[:, None, :] - samples) / lengths
+    k = np.exp(-0.5 * np.einsum("qnp,qnp->qn", apart, apart))
+    slopes = (apart / lengths * k[..., None]).transpose(0, 2, 1)
+    return np.concatenate([k, slopes.reshape(len(at), -1)], axis=1)
+
+
+def _covariance_of_samples(samples: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return the covariance of values and derivatives at samples (n, p) with each other."""
     inverse = 1 / lengths**2
-    apart = a[:, None, :] - b[None, :, :]
-    k = np.exp(-0.5 * np.einsum("ijp,p->ij", apart**2, inverse))
-    p = len(lengths)
-    by_b = [apart[:, :, q] * inverse[q] * k for q in range(p)]
-    top = np.hstack([k, *by_b])
-    if not rows:
-        return top
-    blocks = [top]
+    apart = samples[:, None, :] - samples[None, :, :]
+    n, p = samples.shape
+    blocks = [_covariance(samples, samples, lengths)]
+    k = blocks[0][:, :n]
     for q in range(p):
-        line = [-by_b[q]]
+        line = [-apart[:, :, q] * inverse[q] * k]
         for r in range(p):
             kronecker = inverse[q] if q == r else 0.0
             line.append((kronecker - apart[:, :, q] * apart[:, :, r] * inverse[q] * inverse[r]) * k)
@@ -206,3 +224,46 @@ class Emulator:
         # Far outside the samples the trend may run away.
         force = np.exp(np.clip(found, -30.0, 30.0))
         return np.asarray(force if size is None else np.where(size > 0, size * found, force))
+
+
+type At = Callable[[FloatArray], FloatArray]
+"""Courses (m + 1, k), at zero and at a grid, to what they are at displacements (n, k)."""
+
+
+@dataclass(frozen=True, eq=False)
+class GridSpline:
+    """Makes splines through values at zero and at a grid's m displacements.
+
+    Parameters
+    ----------
+    grid
+        (m,), mm, rising from above zero.
+    """
+
+    grid: FloatArray
+
+    @cached_property
+    def _knots(self) -> FloatArray:
+        return np.concatenate([[0.0], self.grid])
+
+    @cached_property
+    def _coefficients(self) -> FloatArray:
+        """Of every piece by the values, (4 m, m + 1), the cubic ones of all pieces first."""
+        own = CubicSpline(self._knots, np.eye(len(self._knots))).c
+        return np.ascontiguousarray(own.reshape(-1, len(self._knots)))
+
+    def through(self, values: FloatArray) -> PPoly:
+        """Return the spline through values (m + 1,)."""
+        return PPoly.construct_fast((self._coefficients @ values).reshape(4, -1), self._knots)
+
+    def at(self, displacement: FloatArray) -> At:
+        """Return what evaluates courses (m + 1, k) at displacements (n,), as (n, k); below zero as at zero."""
+        inside = np.maximum(displacement, 0.0)
+        piece = np.minimum(np.searchsorted(self.grid, inside, side="right"), len(self.grid) - 1)
+        t = (inside - self._knots[piece])[:, None]
+
+        def evaluated(courses: FloatArray) -> FloatArray:
+            cubic, square, linear, constant = (self._coefficients @ courses).reshape(4, len(self.grid), -1)[:, piece]
+            return np.asarray(((cubic * t + square) * t + linear) * t + constant)
+
+        return evaluated

@@ -27,7 +27,7 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD
-from legfem.inverse.channel_errors import model_covariance, reading_covariance, shared_errors
+from legfem.inverse.channel_errors import errors_of_places, model_covariance, reading_covariance, shared_errors
 from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.inverse.trial_noise import Noise, Observed, trial_covariance
 
@@ -158,7 +158,8 @@ def error_model(
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
         blocks.append(own + model_covariance(one, float(np.ptp(predicted))))
         spread.append(np.sqrt(np.diag(blocks[-1])))
-        for name, effect in shared_errors(one, predicted, one.weights @ force).items():
+        shared = shared_errors(one, predicted, one.weights @ force) | errors_of_places(one, predicted)
+        for name, effect in shared.items():
             columns[name] = np.zeros(len(prediction))
             columns[name][here] = effect
         first = here.stop

@@ -8,16 +8,16 @@ of one leg share it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
-from legfem.inverse.emulator import Emulator
-from legfem.inverse.grid_spline import At
+from legfem.inverse.emulator import At, Emulator, Kriging
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
 
@@ -78,21 +78,32 @@ class ChannelTables:
     """Responses of k channels beside the force at zero and at the grid, (m + 1, k) as one row, in their units."""
 
     names: tuple[str, ...]
-    elastic: Callable[[FloatArray], FloatArray]
-    """Of the stiffness, see `coordinates`."""
+    elastic: Kriging | None
+    """Of the stiffness, see `coordinates`; None without any."""
     changes: Mapping[tuple[str, str], Table]
     """As those of `Library`, absolute; at stations without zero."""
 
     def columns(self, row: FloatArray, names: Sequence[str]) -> FloatArray:
         """Return some of the channels of a row, as columns."""
-        return row.reshape(-1, len(self.names))[:, [self.names.index(name) for name in names]]
+        every = row.reshape(-1, len(self.names))
+        return every if tuple(names) == self.names else every[:, [self.names.index(name) for name in names]]
+
+    def of(self, names: Sequence[str]) -> ChannelTables:
+        """Return what is known of some of the channels."""
+        if self.elastic is None or tuple(names) == self.names:
+            return self
+        own = [self.names.index(name) for name in names]
+
+        def part(values: FloatArray) -> FloatArray:
+            rows = values.reshape(*values.shape[:-1], -1, len(self.names))[..., own]
+            return np.ascontiguousarray(rows.reshape(*values.shape[:-1], -1))
+
+        places = np.arange(self.elastic.size).reshape(-1, len(self.names))[:, own].ravel()
+        changes = {key: replace(table, values=part(table.values)) for key, table in self.changes.items()}
+        return ChannelTables(tuple(names), self.elastic.part(places), changes)
 
 
-def _nothing(at: FloatArray) -> FloatArray:
-    return np.zeros((*at.shape[:-1], 0))
-
-
-NO_CHANNELS = ChannelTables((), _nothing, {})
+NO_CHANNELS = ChannelTables((), None, {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +142,7 @@ class Library:
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force at the grid, N."""
-        return self.elastic(coordinates(c10, c20))
+        return self.elastic(_place(c10, c20))
 
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
@@ -152,9 +163,14 @@ class Library:
         changes = [self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys]
         return mechanism.share(values) * observed.spread(changes)
 
+    def seeing(self, names: Sequence[str]) -> Library:
+        """Return the library with some of its channels alone, which is quicker."""
+        return replace(self, beside=self.beside.of(names))
+
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
-        return self.beside.columns(self.beside.elastic(coordinates(c10, c20)), names)
+        assert self.beside.elastic is not None
+        return self.beside.columns(self.beside.elastic(_place(c10, c20)), names)
 
     def channel_changes(
         self,
@@ -205,6 +221,11 @@ class Library:
             weights = unit(np.maximum(observed.displacement, self.grid[0]))
             self._weights[:] = [(observed, weights)]
         return self._weights[0][1]
+
+
+def _place(c10: float, c20: float) -> FloatArray:
+    """Return the coordinates (2,) of one stiffness."""
+    return np.array([math.log(c10), math.log1p(c20 / c10)])
 
 
 def coordinates(c10: ArrayLike, c20: ArrayLike) -> FloatArray:

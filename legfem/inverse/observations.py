@@ -207,14 +207,15 @@ class Observations:
         """Return the same stations with other forces (N)."""
         return replace(self, force=force)
 
-    def with_channels(self, known: Collection[str]) -> Observations:
-        """Return the observations without channels that a model doesn't know, with a remark on each."""
+    def with_channels(self, names: Collection[str]) -> Observations:
+        """Return the observations without channels whose courses a model doesn't know, with a remark on each."""
+        known = set(names)
         remarks = tuple(
             f"{one.kind.words} was recorded, but isn't solved for on this leg, so it isn't weighed."
             for one in self.channels
-            if one.name not in known
+            if not known.issuperset(one.courses)
         )
-        kept = tuple(one for one in self.channels if one.name in known)
+        kept = tuple(one for one in self.channels if known.issuperset(one.courses))
         return replace(self, channels=kept, remarks=(*self.remarks, *remarks)) if remarks else self
 
     def with_values(self, values: FloatArray) -> Observations:

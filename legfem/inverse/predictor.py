@@ -2,7 +2,8 @@
 
 The tissue's response comes from `Responses`, solved once for a section; everything else is exact
 arithmetic on it. How far the tissue is pressed follows from the force; further channels are read there. What acts by
-a factor on the force acts so on other forces on the cylinder (`ChannelReadings.is_force`), and on nothing else.
+a factor on the force acts so on other forces and pressures on the cylinder (`ChannelReadings.follows_force`), and on
+nothing else.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from scipy.interpolate import PPoly
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.grid_spline import At, GridSpline
+from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Mechanism, Solution, Stiffness, TissueMechanism, TissueResponses, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
@@ -202,7 +203,7 @@ class Predictor:
             force = force + mechanism.added_force(own[mechanism.name], observed)
         if not observed.channels:
             return force + self.offset
-        names = [one.name for one in observed.channels]
+        names = self._names
         at = self._grid.at(pressed)
         courses = self._courses(names, c10, c20, factor, at)
         if np.isnan(force).any():
@@ -212,20 +213,36 @@ class Predictor:
         for k, name in enumerate(names):
             if name in beyond:
                 courses[:, k] += at(beyond[name][:, None])[:, 0]
-        for k, one in enumerate(observed.channels):
-            if one.is_force:
-                courses[:, k] *= factors
+        if self._follows.any():
+            courses[:, self._follows] *= factors[:, None]
         places, weights = self._read
         return np.concatenate([force, np.einsum("rw,rw->r", weights, courses.ravel()[places])]) + self.offset
 
     @cached_property
+    def _names(self) -> tuple[str, ...]:
+        """Of the channels' courses."""
+        return tuple(course for one in self.observed.channels for course in one.courses)
+
+    @cached_property
+    def _follows(self) -> NDArray[np.bool_]:
+        """Which courses are multiplied by what acts by a factor on the force."""
+        return np.array([one.follows_force for one in self.observed.channels for _ in one.courses])
+
+    @cached_property
     def _read(self) -> tuple[NDArray[np.int_], FloatArray]:
         """Where in the courses (n, k) every reading beside the force stands, and what it takes of it; (r, w) each."""
-        every = np.concatenate([one.weights for one in self.observed.channels])
-        channel = np.repeat(np.arange(len(self.observed.channels)), [len(one.values) for one in self.observed.channels])
+        channels = self.observed.channels
+        every = np.concatenate([one.weights for one in channels])
+        starts = np.cumsum([0, *(len(one.courses) for one in channels)])
+        course = np.concatenate(
+            [
+                start + (0 if one.course is None else one.course) + np.zeros(len(one.values), dtype=int)
+                for start, one in zip(starts, channels, strict=False)
+            ]
+        )
         width = int((every != 0).sum(axis=1).max())
         at = np.argsort(every == 0, axis=1, kind="stable")[:, :width]
-        places = at * len(self.observed.channels) + channel[:, None]
+        places = at * int(starts[-1]) + course[:, None]
         return places, np.take_along_axis(every, at, axis=1)
 
     def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
@@ -237,10 +254,10 @@ class Predictor:
             known, weights = [_unknown], None
         return _Elastic(known, weights, self.observed.half_width)
 
-    def _courses(self, names: Sequence[str], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
+    def _courses(self, names: tuple[str, ...], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
         """Return elastic channels (n, k) at factors on the deep stiffness."""
         nodes, weights = _nodes_of(factor)
-        each = [at(self._beside(tuple(names), c10 * n, c20 * n)) for n in nodes]
+        each = [at(self._beside(names, c10 * n, c20 * n)) for n in nodes]
         return each[0] if weights is None else np.einsum("ij,ijk->jk", weights, np.array(each))
 
     @cached_property

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.data.channels import CHANNELS
-from legfem.inverse.grid_spline import At, GridSpline
+from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import Stations
@@ -123,7 +123,7 @@ def derivative_of(channel: str, parameter: str) -> str:
 
 def channels_of(columns: Mapping[str, FloatArray]) -> tuple[str, ...]:
     """Return the names of the channels that a solution has beside the force."""
-    return tuple(name for name in columns if name in CHANNELS)
+    return tuple(name for name in columns if " by " not in name and name.partition(":")[0] in CHANNELS)
 
 
 @dataclass(frozen=True, eq=False)

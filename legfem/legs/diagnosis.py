@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from legfem.common.doubts import Doubt
-from legfem.common.errors import InputError
+from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
@@ -140,6 +139,7 @@ class Diagnoser:
         observed, accuracy = self.observations(subject), accuracy_of(subject)
         library, solved = self.library(subject, observed, progress)
         observed = observed.with_channels(library.beside.names)
+        library = library.seeing([course for one in observed.channels for course in one.courses])
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose_body(
             observed,

@@ -55,7 +55,8 @@ def plane_strain_test(
 ) -> PlaneStrainIndentation:
     """Return the cylinder pressed into a subject's section; the deep tissue's law covers both of the paper's."""
     settings = settings or PlaneStrainSettings()
-    return PlaneStrainIndentation(subject.section, subject.indenter, tissues_of(subject), settings, comm, mechanisms)
+    tissues, sights = tissues_of(subject), subject.sights
+    return PlaneStrainIndentation(subject.section, subject.indenter, tissues, settings, comm, mechanisms, sights=sights)
 
 
 def spatial_test(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from legfem.channels.seen import Sight
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
 from legfem.inverse.catalogue import Values
@@ -35,6 +36,8 @@ class PlaneStrainForward:
     """mm."""
     mechanisms: tuple[Term, ...] = ()
     """Terms added to those of tissues and contact."""
+    sights: tuple[Sight, ...] = ()
+    """Places at which channels are read."""
     _experiment: PlaneStrainIndentation | None = field(default=None, init=False, repr=False)
 
     @classmethod
@@ -52,7 +55,8 @@ class PlaneStrainForward:
         from legfem.experiments.plane_strain import PlaneStrainSettings
         from legfem.legs.experiments import tissues_of
 
-        return cls(subject.section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings(), depth)
+        tissues, settings = tissues_of(subject), settings or PlaneStrainSettings()
+        return cls(subject.section, subject.indenter, tissues, settings, depth, sights=subject.sights)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the finite-element model out: it can't leave its process."""
@@ -65,7 +69,7 @@ class PlaneStrainForward:
             from legfem.experiments.plane_strain import PlaneStrainIndentation
 
             self._experiment = PlaneStrainIndentation(
-                self.section, self.indenter, self.tissues, self.settings, mechanisms=self.mechanisms
+                self.section, self.indenter, self.tissues, self.settings, mechanisms=self.mechanisms, sights=self.sights
             )
         return self._experiment
 

@@ -7,11 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
+from legfem.channels.kind import Site
 from legfem.common.errors import InputError
 from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
-from legfem.data.channel_reader import SKIN_PROFILE, is_channel_file, with_channels
+from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import recording_files
 from legfem.data.plausibility import refuse_copies
 from legfem.geometry.indenter import Indenter
@@ -19,9 +20,8 @@ from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.elastography import ShearModulus, fibre_ratio
 from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
-from legfem.legs.plausible_channels import check_channels
+from legfem.legs.plausible_recordings import check_channels
 from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
-from legfem.legs.skin_profile import TravelLine, with_skin_profile
 from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
 
 
@@ -98,9 +98,7 @@ def load_subject(
     folder = directory / entry.recordings
     files = [file for file in recording_files(folder) if not is_channel_file(file, given.channels, entry.site)]
     recordings = _recordings(folder, files, channels) if need_recordings else ()
-    recordings = with_channels(toml, given.channels, recordings, entry.site)
-    profile = getattr(given.channels, SKIN_PROFILE)
-    recordings = with_skin_profile(toml, profile, TravelLine.of(section, indenter), recordings, entry.site)
+    recordings = with_channels(toml, given.channels, recordings, Site(section, indenter), entry.site)
     moduli = tuple(map(ShearModulus.of, given.elastography))
     deep = given.tissues.deep
     subject = Subject(

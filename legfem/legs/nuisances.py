@@ -187,11 +187,14 @@ def nuisance_effects(
     def along(of: NuisanceChanges, change: FloatArray) -> FloatArray:
         return np.asarray(CubicSpline(of.grid, change)(np.maximum(d, of.grid[0])))
 
+    def of_course(course: str, kind: Literal["geometric", "material"], name: str) -> FloatArray:
+        own = changes.channels[course]
+        return along(own, getattr(own, kind)[name])
+
     def effect(kind: Literal["geometric", "material"], name: str) -> FloatArray:
-        by_channel = [force * along(changes, getattr(changes, kind)[name])]
+        by_channel: list[FloatArray] = [force * along(changes, getattr(changes, kind)[name])]
         for one in observed.channels:
-            own = changes.channels[one.name]
-            by_channel.append(one.weights @ along(own, getattr(own, kind)[name]))
+            by_channel.append(one.read(lambda course: of_course(course, kind, name)))
         return np.concatenate(by_channel)
 
     found: list[NuisanceEffect] = []
@@ -217,7 +220,7 @@ def nuisance_effects(
         for mode_name, mode in ends.errors.items():
             relative = np.interp(d, ends.displacement, mode) / factor_now
             relative = np.concatenate(
-                [relative, *(one.weights @ (one.is_force * relative) for one in observed.channels)]
+                [relative, *(one.weights @ (one.follows_force * relative) for one in observed.channels)]
             )
             name = f"3D correction: {mode_name}"
             found.append(NuisanceEffect(name, prediction * relative, Cause(name)))

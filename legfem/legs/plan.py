@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from legfem.channels.registry import plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.channel_readings import PlannedChannel
+from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
@@ -78,7 +79,7 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     rates = found.observed.rates
     library, _ = diagnoser.library(subject, found.observed, progress)
     tests = designs(found.observed.depth, rates[0], float(library.grid[-1]), found.observed.shows_air)
-    tests = _beside(tests, [one.name for one in found.observed.channels])
+    tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
     plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)
@@ -92,9 +93,10 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     return ranked([*found_by_tests, *by_readings])
 
 
-def _beside(tests: Sequence[Design], recorded: Sequence[str]) -> list[Design]:
+def _beside(tests: Sequence[Design], channels: Sequence[StationChannel]) -> list[Design]:
     """Return tests in which channels that were recorded are recorded again; those that add none of theirs are left."""
-    again = tuple(PlannedChannel(name) for name in recorded)
+    again = tuple(PlannedChannel(one.name, places=one.places) for one in channels)
+    recorded = {one.name for one in channels}
     news = [tuple(one for one in test.channels if one.name not in recorded) for test in tests]
     return [
         replace(test, channels=(*again, *new))
@@ -258,31 +260,14 @@ def with_channels(same: Protocol) -> list[Design]:
     depth = float(max(same.displacement))
     frames = 0.5 * depth, depth
     at = f"{frames[0]:.0f} and {frames[1]:.0f} mm"
-    given: list[tuple[str, tuple[PlannedChannel, ...], str]] = [
-        (
-            "record the lateral force too",
-            (PlannedChannel("lateral_force"),),
-            "a load cell of two or more axes, and no more time",
-        ),
-        (
-            f"take an ultrasound frame under the cylinder at {at}, and read the thickness of fat and muscle",
-            tuple(PlannedChannel(name, frames) for name in ("fat_thickness", "muscle_thickness")),
-            "an ultrasound probe in the indenter, and a minute to read each frame",
-        ),
-        (
-            f"photograph the skin 25 mm to either side of the cylinder at {at}",
-            tuple(PlannedChannel(f"skin_rise_{side}_25", frames) for side in ("left", "right")),
-            "two cameras with a scale, or a scanner",
-        ),
-        (
-            "record the lateral force, and ultrasound all along",
-            tuple(PlannedChannel(name) for name in ("lateral_force", "fat_thickness", "muscle_thickness")),
-            "both instruments, and software that follows the boundaries",
-        ),
-    ]
     return [
-        Design(f"{name}, in the same test", (same,) * REPEATS, channels=channels, effort=effort)
-        for name, channels, effort in given
+        Design(
+            f"{plan.asks.format(at=at)}, in the same test",
+            (same,) * REPEATS,
+            channels=tuple(PlannedChannel(name, frames if plan.frames else ()) for name in plan.channels),
+            effort=plan.effort,
+        )
+        for plan in plans()
     ]
 
 

@@ -9,17 +9,18 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve, Segmentation
-from legfem.data.channels import CHANNELS, RecordedChannel
 from legfem.data.noise import slowest_error
+from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import LOADING
 from legfem.geometry.section import layer_thicknesses
-from legfem.inverse.channel_errors import model_covariance, reading_covariance, shared_errors
+from legfem.inverse.channel_errors import errors_of_places, model_covariance, reading_covariance, shared_errors
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
 from legfem.inverse.data import Channel
 from legfem.legs.nuisances import accuracy_of_shape
-from legfem.legs.plausible_channels import loading_depths
+from legfem.legs.plausible_recordings import loading_depths
 from legfem.legs.subject import Subject
 
 
@@ -52,6 +53,12 @@ class SiteChannel:
     def depth(self) -> FloatArray:
         """Displacement after first contact, (k,), mm."""
         return self.readings.displacement
+
+    @cached_property
+    def parts(self) -> list[tuple[str, FloatArray]]:
+        """Names of the courses that were read, and at which depths each, in the readings' order."""
+        own = zip(self.readings.courses, self.readings.rows, strict=True)
+        return [(name, self.depth[rows]) for name, rows in own if len(rows)]
 
     @cached_property
     def channel(self) -> Channel:
@@ -101,24 +108,32 @@ def _in_loading(
 ) -> ChannelReadings | None:
     """Return the readings of a channel in the loading down to a depth (mm); None if there are none."""
     found = []
-    for k, trial, channel in recorded:
-        depth = loading_depths(channel, trial)
-        for samples in grouped(np.flatnonzero(depth <= deepest + 1e-9), LOADING):
-            at = float(np.mean(depth[samples]))
-            time = float(np.mean(channel.time[samples])) - trial.touched
-            speed = trial.loading.speed if at > 0 else 0.0
-            value, variance = float(np.mean(channel.values[samples])), noise_of(channel) ** 2 / len(samples)
-            found.append((k, at, time, speed, value, variance))
+    first = recorded[0][2]
+    for k, trial, every in recorded:
+        for number, channel in every.at_each_place():
+            depth = loading_depths(channel, trial)
+            for samples in grouped(np.flatnonzero(depth <= deepest + 1e-9), LOADING, bool(first.places)):
+                at = float(np.mean(depth[samples]))
+                time = float(np.mean(channel.time[samples])) - trial.touched
+                speed = trial.loading.speed if at > 0 else 0.0
+                value, variance = float(np.mean(channel.values[samples])), noise_of(channel) ** 2 / len(samples)
+                found.append((number, k, at, time, speed, value, variance))
     if not found:
         return None
-    numbers, *rest = zip(*found, strict=True)
-    channel = recorded[0][2]
-    return ChannelReadings(channel.kind, channel.accuracy, np.array(numbers), *map(np.array, rest))
+    # Readings of one place stand together.
+    courses, numbers, *rest = zip(*sorted(found, key=lambda one: one[0]), strict=True)
+    course = np.array(courses) if first.places else None
+    return ChannelReadings(
+        first.kind, first.accuracy, np.array(numbers), *map(np.array, rest), course=course, places=first.places
+    )
 
 
 def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadings, at_rest: float) -> SiteChannel:
-    smooth = _smooth(readings, at_rest)
-    level, slope = (np.asarray(one(readings.displacement), float) for one in (smooth, smooth.deriv()))
+    level, slope = np.zeros(len(readings.values)), np.zeros(len(readings.values))
+    for rows in (own for own in readings.rows if len(own)):
+        at = readings.displacement[rows]
+        smooth = _smooth(at, readings.values[rows], at_rest)
+        level[rows], slope[rows] = smooth(at), smooth.deriv()(at)
     pressed = [subject.trials[k] for k in np.unique(readings.trial)]
     slowest = slowest_error(
         max(trial.loading.speed for trial in pressed),
@@ -126,7 +141,8 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
     )
     own = reading_covariance(readings, slope, slowest, [sorted({int(k) for k in readings.trial})])
     force = np.interp(readings.displacement, curve.displacement, curve.force, left=0.0)
-    alike = [np.outer(effect, effect) for effect in shared_errors(readings, level, force).values()]
+    shared = shared_errors(readings, level, force) | errors_of_places(readings, level)
+    alike = [np.outer(effect, effect) for effect in shared.values()]
     # Where contact is put, in each trial by itself and in all.
     contact = curve.noise.shift_sd**2 * np.equal.outer(readings.trial, readings.trial) + curve.noise.common_shift_sd**2
     instrument = own + sum(alike) + contact * np.outer(slope, slope)
@@ -136,9 +152,8 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
     return SiteChannel(readings, slope, np.asarray(instrument), np.outer(both, both))
 
 
-def _smooth(readings: ChannelReadings, at_rest: float) -> Polynomial:
+def _smooth(depth: FloatArray, values: FloatArray, at_rest: float) -> Polynomial:
     """Return a polynomial in the depth near the values; of few readings one from what is there at rest."""
-    depth, values = readings.displacement, readings.values
     several = len(np.unique(np.round(depth, 3)))
     if several <= 2:
         deep = depth > 0

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
+from legfem.channels.kind import ChannelKind
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import LoadingCurve, mean_loading_curve
-from legfem.data.channels import ChannelKind
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
@@ -85,14 +85,14 @@ class SiteTest(Test):
     @property
     def model_size(self) -> int:
         """Number m of values on the model's grid: forces, and of each channel its value at rest and changes."""
-        return len(self.grid) + len(self.beside) * (1 + len(self.grid))
+        return len(self.grid) + len(self._parts) * (1 + len(self.grid))
 
     @cached_property
     def linear_scale(self) -> FloatArray | None:
         """Sizes (m,) of what isn't a force along the travel, which is 0; None where all is."""
         if not self.beside:
             return None
-        sizes = [np.full(1 + len(self.grid), one.size) for one in self.beside]
+        sizes = [np.full(1 + len(self.grid), one.size) for one, _, _ in self._parts]
         return np.concatenate([np.zeros(len(self.grid)), *sizes])
 
     @property
@@ -108,7 +108,7 @@ class SiteTest(Test):
 
     def reached_by(self, curve: ForceCurve) -> bool:
         """Whether a solve came to the grid's end; one that stops short says nothing of the greatest forces."""
-        told = all(one.readings.kind.name in curve.channels for one in self.beside)
+        told = all(course in curve.channels for _, course, _ in self._parts)
         return told and curve.depth >= self.grid[-1] - 1e-9
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
@@ -137,10 +137,10 @@ class SiteTest(Test):
 
     def _with_beside(self, read: Prediction, curve: ForceCurve, values: Values, offset: FloatArray) -> Prediction:
         """Return a prediction of forces with those of further channels after them, at a contact's offset (mm)."""
-        for one, reading in zip(self.beside, self._beside_readings, strict=True):
-            block, by = self._beside(one.readings.kind, curve, values)
+        for (one, course, depth), reading in zip(self._parts, self._beside_readings, strict=True):
+            block, by = self._beside(one.readings.kind, course, curve, values)
             read_by = {name: reading.at(change[1:], offset) for name, change in by.items()}
-            read_by |= {name: np.zeros(len(one)) for name in read.sensitivities if name not in by}
+            read_by |= {name: np.zeros(len(depth)) for name in read.sensitivities if name not in by}
             if OFFSET in read.sensitivities:
                 read_by[OFFSET] = -reading.at(block[1:], offset, derivative=True)
             read = Prediction(
@@ -151,24 +151,31 @@ class SiteTest(Test):
             )
         return read
 
-    def _beside(self, kind: ChannelKind, curve: ForceCurve, values: Values) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """Return a channel at rest and its changes on the grid, (1 + g,), and the derivatives of these."""
+    def _beside(
+        self, kind: ChannelKind, course: str, curve: ForceCurve, values: Values
+    ) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return a channel's course at rest and its changes on the grid, (1 + g,), and the derivatives of these."""
         at = np.concatenate([[0.0], self.grid])
-        level = curve.channel(kind.name, at)
-        by = {p: curve.channel_sensitivity(kind.name, p, at) for p in curve.sensitivities}
+        level = curve.channel(course, at)
+        by = {p: curve.channel_sensitivity(course, p, at) for p in curve.sensitivities}
         change, by_change = level[1:] - level[0], {p: one[1:] for p, one in by.items()}
-        if kind.is_force:
+        if kind.follows_force:
             change, by_change = self._corrected(change, by_change, values)
         return np.concatenate([level[:1], change]), {p: np.concatenate([by[p][:1], by_change[p]]) for p in by}
 
     @cached_property
     def _ends(self) -> list[int]:
-        """Where channels begin among the model's values."""
-        return [len(self.grid) + k * (1 + len(self.grid)) for k in range(len(self.beside))]
+        """Where courses of channels begin among the model's values."""
+        return [len(self.grid) + k * (1 + len(self.grid)) for k in range(len(self._parts))]
+
+    @cached_property
+    def _parts(self) -> list[tuple[SiteChannel, str, FloatArray]]:
+        """Channels by their courses: the channel, the course's name, and the depths (mm) of its readings."""
+        return [(one, name, depth) for one in self.beside for name, depth in one.parts]
 
     @cached_property
     def _beside_readings(self) -> list[Reading]:
-        return [Reading(self.grid, one.depth) for one in self.beside]
+        return [Reading(self.grid, depth) for _, _, depth in self._parts]
 
     @staticmethod
     def _beside_at(offset: FloatArray) -> Callable[[Reading, FloatArray], FloatArray]:
@@ -229,10 +236,10 @@ class SiteTest(Test):
         unlike: list[FloatArray] = [np.zeros(len(self.curve.force))]
         for one, span in zip(self.beside, self.data.spans[1:], strict=True):
             along = self.correction.relative_errors(one.depth, *of_deep)
-            lateral = one.readings.kind.is_force
+            follows = one.readings.kind.follows_force
             for name, parts in effects.items():
-                parts.append(along[name] * predicted[span] if lateral else np.zeros(len(one)))
-            unlike.append(np.zeros(len(one)) if lateral else _ENDS_BESIDE * one.slope * one.depth)
+                parts.append(along[name] * predicted[span] if follows else np.zeros(len(one)))
+            unlike.append(np.zeros(len(one)) if follows else _ENDS_BESIDE * one.slope * one.depth)
         found |= {name: Mode(source_of_mode(name), np.concatenate(parts)) for name, parts in effects.items()}
         if self.beside:
             found["ends: shape under the cylinder"] = Mode("ends", np.concatenate(unlike))

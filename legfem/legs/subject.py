@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
+from legfem.channels.seen import Sight
 from legfem.data import Instrument, Recording, Segmentation, segment_all
 from legfem.data.recording import Origin
 from legfem.geometry.indenter import Indenter
@@ -115,6 +116,12 @@ class Subject:
     def trials(self) -> tuple[Segmentation, ...]:
         """The recordings as they are read: first contact, phases and noise of each."""
         return segment_all(self.recordings, self.instrument, self.starts_at_contact)
+
+    @property
+    def sights(self) -> tuple[Sight, ...]:
+        """Places at which channels were read, which a model is to be seen at, too."""
+        every = (one for recording in self.recordings for one in recording.channels if one.places)
+        return tuple(dict.fromkeys(Sight(one.name, one.places) for one in every))
 
 
 @dataclass(frozen=True, eq=False)

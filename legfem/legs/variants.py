@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from legfem.channels.seen import Sight
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
     from legfem.meshing.section import MeshMotion
-    from legfem.solve.path import Path
-    from legfem.solve.report import SolveReport
+    from legfem.solve.path import Path, SolveReport
 
 _CUT_OF_SLIP = 0.25
 """Of a step that failed: sliding fat folds suddenly, and long steps fail again."""
@@ -54,6 +54,8 @@ class LegVariants:
         Numerical.
     moved
         Where the leg's mesh is moved to; as it is without it.
+    sights
+        Places at which channels are read.
     """
 
     section: LegSection
@@ -61,6 +63,7 @@ class LegVariants:
     tissues: Tissues
     settings: PlaneStrainSettings
     moved: MeshMotion | None = None
+    sights: tuple[Sight, ...] = ()
     tally: Tally = field(default_factory=Tally, repr=False)
     """Shared with the leg of a moved mesh."""
     _models: dict[str, PlaneStrainIndentation] = field(default_factory=dict, init=False, repr=False)
@@ -140,6 +143,7 @@ class LegVariants:
                 self._settings(variant),
                 mechanisms=self._terms(variant),
                 moved=self.moved,
+                sights=self.sights,
             )
         return self._models[variant]
 
@@ -214,7 +218,7 @@ def solved_responses(
     def on_mesh(coarsening: float, rougher: SolvedResponses | None = None) -> SolvedResponses:
         own = replace(settings, mesh=settings.mesh.refined(1 / coarsening))
         return SolvedResponses(
-            LegVariants(subject.section, subject.indenter, tissues, own),
+            LegVariants(subject.section, subject.indenter, tissues, own, sights=subject.sights),
             depth,
             folder,
             {

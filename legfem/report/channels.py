@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from legfem.channels.kind import ChannelKind
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
-from legfem.data.channels import CHANNELS, ChannelKind
-from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.catalogue import LawName, symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import ChannelFit, Fit
-from legfem.inverse.laws import LawName
 from legfem.report.page import Curves, Line
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 
@@ -27,7 +27,7 @@ def beside_force(fit: Fit[Any]) -> list[tuple[int, int]]:
 
 def channel_name(one: ChannelFit) -> str:
     """Return a channel's name in words."""
-    return one.channel.name.replace("_", " ")
+    return CHANNELS[one.channel.name].title
 
 
 def beside_curves(

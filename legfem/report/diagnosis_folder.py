@@ -22,7 +22,7 @@ from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_f
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
-from legfem.report.recording_figure import recording_figure
+from legfem.report.recording_figures import recording_figure
 from legfem.report.render.text import bullets, fill, table
 from legfem.report.section import filmed
 from legfem.report.style import save
@@ -31,7 +31,7 @@ from legfem.report.write import write_page
 from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.specimens.diagnosis import DiagnosedSpecimen, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
-from legfem.specimens.recorded import LeftOut
+from legfem.specimens.sizes import LeftOut
 
 _COARSER = 2.4
 """Than the mesh that forces come from: that of the section to press."""

@@ -14,7 +14,7 @@ from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.document import KindDocument, fit_document
 from legfem.inverse.fit import Fit
-from legfem.jobs.background import in_background
+from legfem.jobs.pool import in_background
 from legfem.legs.details import LegDetails
 from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
@@ -27,14 +27,13 @@ from legfem.report.leg import leg_page
 from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.paraview import write_fields
+from legfem.report.recording_figures import specimen_figure
 from legfem.report.render.table import estimates_frame
 from legfem.report.section import filmed
-from legfem.report.specimen_figure import specimen_figure
 from legfem.report.specimens import specimen_page
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.write import write_page
-from legfem.specimens.details import SpecimenDetails
-from legfem.specimens.document import SpecimenDocument
+from legfem.specimens.details import SpecimenDetails, SpecimenDocument
 
 type LegFits = Sequence[Fit[LegDetails]]
 type Drawn = list[ReportFile]

@@ -51,6 +51,9 @@ class SensitivityTracker:
         self._rate, self._right = (fem.Function(system.spaces.space) for _ in range(2))
         self.contact_force_rates = np.zeros((len(self.parameters), system.spaces.dimension))
         """Derivatives of the indenter's force on the skin at the last step, (parameters, dimension)."""
+        nodes = len(system.spaces.trace) // system.spaces.dimension
+        self.nodal_force_rates = np.zeros((len(self.parameters), nodes, system.spaces.dimension))
+        """Of what the rank adds to that on each of its skin's nodes, (parameters, nodes, dimension)."""
 
     @property
     def holds(self) -> bool:
@@ -87,6 +90,7 @@ class SensitivityTracker:
             total = force.sum(axis=0)
             forces.append(system.comm.allreduce(float(total @ system.direction)))
             self.contact_force_rates[index] = system.comm.allreduce(total)
+            self.nodal_force_rates[index] = force
             self._body.update(index, self._rate.x.array)
             self._skin.update(index, trace)
         return np.array(forces)

@@ -16,11 +16,11 @@ from typing import Literal
 import numpy as np
 
 from legfem.api import identify
+from legfem.channels.registry import CHANNELS
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.data.channels import CHANNELS, RecordedChannel
-from legfem.data.recording import Recording
+from legfem.data.recording import RecordedChannel, Recording
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.geometry.typical_calf import Calf, calf_section

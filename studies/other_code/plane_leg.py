@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
+from legfem.channels.seen import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.section import BONES, LegSection
 from legfem.legs.subject import Subject, TissueParameters
@@ -261,6 +262,10 @@ _CHORDS = np.array([[(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)] fo
 """Shape functions of an edge's ends and middle at nine points."""
 
 
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
 def _edges(cells: Ints) -> Ints:
     return np.vstack([cells[:, [0, 1, 3]], cells[:, [1, 2, 4]], cells[:, [2, 0, 5]]])
 
@@ -347,13 +352,16 @@ class OtherCode(OtherPressing):
         What is solved.
     finer
         Than the default mesh, a factor.
+    sights
+        Places at which displacements are seen.
     """
 
-    def __init__(self, subject: Subject, case: OtherCase, finer: float = 1.0) -> None:
+    def __init__(self, subject: Subject, case: OtherCase, finer: float = 1.0, sights: Sequence[Sight] = ()) -> None:
         from legfem.meshing.section import first_touch
 
         indenter = subject.indenter
         self.subject, self.case = subject, case
+        self._sights = {sight.name: np.array(sight.places) for sight in sights}
         self.radius, travel = indenter.radius, indenter.direction
         self.start = np.asarray(first_touch(subject.section.skin, indenter.radius, indenter.aim, travel))
         at_skin = self.start + self.radius * travel
@@ -434,12 +442,36 @@ class OtherCode(OtherPressing):
             - place(edges, moved, side)
             for side in BESIDE_MM
         }
+        inside = self._sights.get("section_displacement", np.zeros((0, 3)))
+        moves = self.displacements(u, inside[:, :2])[np.arange(len(inside)), inside[:, 2].astype(int)]
+        at, load = self._face if np.any(resultant) else (np.zeros(0), np.zeros(0))
+        ends = self._sights.get("contact_pressure", ())
+        pressures = [1e3 * float(load[(at >= a) & (at < b)].sum()) / (b - a) for a, b in ends]
         return {
             **rises,
+            **{f"contact_pressure:{k}": value for k, value in enumerate(pressures)},
+            "contact_width": float(np.ptp(at)) if len(at) else 0.0,
+            **{f"section_displacement:{k}": float(value) for k, value in enumerate(moves)},
             "lateral_force": float(resultant @ left) * self.whole,
             "fat_thickness": outer - skin,
             "muscle_thickness": bone - inner,
         }
+
+    def displacements(self, u: FloatArray, points: FloatArray) -> FloatArray:
+        """Return the displacements (m, 2) of points (m, 2) of the undeformed section, mm, from all nodes' (n,)."""
+        cells = np.concatenate(list(self.mesh.cells.values()))
+        corners = self.mesh.points[cells[:, :3]]
+        found = np.empty((len(points), 2))
+        for row, point in zip(found, points, strict=True):
+            # Areas of the triangles that the point makes with the corners, over the cell's.
+            a, b, c = (corners - point).transpose(1, 0, 2)
+            areas = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=-1)
+            shares = areas / areas.sum(axis=1, keepdims=True)
+            cell = int(shares.min(axis=1).argmax())
+            s = shares[cell]
+            ends, middles = s * (2 * s - 1), 4 * s * np.roll(s, -1)
+            row[:] = np.concatenate([ends, middles]) @ u.reshape(-1, 2)[cells[cell]]
+        return found
 
     @cached_property
     def _outlines(self) -> list[Ints]:
@@ -498,6 +530,7 @@ class OtherCode(OtherPressing):
             slope = weights * self.case.friction * self.penalty * np.sign(pull) * sliding
             K = K - slope[:, :, None, None] * tau[:, :, :, None] * n[:, :, None, :]
         outer, tangent = spread(self._shape, edges, f, K, len(u))
+        self._face = s[touching], (weights * pressure)[touching]
         held = np.where(touching, np.where(np.isnan(stuck), s, stuck), np.nan)
         held = np.where(sliding, s - drag / self.along, held)
         return outer, tangent, f.sum(axis=(0, 1)), held

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.data import Recording
-from legfem.data.channels import CHANNELS, RecordedChannel
+from legfem.data.recording import RecordedChannel
 from legfem.inverse.predictor import LawName
 from legfem.legs.correction import TabulatedCorrection
 from studies.concealed.cases import SUBJECTS_OF_LEGS, Code, Kind, SealedCase, sealed_leg

@@ -1,0 +1,291 @@
+"""What a channel is: its name, unit and usual accuracy, and what a file that adds one has to say of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.channels.seen import Seen
+from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Indenter
+from legfem.geometry.section import LegSection
+from legfem.meshing.section import first_touch
+
+Channels = Mapping[str, tuple[float, FloatArray]]
+"""Value and derivatives (p,) by a course's name."""
+
+
+@dataclass(frozen=True)
+class ChannelAccuracy:
+    """Standard deviations of a channel's errors, in the channel's unit unless stated."""
+
+    reading: float
+    """Of a single reading, independent of the others."""
+    bias: float = 0.0
+    """Of an error that is the same in all of a site's readings."""
+    gain: float = 0.0
+    """Of a relative error that is the same in all of a site's readings, dimensionless."""
+    slow: float = 0.0
+    """Of an error that changes slowly along the test."""
+    lag: float = 0.0
+    """Of the channel's clock against the recording's, s."""
+    shift: float = 0.0
+    """Of where an image lies in the section, in either direction, mm."""
+    turn: float = 0.0
+    """Of how an image is turned against the section, degrees."""
+    apart: float = 0.0
+    """Distance over which the errors of readings at different places of one frame are alike, mm."""
+    creep: float = 0.0
+    """Relative error for every tenfold of the time under load, the same in all of a site's readings."""
+    threshold: float | None = None
+    """Below which readings say nothing, and are left out."""
+
+
+@dataclass(frozen=True)
+class ChannelKind:
+    """One kind of channel.
+
+    Parameters
+    ----------
+    name
+        As in columns of a recording, which end with the unit.
+    unit
+        Of its values.
+    words
+        What it is, for a sentence that begins with "The".
+    usual
+        Accuracy where none is stated.
+    model_share
+        Standard deviation of a model's error over the displacement, in the unit per mm: effects at once, and outlines
+        that are off beside them, are more than the sum of each.
+    """
+
+    name: str
+    unit: str
+    words: str
+    usual: ChannelAccuracy
+    model_share: float = 0.0
+    models: frozenset[str] = frozenset({"2d"})
+    """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
+
+    @property
+    def column(self) -> str:
+        """Column of a recording that holds it."""
+        return self.name if self.unit == "-" else f"{self.name}_{self.unit}"
+
+    @property
+    def title(self) -> str:
+        """Its name as a page writes it."""
+        return self.name.replace("_", " ")
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is a force on the cylinder."""
+        return self.unit == "N"
+
+    @property
+    def follows_force(self) -> bool:
+        """Whether it is a force or a pressure on the cylinder: what acts on the force by a factor acts on it."""
+        return self.unit in ("N", "kPa")
+
+    def courses(self, places: int) -> tuple[str, ...]:
+        """Return the names of its courses along a test: one, or one for each of a number of places."""
+        return tuple(f"{self.name}:{k}" for k in range(places)) if places else (self.name,)
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """Where a leg is pressed: its section in the plane of the travel, and the indenter."""
+
+    section: LegSection
+    indenter: Indenter
+
+    @property
+    def touch(self) -> FloatArray:
+        """The cylinder's axis at first touch (2,), mm."""
+        return np.asarray(first_touch(self.section.skin, self.indenter.radius, self.indenter.aim, self.direction))
+
+    @property
+    def direction(self) -> FloatArray:
+        """Unit vector of the travel (2,)."""
+        return np.asarray(self.indenter.direction)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What a channel read in a trial, beside what is known of the trial; arrays are (k,).
+
+    Parameters
+    ----------
+    values
+        In the channel's unit.
+    depth
+        Of the cylinder after first contact where the reading lies in the first loading, mm; NaN elsewhere.
+    force
+        Along the travel, N.
+    accuracy
+        Of the instrument.
+    site
+        Where the leg is pressed.
+    outline_sd
+        Standard deviation of the section's outlines, mm.
+    places
+        Where each was read, (k, q).
+    """
+
+    values: FloatArray
+    depth: FloatArray
+    force: FloatArray
+    accuracy: ChannelAccuracy
+    site: Site
+    outline_sd: float
+    places: FloatArray
+
+
+@dataclass(frozen=True)
+class Impossible:
+    """What a channel can't be, and how to mend it."""
+
+    what: str
+    remedy: str
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """A table of several readings a time, as it was read: points of the skin, sensels, or points within the section.
+
+    Parameters
+    ----------
+    time
+        Of each row, (n,), s, on the recording's clock.
+    columns
+        The others of the table, (n, q), in its order.
+    trial_time, trial_force
+        Of the recording, (m,): s, and N.
+    """
+
+    time: FloatArray
+    columns: FloatArray
+    trial_time: FloatArray
+    trial_force: FloatArray
+
+
+class FramesError(Exception):
+    """Frames that can't be read: the table's column, what is wrong with it, and how to mend it."""
+
+    def __init__(self, field: str, what: str, remedy: str) -> None:
+        super().__init__(what)
+        self.field, self.what, self.remedy = field, what, remedy
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """What frames give of one channel.
+
+    Parameters
+    ----------
+    name
+        Of its kind.
+    time, values : (k,) array
+        s, not falling, and the kind's unit.
+    course : (k,) int array
+        Number of the place that each reading was taken at; none of a channel that has but one course.
+    places
+        The same in all trials of a site.
+    """
+
+    name: str
+    time: FloatArray
+    values: FloatArray
+    course: NDArray[np.int_] | None = None
+    places: tuple[tuple[float, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class ChannelPlan:
+    """A way to record channels that a plan may recommend.
+
+    Parameters
+    ----------
+    asks
+        What to do, as "record the lateral force too"; ``{at}`` stands for the displacements of single frames.
+    channels
+        Names of kinds.
+    effort
+        What it takes.
+    frames
+        Whether it is recorded in single frames, or all along the test.
+    """
+
+    asks: str
+    channels: tuple[str, ...]
+    effort: str
+    frames: bool = False
+
+
+class ChannelFile(ABC):
+    """What one file of ``legfem/channels/kinds`` adds: kinds that are read in the same way."""
+
+    kinds: ClassVar[tuple[ChannelKind, ...]]
+    plans: ClassVar[tuple[ChannelPlan, ...]] = ()
+    entry: ClassVar[str] = ""
+    """Of ``[channels]``, whose file holds frames of ``time_s`` and `columns`; nothing where a kind's own name is."""
+    columns: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def read(self, seen: Seen) -> Channels:
+        """Return what there is of its kinds in a state; collective over the system's ranks."""
+
+    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+        """Return why a recorded channel can't be one of the kind; None where it can."""
+        return None
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return where in the section it is seen (2,), mm: where the cylinder touches, if it doesn't say otherwise."""
+        return site.touch
+
+    def apart(self, places: FloatArray) -> FloatArray:
+        """Return how far apart readings at places (k, q) are, (k, k), mm; infinite where errors aren't alike."""
+        return np.zeros((len(places), len(places)))
+
+    def shared(
+        self,
+        places: FloatArray,
+        time: FloatArray,
+        frame: NDArray[np.int_],
+        values: FloatArray,
+        accuracy: ChannelAccuracy,
+    ) -> dict[str, FloatArray]:
+        """Return by name what one standard deviation of an error does that all readings share, (k,).
+
+        Of how an image lies in the section, or of a film that creeps: what only channels with places have.
+
+        Parameters
+        ----------
+        places
+            Of the readings, (k, q).
+        time
+            Since first contact, (k,), s.
+        frame
+            Number of each reading's frame, (k,).
+        values
+            Predicted, (k,).
+        accuracy
+            Of the instrument.
+        """
+        return {}
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the channels that every trial's frames give.
+
+        Raises
+        ------
+        FramesError
+            If they can't.
+        """
+        raise NotImplementedError

@@ -1,0 +1,1 @@
+"""Kinds of channel, one way of reading a file."""

@@ -1,0 +1,151 @@
+r"""Pressure on the cylinder's face, by sensels: a film or a mat between the cylinder and the skin.
+
+A sensel that reaches along the face from :math:`a` to :math:`b` (mm, from the face's deepest point, to the left of the
+travel) reads
+
+.. math:: p = \frac{1}{b - a} \sum_n q_n \left[S((s_n - a) / w) - S((s_n - b) / w)\right]
+
+of the nodes' normal loads :math:`q_n` (N per mm of the cylinder) at :math:`s_n`, with a smooth step :math:`S` from 0 to
+1 over :math:`\pm w`, by which a film spreads a load. Sensels side by side add up to the whole load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.channels.kind import (
+    ChannelAccuracy,
+    ChannelFile,
+    ChannelKind,
+    Channels,
+    Frames,
+    FramesError,
+    Impossible,
+    Read,
+    Recorded,
+    Site,
+)
+from legfem.channels.seen import Seen
+from legfem.common.units import FloatArray, mpa_to_kpa
+
+_FILM = ChannelAccuracy(reading=0.5, bias=0.3, gain=0.1, slow=0.2, lag=0.1, creep=0.05, threshold=1.0)
+"""Of thin-film sensors on a curved face: a tenth of the reading, and a twentieth more for each decade of time."""
+PRESSURE = ChannelKind(
+    "contact_pressure", "kPa", "pressure of the cylinder on the skin, in sensels along its face", _FILM, 0.03
+)
+_BLUR_MM = 1.5
+_MOST_SENSELS = 24
+"""More are taken together, neighbours in twos, threes and so on."""
+_MORE_THAN_FORCE = 1.5
+
+
+class ContactPressures(ChannelFile):
+    """Mean pressures over sensels; a place is where one begins and ends along the face, mm."""
+
+    kinds: ClassVar = (PRESSURE,)
+    entry = PRESSURE.name
+    columns = ("angle_deg", "pressure_kPa")
+
+    def read(self, seen: Seen) -> Channels:
+        """Return the pressures of the sensels that there are."""
+        places = seen.places(PRESSURE.name)
+        if not len(places):
+            return {}
+        face, comm = seen.face, seen.model.system.comm
+        found = {}
+        for name, (begins, ends) in zip(PRESSURE.courses(len(places)), places, strict=True):
+            (low, low_slope), (high, high_slope) = (_step((face.arc - at) / _BLUR_MM) for at in (begins, ends))
+            share, slope = low - high, (low_slope - high_slope) / _BLUR_MM
+            width = ends - begins
+            load = comm.allreduce(float(share @ face.load)) / width
+            rates = comm.allreduce(face.load_rates @ share + face.arc_rates @ (slope * face.load)) / width
+            found[name] = (mpa_to_kpa(load), mpa_to_kpa(1.0) * np.asarray(rates))
+        return found
+
+    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+        """Refuse pressures whose sum exceeds the force by far: no film's gain is off by so much."""
+        pressed = np.flatnonzero(recorded.force > 0.5 * recorded.force.max())
+        width = recorded.places[:, 1] - recorded.places[:, 0]
+        angle = recorded.places.mean(axis=1) / recorded.site.indenter.radius
+        # Of the sensels that read at about one force: kPa over mm2 are mN.
+        load = 1e-3 * recorded.values * width * np.cos(angle) * recorded.site.indenter.length
+        found = []
+        for at in np.unique(recorded.force[pressed]):
+            together = recorded.force == at
+            found.append(float(load[together].sum()) / float(at))
+        if not found or np.median(found) <= _MORE_THAN_FORCE:
+            return None
+        return Impossible(
+            f"the pressures add up to {np.median(found):.2g} times the force",
+            "check their unit, and that angles are those of the sensels' middles about the cylinder's axis",
+        )
+
+    def apart(self, places: FloatArray) -> FloatArray:
+        """Return how far the sensels' middles are apart along the face."""
+        middles = places.mean(axis=1)
+        return np.abs(np.subtract.outer(middles, middles))
+
+    def shared(
+        self,
+        places: FloatArray,
+        time: FloatArray,
+        frame: NDArray[np.int_],
+        values: FloatArray,
+        accuracy: ChannelAccuracy,
+    ) -> dict[str, FloatArray]:
+        """Return what a film's creep does."""
+        decades = np.log10(1.0 + np.maximum(time, 0.0))
+        return {"creep": accuracy.creep * decades * values} if accuracy.creep else {}
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the sensels' pressures; a sensel reaches half-way to its neighbours."""
+        angles = np.unique(np.concatenate([one.columns[:, 0] for one in frames]))
+        if len(angles) < 2:
+            raise FramesError("angle_deg", f"{len(angles)} sensel", "give the pressures of two sensels at least")
+        if np.abs(angles).max() > 90.0:
+            raise FramesError(
+                "angle_deg",
+                f"is up to {np.abs(angles).max():.0f}: the skin touches within 90 degrees of the line of travel",
+                "give the angle of a sensel's middle from the face's deepest point, to the left of the travel",
+            )
+        ends = np.deg2rad(_ends(angles)) * site.indenter.radius
+        group = np.arange(len(angles)) // -(-len(angles) // _MOST_SENSELS)
+        first = np.flatnonzero(np.diff(group, prepend=-1))
+        edges = np.append(ends[first], ends[-1])
+        places = tuple((round(float(a), 4), round(float(b), 4)) for a, b in pairwise(edges))
+        return [[_of_trial(one, angles, group, np.diff(ends), places)] for one in frames]
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return the face's deepest point at first touch."""
+        return np.asarray(site.touch + site.indenter.radius * site.direction)
+
+
+def _step(t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a smooth step from 0 at -1 to 1 at 1, and its slope."""
+    inside = np.clip(t, -1.0, 1.0)
+    return 0.5 + 0.75 * inside - 0.25 * inside**3, 0.75 * (1 - inside**2)
+
+
+def _ends(middles: FloatArray) -> FloatArray:
+    between = 0.5 * (middles[1:] + middles[:-1])
+    return np.concatenate([[2 * middles[0] - between[0]], between, [2 * middles[-1] - between[-1]]])
+
+
+def _of_trial(
+    frames: Frames,
+    angles: FloatArray,
+    group: NDArray[np.int_],
+    width: FloatArray,
+    places: tuple[tuple[float, ...], ...],
+) -> Read:
+    """Return the mean pressures of groups of sensels, by their widths."""
+    sensel = np.searchsorted(angles, frames.columns[:, 0])
+    keys, row = np.unique(np.column_stack([frames.time, group[sensel]]), axis=0, return_inverse=True)
+    own = width[sensel]
+    means = np.bincount(row.ravel(), own * frames.columns[:, 1]) / np.bincount(row.ravel(), own)
+    return Read(PRESSURE.name, keys[:, 0], means, keys[:, 1].astype(int), places)

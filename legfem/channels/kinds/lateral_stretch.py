@@ -1,0 +1,50 @@
+"""Lateral stretch of a round specimen at half its height, as a video of its side shows.
+
+Where ends stick to the plates the side bulges: its middle is wider than volume alone asks for. Where they slide, it is
+as wide as the tissue's compressibility has it.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, Recorded
+from legfem.channels.seen import Seen
+
+_VIDEO = ChannelAccuracy(reading=0.005, bias=0.003, gain=0.03, slow=0.002, lag=0.1)
+"""A pixel or two of some hundred across the specimen; the scale and the plane of focus."""
+LATERAL_STRETCH = ChannelKind(
+    "lateral_stretch",
+    "-",
+    "diameter at half the specimen's height over that at first touch",
+    _VIDEO,
+    models=frozenset({"specimen"}),
+)
+_WIDEST = 3.0
+
+
+class LateralStretches(ChannelFile):
+    """The deformed over the undeformed radius at half the height, of a body with axial symmetry and a mirror there."""
+
+    kinds: ClassVar = (LATERAL_STRETCH,)
+
+    def read(self, seen: Seen) -> Channels:
+        """Return the stretch of the side's lowest node: the mirror is at height 0."""
+        spaces, state = seen.model.system.spaces, seen.state
+        places = spaces.displacement_space.tabulate_dof_coordinates()[:, :2]
+        radius = float(places[:, 0].max())
+        side = np.flatnonzero(places[:, 0] > radius * (1 - 1e-9))
+        node = int(side[np.argmin(np.abs(places[side, 1]))])
+        dof = int(spaces.displacement_dofs[2 * node])
+        return {LATERAL_STRETCH.name: (1 + float(state.unknown[dof]) / radius, state.unknown_rates[:, dof] / radius)}
+
+    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+        """Refuse what isn't a stretch: a diameter in mm, or a strain."""
+        low, high = float(recorded.values.min()), float(recorded.values.max())
+        if 1 / _WIDEST < low and high < _WIDEST:
+            return None
+        return Impossible(
+            f"it lies between {low:.3g} and {high:.3g}", "give the diameter over that at first touch: 1 to begin with"
+        )

@@ -1,0 +1,110 @@
+"""Thicknesses of the layers under the cylinder, along the line of travel, by ultrasound."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from legfem.channels.kind import (
+    ChannelAccuracy,
+    ChannelFile,
+    ChannelKind,
+    ChannelPlan,
+    Channels,
+    Impossible,
+    Recorded,
+    Site,
+)
+from legfem.channels.seen import Seen
+from legfem.common.units import FloatArray
+from legfem.geometry.section import first_crossing, layer_thicknesses
+
+_ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
+"""Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""
+FAT = ChannelKind(
+    "fat_thickness", "mm", "thickness of the fat under the cylinder, along the line of travel", _ULTRASOUND, 0.002
+)
+MUSCLE = ChannelKind(
+    "muscle_thickness",
+    "mm",
+    "thickness of the deep tissue, from fascia to bone along the line of travel",
+    _ULTRASOUND,
+    0.002,
+)
+_BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone")}
+"""Outlines that a layer lies between."""
+_APART_MM, _APART = 3.0, 0.35
+"""Of a thickness from the section's own: mm, or a share of it where that is more."""
+_IN_MUSCLE_MM = 8.0
+"""Under the fascia: where a figure marks the muscle."""
+
+
+class LayerThicknesses(ChannelFile):
+    """Skin to fascia, and fascia to the nearest bone; none where the line meets no bone."""
+
+    kinds: ClassVar = (FAT, MUSCLE)
+    plans: ClassVar = (
+        ChannelPlan(
+            "take an ultrasound frame under the cylinder at {at}, and read the thickness of fat and muscle",
+            (FAT.name, MUSCLE.name),
+            "an ultrasound probe in the indenter, and a minute to read each frame",
+            frames=True,
+        ),
+        ChannelPlan(
+            "record the lateral force, and ultrasound all along",
+            ("lateral_force", FAT.name, MUSCLE.name),
+            "both instruments, and software that follows the boundaries",
+        ),
+    )
+
+    def read(self, seen: Seen) -> Channels:
+        """Return the layers' thicknesses, of those whose outlines the line of travel meets."""
+        found = {}
+        for name, between in _BETWEEN.items():
+            above, below = (seen.line(outline).place() for outline in between)
+            if above is not None and below is not None:
+                found[name] = (below[0] - above[0], below[1] - above[1])
+        return found
+
+    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+        """Refuse a layer that grows as the cylinder presses, or isn't the section's."""
+        site, name = recorded.site, kind.title
+        own = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)
+        if own is None:
+            return Impossible(
+                "the line of travel meets no bone in the section: there is no such thickness",
+                "leave the column out, or correct aim_mm and direction_deg",
+            )
+        kept = np.isfinite(recorded.depth)
+        depth, values = recorded.depth[kept], recorded.values[kept]
+        # A single frame says little of how it changes.
+        several = len(values) > 2 and np.ptp(depth) > 0
+        ends = Polynomial.fit(depth, values, 1)(np.array([0.0, depth.max()])) if several else values[[0, 0]]
+        start, end = map(float, ends)
+        accuracy = recorded.accuracy
+        # Of a line through n readings.
+        error = accuracy.reading * np.sqrt(12 / len(values))
+        if several and end - start > max(3 * error, 0.05 * own):
+            return Impossible(
+                f"the {name} grows from {start:.3g} to {end:.3g} mm as the cylinder presses",
+                "check that the columns aren't exchanged, and that the frames are in order",
+            )
+        first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
+        tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * recorded.outline_sd) + float(depth.min())
+        if abs(first - own) > tolerance:
+            return Impossible(
+                f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and the section's own is {own:.3g} mm",
+                "check its unit, the outlines, and that both are along the line of travel",
+            )
+        return None
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return the middle of the fat, or a point within the muscle, under the cylinder."""
+        skin, fascia = (
+            first_crossing(site.section.polygon(part).exterior, site.touch, site.direction)
+            for part in ("skin", "fascia")
+        )
+        along = 0.5 * (skin + fascia) if kind == FAT else fascia + _IN_MUSCLE_MM
+        return np.asarray(site.touch + along * site.direction)

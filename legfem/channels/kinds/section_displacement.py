@@ -1,0 +1,207 @@
+r"""Displacements inside the section: speckle tracking, elastography's B-mode, or MR tagging.
+
+A file has a frame a time: points ``x_mm, y_mm`` where they were before the cylinder pressed, in the outlines'
+coordinates, and by how much they have moved since. Errors of tracking are alike over some millimetres, so that points
+are taken together in cells of a few millimetres; a cell's mean moves as the tissue at the points' middle does.
+
+An image is laid into the section by hand, or by its outline: it may lie :math:`s` beside where it is said to, and be
+turned by :math:`\theta` about its middle :math:`c`. To first order a reading at :math:`X` then is
+
+.. math:: u(X) + \nabla u\,(s + \theta\, e_z \times (X - c)) - \theta\, e_z \times u,
+
+with the gradient of a thin-plate spline through what is predicted of the frame; between cells of 6 mm it is off by a
+third of itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+
+from legfem.channels.kind import (
+    ChannelAccuracy,
+    ChannelFile,
+    ChannelKind,
+    Channels,
+    Frames,
+    FramesError,
+    Impossible,
+    Read,
+    Recorded,
+    Site,
+)
+from legfem.channels.seen import Seen
+from legfem.common.units import FloatArray
+from legfem.geometry.section import BONES
+
+_TRACKING = ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
+"""Of a cell; what is slow is tracking's drift from frame to frame. The image is laid into the section by hand."""
+INSIDE = ChannelKind(
+    "section_displacement",
+    "mm",
+    "displacement of points inside the section since before the cylinder pressed",
+    _TRACKING,
+    0.006,
+)
+_CELL_MM, _MOST_CELLS = 6.0, 20
+"""Points are taken together in cells of this size, or of more where there would be too many."""
+_OUTSIDE_MM = 1.0
+_FEWEST, _STEP_MM = 4, 0.5
+"""Places of a frame that have a gradient, and the step that it is taken over."""
+_TOO_FAR, _TOO_FAR_MM = 1.3, 3.0
+_AT_REST_MM, _RESTING_MM = 2.0, 0.5
+"""By how much points may have moved where the cylinder has by less than this."""
+
+
+class SectionDisplacements(ChannelFile):
+    """Displacements in both directions of the outlines' coordinates, in cells; a place is x, y (mm) and 0 or 1."""
+
+    kinds: ClassVar = (INSIDE,)
+    entry = INSIDE.name
+    columns = ("x_mm", "y_mm", "ux_mm", "uy_mm")
+
+    def read(self, seen: Seen) -> Channels:
+        """Return the displacements at the places where somebody looked."""
+        places = seen.places(INSIDE.name)
+        if not len(places):
+            return {}
+        values, rates = seen.moves(places[:, :2])
+        rows, way = np.arange(len(places)), places[:, 2].astype(int)
+        return {
+            name: (float(value), rate)
+            for name, value, rate in zip(
+                INSIDE.courses(len(places)), values[rows, way], rates[:, rows, way].T, strict=True
+            )
+        }
+
+    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+        """Refuse displacements that are too large, against the travel, or not counted from first touch."""
+        pressed = np.isfinite(recorded.depth)
+        depth, values, places = recorded.depth[pressed], recorded.values[pressed], recorded.places[pressed]
+        deepest, largest = float(depth.max(initial=0.0)), float(np.abs(values).max(initial=0.0))
+        if largest > _TOO_FAR * deepest + _TOO_FAR_MM:
+            return Impossible(
+                f"points move by up to {largest:.3g} mm where the cylinder moves by {deepest:.3g} mm",
+                "check the unit of ux_mm and uy_mm",
+            )
+        at_rest = values[depth < _RESTING_MM]
+        moved = float(np.sqrt(2 * np.mean(at_rest**2))) if len(at_rest) else 0.0
+        if moved > _AT_REST_MM:
+            return Impossible(
+                f"points have moved by {moved:.2g} mm before the cylinder touches",
+                "count displacements from a frame before it presses",
+            )
+        along = values * recorded.site.direction[places[:, 2].astype(int)]
+        deep = depth > 0.5 * deepest
+        total = float(np.mean(along[deep])) if deep.any() else 0.0
+        if total < -0.05 * deepest:
+            return Impossible(
+                f"points move by {-total:.2g} mm against the cylinder's travel in the mean",
+                "check the directions of ux_mm and uy_mm: they are those of the outlines' coordinates",
+            )
+        return None
+
+    def apart(self, places: FloatArray) -> FloatArray:
+        """Return the distance of readings of one direction; those of different ones err by themselves."""
+        between = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=-1)
+        return np.where(np.equal.outer(places[:, 2], places[:, 2]), between, np.inf)
+
+    def shared(
+        self,
+        places: FloatArray,
+        time: FloatArray,
+        frame: NDArray[np.int_],
+        values: FloatArray,
+        accuracy: ChannelAccuracy,
+    ) -> dict[str, FloatArray]:
+        """Return what a shift of the image in either direction does, and a turn about its middle."""
+        found: dict[str, FloatArray] = {name: np.zeros(len(values)) for name in ("shift in x", "shift in y", "turn")}
+        middle = places[:, :2].mean(axis=0)
+        angle = np.deg2rad(accuracy.turn)
+        for number in np.unique(frame):
+            rows = np.flatnonzero(frame == number)
+            at = places[rows, :2] - middle
+            way = places[rows, 2].astype(int)
+            gradient, other = np.zeros((len(rows), 2)), np.zeros(len(rows))
+            for k in (0, 1):
+                mine = way == k
+                gradient[mine] = _gradient(at[mine], values[rows[mine]])
+                other[mine] = _beside(places[rows[mine], :2], places[rows[~mine], :2], values[rows[~mine]])
+            turned = gradient[:, 1] * at[:, 0] - gradient[:, 0] * at[:, 1]
+            # e_z x u is (-uy, ux).
+            found["turn"][rows] = angle * (turned + np.where(way == 0, other, -other))
+            for k, name in enumerate(("shift in x", "shift in y")):
+                found[name][rows] = accuracy.shift * gradient[:, k]
+        return found
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the cells' mean displacements, of points that lie in tissue."""
+        inside = [_in_tissue(one.columns[:, :2], site) for one in frames]
+        points = np.concatenate([one.columns[kept, :2] for one, kept in zip(frames, inside, strict=True)])
+        if 2 * len(points) < sum(len(one.columns) for one in frames):
+            raise FramesError(
+                "x_mm, y_mm",
+                f"{len(points)} of {sum(len(one.columns) for one in frames)} points lie in soft tissue",
+                "give the points in the outlines' coordinates, where they were before the cylinder pressed",
+            )
+        cells = _cells(points, site.touch)
+        known, cell = np.unique(cells, axis=0, return_inverse=True)
+        middles = np.array([points[cell.ravel() == k].mean(axis=0) for k in range(len(known))])
+        places = tuple((round(float(x), 3), round(float(y), 3), float(way)) for x, y in middles for way in (0, 1))
+        found, begins = [], 0
+        for one, kept in zip(frames, inside, strict=True):
+            own = cell.ravel()[begins : (begins := begins + int(kept.sum()))]
+            found.append([_means(one.time[kept], own, one.columns[kept, 2:], places)])
+        return found
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return a point under the cylinder, within the tissue."""
+        return np.asarray(site.touch + (site.indenter.radius + 2 * _CELL_MM) * site.direction)
+
+
+def _in_tissue(points: FloatArray, site: Site) -> NDArray[np.bool_]:
+    section = site.section
+    tissue = section.polygon("skin").buffer(_OUTSIDE_MM)
+    for bone in BONES:
+        tissue = tissue.difference(section.polygon(bone))
+    return np.asarray(shapely.contains_xy(tissue, points[:, 0], points[:, 1]))
+
+
+def _cells(points: FloatArray, origin: FloatArray) -> NDArray[np.int_]:
+    """Return the cell of every point, (n, 2): of few enough cells."""
+    size = _CELL_MM
+    while True:
+        cells = np.floor((points - origin) / size).astype(int)
+        if len(np.unique(cells, axis=0)) <= _MOST_CELLS:
+            return cells
+        size *= 1.15
+
+
+def _means(time: FloatArray, cell: NDArray[np.int_], moved: FloatArray, places: tuple[tuple[float, ...], ...]) -> Read:
+    keys, row, count = np.unique(np.column_stack([time, cell]), axis=0, return_inverse=True, return_counts=True)
+    means = np.column_stack([np.bincount(row.ravel(), moved[:, k]) / count for k in (0, 1)])
+    course = 2 * keys[:, 1].astype(int)
+    return Read(
+        INSIDE.name, np.repeat(keys[:, 0], 2), means.ravel(), np.column_stack([course, course + 1]).ravel(), places
+    )
+
+
+def _beside(at: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the values (n,) of the places that are nearest to points (n, 2); 0 without any."""
+    if not len(places):
+        return np.zeros(len(at))
+    return np.asarray(values[np.linalg.norm(at[:, None] - places[None], axis=-1).argmin(axis=1)])
+
+
+def _gradient(at: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the gradient (n, 2) at places (n, 2) of a thin-plate spline through values (n,) there; 0 of a few."""
+    if len(at) < _FEWEST or np.linalg.matrix_rank(at - at.mean(axis=0)) < 2:
+        return np.zeros((len(at), 2))
+    spline = RBFInterpolator(at, values)
+    steps = _STEP_MM * np.eye(2)
+    return np.column_stack([(spline(at + step) - spline(at - step)) / (2 * _STEP_MM) for step in steps])

@@ -1,0 +1,145 @@
+"""The skin beside the cylinder: by how much it stands above where it was at first touch.
+
+A scanner or cameras give points: a frame a time, ``x_mm, y_mm`` of the skin in the outlines' coordinates, tracked or
+not. Along the line of travel, and at an offset to its left, the skin stands where a parabola through the points within
+a few millimetres has it; its rise is how far that has moved against the travel since the first frame, which is taken
+before the cylinder presses. So what is off in the registration of both systems cancels but for the skin's slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from legfem.channels.kind import (
+    ChannelAccuracy,
+    ChannelFile,
+    ChannelKind,
+    ChannelPlan,
+    Channels,
+    Frames,
+    FramesError,
+    Read,
+    Site,
+)
+from legfem.channels.seen import Seen
+from legfem.common.units import FloatArray
+from legfem.geometry.section import across, first_crossing
+
+_CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, slow=0.2, lag=0.05)
+_OFFSETS_MM = (25.0, 40.0, -25.0, -40.0)
+"""Distances to the left of the travel at which the skin's rise is told; negative ones lie to the right."""
+_NEAR_MM = 4.0
+"""Of an offset, on either side: points that a parabola goes through."""
+_PRESSED = 0.03
+"""Of the largest force: a first frame at more shows a leg that is pressed."""
+
+
+def _rise(offset: float) -> ChannelKind:
+    side, beside = "left" if offset > 0 else "right", abs(offset)
+    words = f"rise of the skin {beside:g} mm to the {side} of the line of travel since first touch"
+    return ChannelKind(f"skin_rise_{side}_{beside:g}", "mm", words, _CAMERAS, 0.012)
+
+
+RISES = {offset: _rise(offset) for offset in _OFFSETS_MM}
+"""By the offset to the left of the travel, mm."""
+
+
+class SkinRises(ChannelFile):
+    """Rises of the skin beside the cylinder, against the travel."""
+
+    kinds: ClassVar = tuple(RISES.values())
+    plans: ClassVar = (
+        ChannelPlan(
+            "photograph the skin 25 mm to either side of the cylinder at {at}",
+            (RISES[25.0].name, RISES[-25.0].name),
+            "two cameras with a scale, or a scanner",
+            frames=True,
+        ),
+    )
+    entry = "skin_profile"
+    columns = ("x_mm", "y_mm")
+
+    def read(self, seen: Seen) -> Channels:
+        """Return the rises, of those whose line meets the skin."""
+        skin, found = seen.line("skin"), {}
+        for offset, kind in RISES.items():
+            now, first = skin.place(offset), skin.undeformed(offset)
+            if now is not None and first is not None:
+                found[kind.name] = (first.along - now[0], -now[1])
+        return found
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return the point of the skin."""
+        offset = next(offset for offset, one in RISES.items() if one == kind)
+        origin = site.touch + offset * across(site.direction)
+        skin = site.section.polygon("skin").exterior
+        return np.asarray(origin + first_crossing(skin, origin, site.direction) * site.direction)
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the rises at the offsets where all frames of a trial have the skin."""
+        return [self._of_trial(one, site) for one in frames]
+
+    @staticmethod
+    def _of_trial(frames: Frames, site: Site) -> Sequence[Read]:
+        times, frame = np.unique(frames.time, return_inverse=True)
+        if len(times) < 2:
+            raise FramesError(
+                "time_s", f"{len(times)} frame", "give the points of one frame a time, two times at least"
+            )
+        refuse_pressed(frames, "rises are counted from it")
+        line = _NearSkin(site)
+        found = []
+        for offset, kind in RISES.items():
+            along = np.array([line.at(frames.columns[frame == k], offset) for k in range(len(times))])
+            if np.isfinite(along).all():
+                found.append(Read(kind.name, times[1:], along[0] - along[1:]))
+        if not found:
+            offsets = ", ".join(f"{value:+g}" for value in sorted(RISES))
+            raise FramesError(
+                "x_mm, y_mm",
+                f"no frame after the first has the skin at any of {offsets} mm beside the line of travel",
+                "give points in the outlines' coordinates, a few mm apart",
+            )
+        return found
+
+
+class _NearSkin:
+    """Points of the skin's near half along the line of travel."""
+
+    def __init__(self, site: Site) -> None:
+        self._aim, self._direction = np.asarray(site.indenter.aim), site.direction
+        middle = np.asarray(site.section.polygon("skin").centroid.coords[0])
+        self._half = float((middle - self._aim) @ self._direction)
+
+    def at(self, points: FloatArray, offset: float) -> float:
+        """Return where along the travel (mm) points (n, 2) have the skin at an offset; NaN where they haven't."""
+        along = (points - self._aim) @ self._direction
+        left = (points - self._aim) @ across(self._direction)
+        near = (np.abs(left - offset) <= _NEAR_MM) & (along < self._half)
+        at = left[near] - offset
+        if len(at) < 2 or at.min() > 0 or at.max() < 0 or np.ptp(at) == 0:
+            return float("nan")
+        # The skin is curved: by 0.1 mm over a few millimetres.
+        return float(Polynomial.fit(at, along[near], min(2, len(at) - 1))(0.0))
+
+
+def refuse_pressed(frames: Frames, why: str) -> None:
+    """Refuse a first frame that shows a leg that is pressed already.
+
+    Raises
+    ------
+    FramesError
+        If it does.
+    """
+    first, force = float(frames.time.min()), frames.trial_force - frames.trial_force[0]
+    at = float(np.interp(first, frames.trial_time, force))
+    if abs(at) > _PRESSED * np.abs(force).max():
+        raise FramesError(
+            "time_s",
+            f"the first frame, at {first:g} s, shows a leg pressed with {at:.2g} N already",
+            f"begin with a frame from before the cylinder presses: {why}",
+        )

@@ -1,0 +1,243 @@
+"""What kinds of channel see of a model: forces, and outlines that the line of travel crosses, with derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
+from legfem.fem.points import PointsInside
+from legfem.fem.system import System
+from legfem.geometry.section import across
+from legfem.mechanics.terms.contact import NormalContact
+from legfem.meshing.section import BONE, DEEP, FASCIA, SKIN, SUPERFICIAL
+
+
+@dataclass(frozen=True, eq=False)
+class ReadState:
+    """A state that a step came to, with its derivatives by parameters.
+
+    Parameters
+    ----------
+    unknown : (n,) array
+        Of the system.
+    unknown_rates : (p, n) array
+        Its derivatives.
+    contact_force : (d,) array
+        Of the cylinder on the skin in d dimensions, N: that of its whole length.
+    contact_force_rates : (p, d) array
+        Its derivatives.
+    nodal_force : (k, d) array
+        What the rank adds to that on each of its skin's nodes; N per mm of the cylinder's length in a section.
+    nodal_force_rates : (p, k, d) array
+        Its derivatives.
+    displacement
+        Of the cylinder, mm.
+    """
+
+    unknown: FloatArray
+    unknown_rates: FloatArray
+    contact_force: FloatArray
+    contact_force_rates: FloatArray
+    nodal_force: FloatArray
+    nodal_force_rates: FloatArray
+    displacement: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Places at which a channel is seen, each of which has a course of its own.
+
+    Parameters
+    ----------
+    name
+        Of the channel's kind.
+    places
+        What tells each from others, as its kind has it.
+    """
+
+    name: str
+    places: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SeenModel:
+    """A model that channels are read off.
+
+    Parameters
+    ----------
+    system
+        A section with its line of travel, or a leg with its axis along z, pressed square to that.
+    sights
+        Places at which kinds are seen that have no course without them.
+    """
+
+    system: System
+    sights: tuple[Sight, ...] = ()
+
+    @cached_property
+    def outlines(self) -> dict[str, Outline]:
+        """Of a section: its skin, the fascia's two faces, and the bones."""
+        spaces = self.system.spaces
+        return {
+            "skin": outline_of_facets(spaces, SKIN),
+            "fascia": outline_between(spaces, FASCIA, SUPERFICIAL),
+            "deep": outline_between(spaces, DEEP, FASCIA),
+            "bone": outline_of_facets(spaces, BONE),
+        }
+
+    @cached_property
+    def _inside(self) -> dict[bytes, PointsInside]:
+        return {}
+
+    def inside(self, points: FloatArray) -> PointsInside:
+        """Return points (m, 2) of a section, mm, in its mesh; found once."""
+        key = points.tobytes()
+        if key not in self._inside:
+            self._inside[key] = PointsInside.found(self.system.spaces, points)
+        return self._inside[key]
+
+
+@dataclass(frozen=True, eq=False)
+class SkinOnFace:
+    """Nodes of a section's skin, from the cylinder's axis.
+
+    Parameters
+    ----------
+    arc, arc_rates : (k,), (p, k) array
+        Way along the cylinder's face from its deepest point, to the left of the travel, mm; and its derivatives.
+    load, load_rates : (k,), (p, k) array
+        Of the cylinder's normal pressure, N per mm of its length; and its derivatives.
+    """
+
+    arc: FloatArray
+    arc_rates: FloatArray
+    load: FloatArray
+    load_rates: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A state of a model, as kinds of channel see it; all turns with the line of travel.
+
+    Parameters
+    ----------
+    model
+        The model.
+    state
+        Of it.
+    """
+
+    model: SeenModel
+    state: ReadState
+
+    @property
+    def left(self) -> FloatArray:
+        """Unit vector to the left of the travel, in a leg in 3D square to its axis."""
+        travel = self.model.system.direction
+        return across(travel) if len(travel) == 2 else np.cross([0.0, 0.0, 1.0], travel)
+
+    def places(self, name: str) -> FloatArray:
+        """Return the places (s, q) at which a kind is seen; none where nobody looked."""
+        return np.array([place for sight in self.model.sights if sight.name == name for place in sight.places])
+
+    def moves(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return displacements (m, 2) of points (m, 2) of the undeformed section, mm, and derivatives (p, m, 2).
+
+        NaN of those that lie outside the tissue.
+        """
+        inside, state, dofs = self.model.inside(points), self.state, self.model.system.spaces.displacement_dofs
+        found = [inside.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
+        return found[0], np.array(found[1:]).reshape(-1, *found[0].shape)
+
+    @property
+    def radius(self) -> float:
+        """Of the cylinder, mm."""
+        return self.model.system.model.parameters["indenter.radius"]
+
+    @property
+    def onset(self) -> float:
+        """Gap below which the skin is pressed, mm."""
+        terms = self.model.system.model.at("skin")
+        return float(next(term.law.onset for term in terms if isinstance(term, NormalContact)))
+
+    @property
+    def centre(self) -> FloatArray:
+        """The cylinder's axis, mm."""
+        system = self.model.system
+        return np.asarray(system.start + self.state.displacement * system.direction)
+
+    @cached_property
+    def face(self) -> SkinOnFace:
+        """The rank's nodes of a section's skin as the cylinder's face sees them."""
+        system, state = self.model.system, self.state
+        trace = system.spaces.trace
+        places = system.spaces.skin_space.tabulate_dof_coordinates()[:, :2]
+        away = places + state.unknown[trace].reshape(-1, 2) - self.centre
+        moving = state.unknown_rates[:, trace].reshape(-1, *away.shape)
+        ahead, beside = away @ system.direction, away @ self.left
+        squared = ahead**2 + beside**2
+        turning = (ahead * (moving @ self.left) - beside * (moving @ system.direction)) / squared
+        far = np.sqrt(squared)
+        out = away / far[:, None]
+        along = np.einsum("kd,pkd->pk", out, moving)
+        swing = (moving - along[..., None] * out) / far[:, None]
+        load = np.einsum("kd,kd->k", state.nodal_force, out)
+        loading = np.einsum("pkd,kd->pk", state.nodal_force_rates, out)
+        loading += np.einsum("kd,pkd->pk", state.nodal_force, swing)
+        return SkinOnFace(self.radius * np.arctan2(beside, ahead), self.radius * turning, load, loading)
+
+    def force(self, way: FloatArray) -> tuple[float, FloatArray]:
+        """Return the contact's force along a unit vector (N), and its derivatives (p,)."""
+        return float(self.state.contact_force @ way), self.state.contact_force_rates @ way
+
+    def line(self, name: str) -> CrossedOutline:
+        """Return one of a section's outlines as the line of travel crosses it; see `SeenModel.outlines`."""
+        return self._lines[name]
+
+    @cached_property
+    def _lines(self) -> dict[str, CrossedOutline]:
+        model, state = self.model, self.state
+        system = model.system
+        dofs = system.spaces.displacement_dofs
+        found = {}
+        for name, outline in model.outlines.items():
+            moved = [outline.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
+            places = outline.places
+            found[name] = CrossedOutline(places, places + moved[0], moved[1:], system.start, system.direction)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class CrossedOutline:
+    """An outline in one state, and the line of travel that crosses it.
+
+    Parameters
+    ----------
+    places, points : (m, 3, 2) array
+        Nodes of its edges, undeformed and deformed, mm.
+    rates
+        Derivatives of the points.
+    origin, direction
+        Of the line.
+    """
+
+    places: FloatArray
+    points: FloatArray
+    rates: list[FloatArray]
+    origin: FloatArray
+    direction: FloatArray
+
+    def undeformed(self, beside: float) -> Crossing | None:
+        """Return where the line, shifted to its left (mm), first meets the undeformed outline."""
+        return first_crossing(self.places, self.origin, self.direction, beside)
+
+    def place(self, beside: float = 0.0) -> tuple[float, FloatArray] | None:
+        """Return where the shifted line first meets the deformed outline (mm), and the derivatives."""
+        found = first_crossing(self.points, self.origin, self.direction, beside)
+        if found is None:
+            return None
+        return found.along, np.array([found.rate(one, self.direction) for one in self.rates])

@@ -1,0 +1,130 @@
+r"""What a video of a specimen's side says of its ends: lateral stretches beside those of a model.
+
+A model's law is found from the forces alone. Its lateral stretches then have a density,
+
+.. math:: \log p = -\tfrac12 \left(r^T C^{-1} r + \log|2 \pi C|\right), \qquad
+          C = \sigma^2 I + b^2 + g^2 (\lambda - 1)(\lambda - 1)^T + s^2 e^{-|d_i - d_j| / l},
+
+with the errors of single readings, of the scale at first touch, of the picture's gain and of what drifts. Where it
+isn't known whether ends stick, that density weighs each possibility, beside the forces' evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.channels.registry import CHANNELS
+from legfem.common.units import FloatArray
+from legfem.data.segmentation import LOADING
+from legfem.inverse.catalogue import Values
+from legfem.inverse.channel_readings import grouped, noise_of
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.sizes import SpecimenRecording
+
+_SIDE = next(name for name, kind in CHANNELS.items() if "specimen" in kind.models)
+_SLOW_SHARE = 1 / 3
+"""Of the depth, over which a slow error is alike."""
+_SHAPE = 0.03
+"""Of the model's lateral strain: a body that isn't quite round or level, a law that is another."""
+
+
+@dataclass(frozen=True)
+class LateralFit:
+    """Lateral stretches beside a model that was found from the forces.
+
+    Parameters
+    ----------
+    readings
+        How many.
+    rms
+        Root mean square of measured less predicted.
+    deepest
+        Measured less predicted at the deepest reading of each recording, in the mean.
+    error
+        Standard deviation of one reading, everything counted.
+    log_density
+        Of the readings.
+    """
+
+    readings: int
+    rms: float
+    deepest: float
+    error: float
+    log_density: float
+
+    @property
+    def text(self) -> str:
+        """What is to be said of it, as a sentence."""
+        more = "wider" if self.deepest > 0 else "narrower"
+        known = f"each is known to {self.error:.2g}"
+        if abs(self.deepest) <= 2 * self.error:
+            return f"Lateral stretch, {self.readings} readings: the model's within {self.rms:.2g} (rms), where {known}."
+        return (
+            f"Lateral stretch: at the deepest readings the specimen is {more} by {abs(self.deepest):.2g} of its "
+            f"diameter than the model, where {known}: its ends hold otherwise than stated, or it is "
+            f"{'less' if self.deepest > 0 else 'more'} compressible than assumed."
+        )
+
+
+def lateral_fit(recordings: Sequence[SpecimenRecording], model: SpecimenForward, values: Values) -> LateralFit | None:
+    """Return lateral stretches beside a model's; None where none were read, or the model has none.
+
+    Parameters
+    ----------
+    recordings
+        That were fitted.
+    model
+        Of their tests.
+    values
+        Of the fit.
+    """
+    if not any(channel.name == _SIDE for one in recordings for channel in one.recording.channels):
+        return None
+    outcome = model.solve(values, ())
+    left, errors, deepest = [], [], []
+    for one in recordings:
+        curve = outcome.curves[model.tests.index(one.sizes)]
+        if _SIDE not in curve.channels:
+            continue
+        depth, read, variance = _readings(one, curve.depth)
+        if not len(depth):
+            continue
+        accuracy = CHANNELS[_SIDE].usual
+        predicted = curve.channel(_SIDE, depth)
+        apart = np.abs(np.subtract.outer(depth, depth)) / (_SLOW_SHARE * max(float(depth.max()), 1e-9))
+        strain = predicted - 1
+        covariance = np.diag(variance) + accuracy.bias**2 + accuracy.slow**2 * np.exp(-apart)
+        covariance += (accuracy.gain**2 + _SHAPE**2) * np.outer(strain, strain)
+        left.append(read - predicted)
+        errors.append(covariance)
+        deepest.append(float(left[-1][np.argmax(depth)]))
+    if not left:
+        return None
+    density = sum(
+        -0.5 * float(r @ np.linalg.solve(c, r) + np.linalg.slogdet(2 * np.pi * c)[1])
+        for r, c in zip(left, errors, strict=True)
+    )
+    every = np.concatenate(left)
+    error = float(np.sqrt(np.mean(np.concatenate([np.diag(c) for c in errors]))))
+    return LateralFit(len(every), float(np.sqrt(np.mean(every**2))), float(np.mean(deepest)), error, density)
+
+
+def _readings(one: SpecimenRecording, reach: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return depths (mm), stretches and their variances in the loading, as far as a model reaches (mm)."""
+    recording = one.recording
+    after = recording.displacement - one.course.contact.displacement
+    deepest = float(recording.time[np.argmax(after)])
+    found = []
+    for channel in recording.channels:
+        if channel.name != _SIDE:
+            continue
+        depth = np.interp(channel.time, recording.time, after)
+        loading = np.flatnonzero((channel.time <= deepest) & (depth >= 0.0) & (depth <= reach))
+        for samples in grouped(loading, LOADING):
+            variance = noise_of(channel) ** 2 / len(samples)
+            found.append((float(depth[samples].mean()), float(channel.values[samples].mean()), variance))
+    rows = np.array(found).reshape(-1, 3)
+    return rows[:, 0], rows[:, 1], rows[:, 2]

@@ -1,0 +1,131 @@
+"""Pressure on the cylinder's face and the contact's width: exact derivatives, balance, and films in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making import TOML, press, write_subject
+from making_derivatives import PRECISE
+from making_mechanics import COARSE, fixed_steps, subject_3
+
+from legfem.channels.kinds.contact_pressure import PRESSURE
+from legfem.channels.seen import Sight
+from legfem.common.errors import InputError
+from legfem.experiments.experiment import Solved
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.inverse.channel_errors import errors_of_places
+from legfem.inverse.observations import observe
+from legfem.legs.loading import load_subject
+from legfem.mechanics.contact import ContactSettings
+
+NAMES = ("deep.C10", "superficial.C10")
+CONTACT = ContactSettings(onset=0.02, tangential="frictionless")
+SETTINGS = PlaneStrainSettings(mesh=COARSE, contact=CONTACT, newton=PRECISE, steps=fixed_steps(0.5))
+DEPTH = 6.0
+EDGES = np.linspace(-18.0, 18.0, 10)
+SIGHT = Sight(PRESSURE.name, tuple(zip(EDGES[:-1].tolist(), EDGES[1:].tolist(), strict=True)))
+ENTRY = '[channels.contact_pressure]\nfile = "film-{trial}.csv"\n'
+
+
+@pytest.fixture(scope="module")
+def test() -> PlaneStrainIndentation:
+    return PlaneStrainIndentation(*subject_3(), SETTINGS, sights=(SIGHT,))
+
+
+@pytest.fixture(scope="module")
+def solved(test) -> Solved:
+    return test.solve(depth=DEPTH, sensitivities=NAMES)
+
+
+def seen(solved: Solved) -> list[str]:
+    return [name for name in solved.path.channels if name.startswith("contact_")]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_are_those_of_differences(test, solved, name):
+    value, change = test.parameters[name], 1e-4
+    ahead, behind = (test.solve({name: value * (1 + by)}, DEPTH).path for by in (change, -change))
+    assert len(seen(solved)) == len(SIGHT.places) + 1
+    for channel in seen(solved):
+        difference = (ahead.channels[channel] - behind.channels[channel]) / (2 * change * value)
+        exact = solved.path.channel_sensitivities[channel][name]
+        assert np.abs(exact - difference)[1:].max() < 2e-4 * np.abs(difference).max() + 1e-9, channel
+
+
+def test_pressures_add_up_to_the_force(test, solved):
+    """Without friction: fine sensels, each times its cosine. The sum of wide ones is the same load."""
+    fine = np.linspace(-20.0, 20.0, 81)
+    sight = Sight(PRESSURE.name, tuple(zip(fine[:-1].tolist(), fine[1:].tolist(), strict=True)))
+    path = replace(test, sights=(sight,)).solve(depth=DEPTH).path
+    radius, length = test.indenter.radius, test.indenter.length
+    loads = np.array([path.channels[name] * 1e-3 * 0.5 for name in PRESSURE.courses(80)])
+    cosine = np.cos(0.5 * (fine[1:] + fine[:-1]) / radius)
+    # A film spreads the load by 1.5 mm, by which the cosine bends.
+    assert cosine @ loads[:, -1] * length == pytest.approx(path.force[-1], rel=5e-3)
+    wide = sum(solved.path.channels[name][-1] * 1e-3 * 4.0 for name in PRESSURE.courses(len(SIGHT.places)))
+    assert wide == pytest.approx(loads[:, -1].sum(), rel=1e-3)
+
+
+def test_the_width_is_where_the_pressure_ends(test, solved):
+    """Between the outermost sensels of 0.5 mm that read a hundredth of the largest, but for the film's blur."""
+    fine = np.linspace(-20.0, 20.0, 81)
+    sight = Sight(PRESSURE.name, tuple(zip(fine[:-1].tolist(), fine[1:].tolist(), strict=True)))
+    path = replace(test, sights=(sight,)).solve(depth=DEPTH).path
+    pressures = np.array([path.channels[name][-1] for name in PRESSURE.courses(80)])
+    pressed = np.flatnonzero(pressures > 0.01 * pressures.max())
+    width = fine[pressed[-1] + 1] - fine[pressed[0]]
+    assert path.channels["contact_width"][-1] == pytest.approx(width - 2 * 1.5, abs=1.0)
+    # At first touch skin that lies within the onset of 0.02 mm is pressed already.
+    assert path.channels["contact_width"][0] == pytest.approx(2 * np.sqrt(2 * 15.0 * 0.02), rel=0.1)
+    assert (np.diff(path.channels["contact_width"]) > 0).all()
+
+
+def folder(place: Path, scale: float = 1.0, widest: float = 40.0) -> Path:
+    leg = load_subject(write_subject(place))
+    recording = press()
+    angles = np.arange(-widest, widest + 1, 5.0)
+    time = np.arange(0.0, recording.time[-1], 5.0)
+    force = np.interp(time, recording.time, recording.force)
+    radius, length = leg.indenter.radius, leg.indenter.length
+    shape = np.cos(np.deg2rad(angles) * 90 / 45).clip(0.0)
+    each = 1e-3 * length * radius * np.deg2rad(5.0) * np.sum(shape * np.cos(np.deg2rad(angles)))
+    rows = ["time_s,angle_deg,pressure_kPa"]
+    rows += [
+        f"{t:g},{angle:g},{scale * f / each * s:.3f}"
+        for t, f in zip(time, force, strict=True)
+        for angle, s in zip(angles, shape, strict=True)
+    ]
+    (place / "film-trial1.csv").write_text("\n".join(rows) + "\n")
+    (place / "subject.toml").write_text(TOML + ENTRY)
+    return place
+
+
+def test_a_film_is_read_above_its_threshold_and_creeps(tmp_path):
+    leg = load_subject(folder(tmp_path / "leg"))
+    (channel,) = leg.recordings[0].channels
+    assert channel.kind == PRESSURE and len(channel.places) == 17
+    assert channel.values.min() >= PRESSURE.usual.threshold
+    width = np.diff(channel.places).ravel()
+    np.testing.assert_allclose(width, np.deg2rad(5.0) * leg.indenter.radius, rtol=1e-3)
+    (one,) = observe(leg.trials).channels
+    creep = errors_of_places(one, one.values)["contact pressure: creep"]
+    np.testing.assert_allclose(creep, 0.05 * np.log10(1 + one.time) * one.values)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [({"scale": 1000.0}, "times the force"), ({"widest": 100.0}, "within 90 degrees"), ({"scale": 1e-3}, "no reading")],
+)
+def test_a_film_that_cannot_be_is_refused(tmp_path, change, words):
+    with pytest.raises(InputError, match=words):
+        load_subject(folder(tmp_path / "leg", **change))
+
+
+def test_keys_of_other_instruments_are_refused(tmp_path):
+    place = folder(tmp_path / "leg")
+    (place / "subject.toml").write_text(TOML + ENTRY + "turn_deg = 1.0\n")
+    with pytest.raises(InputError, match="turn_deg"):
+        load_subject(place)

@@ -1,0 +1,189 @@
+"""Displacements inside the section: exact derivatives, an image's registration, and frames in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making import TOML, press, write_subject
+from making_derivatives import PRECISE
+from making_mechanics import COARSE, fixed_steps, subject_3
+
+from legfem.channels.kinds.section_displacement import INSIDE, SectionDisplacements
+from legfem.channels.seen import Sight
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.experiments.experiment import Solved
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.fem.points import PointsInside
+from legfem.inverse.channel_errors import errors_of_places, reading_covariance
+from legfem.inverse.observations import observe
+from legfem.legs.loading import load_subject
+from legfem.mechanics.contact import ContactSettings
+
+NAMES = ("deep.C10", "superficial.C10", "fascia.C10")
+SETTINGS = PlaneStrainSettings(mesh=COARSE, contact=ContactSettings(onset=0.02), newton=PRECISE, steps=fixed_steps(0.5))
+DEPTH = 6.0
+ENTRY = '[channels.section_displacement]\nfile = "moved-{trial}.csv"\n'
+
+
+def lattice(test: PlaneStrainIndentation, deep=(18.0, 24.0, 31.0, 40.0), left=(-14.0, -5.0, 3.0, 12.0)) -> FloatArray:
+    """Points (m, 2) at depths below the cylinder's axis at first touch, and to the left of the travel."""
+    travel = test.section_mesh.direction
+    at = np.array([(x, y) for y in deep for x in left])
+    return np.asarray(test.section_mesh.touch + at[:, :1] * [-travel[1], travel[0]] + at[:, 1:] * travel)
+
+
+def sight(points: FloatArray) -> Sight:
+    return Sight(INSIDE.name, tuple((float(x), float(y), float(way)) for x, y in points for way in (0, 1)))
+
+
+@pytest.fixture(scope="module")
+def test() -> PlaneStrainIndentation:
+    bare = PlaneStrainIndentation(*subject_3(), SETTINGS)
+    return replace(bare, sights=(sight(lattice(bare)),))
+
+
+@pytest.fixture(scope="module")
+def solved(test) -> Solved:
+    return test.solve(depth=DEPTH, sensitivities=NAMES)
+
+
+def columns(solved: Solved, at: int = -1) -> FloatArray:
+    """Displacements (m, 2) at a step."""
+    names = [name for name in solved.path.channels if name.startswith(INSIDE.name)]
+    return np.array([solved.path.channels[name][at] for name in names]).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_are_those_of_differences(test, solved, name):
+    value, change = test.parameters[name], 1e-4
+    ahead, behind = (test.solve({name: value * (1 + by)}, DEPTH).path for by in (change, -change))
+    seen = [channel for channel in solved.path.channels if channel.startswith(INSIDE.name)]
+    assert len(seen) == 32
+    largest = max(np.abs(solved.path.channel_sensitivities[channel][name]).max() for channel in seen)
+    for channel in seen:
+        difference = (ahead.channels[channel] - behind.channels[channel]) / (2 * change * value)
+        assert np.abs(solved.path.channel_sensitivities[channel][name] - difference).max() < 1e-4 * largest
+
+
+def test_points_near_the_cylinder_follow_it_and_those_near_the_bone_stay(test, solved):
+    moved = columns(solved) @ test.section_mesh.direction
+    under = moved.reshape(4, 4)
+    assert (np.diff(under, axis=0) < 0).all() and under[0].max() > 0.5 * DEPTH
+    assert (columns(solved, 0) == 0).all()
+
+
+def test_a_quadratic_field_is_read_exactly_and_points_in_air_are_not(test):
+    spaces = test.system.spaces
+    points = lattice(test)
+    places = spaces.displacement_space.tabulate_dof_coordinates()[:, :2]
+
+    def field(at: FloatArray) -> FloatArray:
+        x, y = at.T
+        return np.column_stack([1 + 0.1 * x - 0.02 * x * y, 0.3 * y**2 - x])
+
+    found = PointsInside.found(spaces, points).values(field(places))
+    np.testing.assert_allclose(found, field(points), rtol=1e-9, atol=1e-9)
+    outside = test.section_mesh.touch[None]
+    assert np.isnan(PointsInside.found(spaces, outside).values(field(places))).all()
+
+
+def test_an_image_that_lies_elsewhere_reads_what_registration_says(test, solved):
+    """A shift of 1 mm and a turn of 1 degree, against solving for the points where they truly lie."""
+    points = lattice(test)
+    places = np.array(sight(points).places)
+    accuracy = replace(INSIDE.usual, shift=1.0, turn=1.0)
+    values = columns(solved)
+    frame = np.zeros(len(places), dtype=int)
+    modes = SectionDisplacements().shared(places, np.zeros(len(places)), frame, values.ravel(), accuracy)
+    middle, angle = points.mean(axis=0), np.deg2rad(1.0)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    squares = np.zeros(2)
+    for name, where, back in (
+        ("shift in x", points + np.array([1.0, 0.0]), np.eye(2)),
+        ("shift in y", points + np.array([0.0, 1.0]), np.eye(2)),
+        ("turn", middle + (points - middle) @ turn.T, turn),
+    ):
+        there = columns(replace(test, sights=(sight(where),)).solve(depth=DEPTH))
+        change = (there @ back - values).ravel()
+        squares += np.sum((modes[name] - change) ** 2), np.sum(change**2)
+    # Between sixteen points a strained layer's gradient isn't seen well; a wrong sign of one of the three makes 1.
+    assert np.sqrt(squares[0] / squares[1]) < 0.4
+
+
+def moved(points: FloatArray, leg, depth: FloatArray) -> FloatArray:
+    """Move points (m, 2) by what the cylinder does (n,), less the farther away: (n, m, 2)."""
+    away = np.linalg.norm(points - leg.indenter.aim, axis=1)
+    return depth[:, None, None] * np.exp(-away / 25.0)[:, None] * leg.indenter.direction
+
+
+def folder(place: Path, scale: float = 1.0, sign: float = 1.0, shift: float = 0.0, before: float = 0.0) -> Path:
+    leg = load_subject(write_subject(place))
+    x, y = np.meshgrid(np.arange(-20.0, 21.0, 2.0), np.arange(3.0, 30.0, 2.0))
+    travel = leg.indenter.direction
+    skin = leg.indenter.aim
+    points = skin + x.reshape(-1, 1) * [-travel[1], travel[0]] + y.reshape(-1, 1) * travel
+    recording = press()
+    time = np.arange(0.0, recording.time[-1], 5.0)
+    depth = np.interp(time, recording.time, recording.displacement)
+    u = sign * scale * (moved(points, leg, depth) + before * travel)
+    rows = ["time_s,x_mm,y_mm,ux_mm,uy_mm"]
+    rows += [
+        f"{t:g},{px + shift:.3f},{py:.3f},{ux:.4f},{uy:.4f}"
+        for t, frame in zip(time, u, strict=True)
+        for (px, py), (ux, uy) in zip(points, frame, strict=True)
+    ]
+    (place / "moved-trial1.csv").write_text("\n".join(rows) + "\n")
+    (place / "subject.toml").write_text(TOML + ENTRY)
+    return place
+
+
+def test_a_grid_of_points_becomes_a_few_cells_that_move_as_they_do(tmp_path):
+    leg = load_subject(folder(tmp_path / "leg"))
+    (channel,) = leg.recordings[0].channels
+    assert channel.kind == INSIDE and 8 <= len(channel.places) // 2 <= 20
+    assert leg.sights == (Sight(INSIDE.name, channel.places),)
+    recording = leg.recordings[0]
+    depth = np.interp(channel.time, recording.time, recording.displacement)
+    places = channel.place
+    truth = np.array(
+        [moved(place[None, :2], leg, d[None])[0, 0, int(place[2])] for place, d in zip(places, depth, strict=True)]
+    )
+    # A cell's mean is not quite its middle's: the field bends.
+    assert np.abs(channel.values - truth).max() < 0.03 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"scale": 10.0}, "check the unit"),
+        ({"sign": -1.0}, "against the cylinder's travel"),
+        ({"shift": 300.0}, "soft tissue"),
+        ({"before": 8.0}, "before the cylinder touches"),
+    ],
+)
+def test_displacements_that_cannot_be_are_refused(tmp_path, change, words):
+    with pytest.raises(InputError, match=words):
+        load_subject(folder(tmp_path / "leg", **change))
+
+
+def test_readings_of_one_frame_share_errors_and_the_image_s_place(tmp_path):
+    """Near places err alike, far ones and the two directions by themselves; the registration is in all frames."""
+    leg = load_subject(folder(tmp_path / "leg"))
+    (one,) = observe(leg.trials).channels
+    covariance = reading_covariance(one, one.slope(one.values), 50.0, [[0]])
+    np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
+    sd = np.sqrt(np.diag(covariance))
+    alike = covariance / np.outer(sd, sd)
+    same = np.equal.outer(one.frame, one.frame)
+    across = same & np.not_equal.outer(one.place[:, 2], one.place[:, 2])
+    lag = one.accuracy.lag * one.slope(one.values) * one.speed
+    assert np.abs((covariance - np.outer(lag, lag))[across]).max() < 1e-12
+    far = same & np.equal.outer(one.place[:, 2], one.place[:, 2])
+    apart = np.linalg.norm(one.place[:, None, :2] - one.place[None, :, :2], axis=-1)
+    assert alike[far & (apart > 20)].max() < alike[far & (apart > 0) & (apart < 8)].max()
+    names = set(errors_of_places(one, one.values))
+    assert {f"section displacement: {name}" for name in ("shift in x", "shift in y", "turn")} == names
