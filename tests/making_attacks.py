@@ -357,6 +357,15 @@ def serve() -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
     os.dup2(null, 2)
+    # What takes long to load is no input's fault.
+    from legfem import api  # noqa: F401
+    from legfem.__main__ import COMMANDS, command
+    from legfem.experiments import plane_strain  # noqa: F401
+    from legfem.stockings import equilibrium  # noqa: F401
+
+    for name in COMMANDS:
+        command(name)
+    print("ready", file=answers, flush=True)
     for line in sys.stdin:
         print(json.dumps(_answer(json.loads(line))), file=answers, flush=True)
 

@@ -35,6 +35,7 @@ class Answering:
                 cwd=out.parent,
                 env=os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{here.parent}", "OMP_NUM_THREADS": "1"},
             )
+            assert self._process.stdout is not None and self._process.stdout.readline() == "ready\n"
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None and stdout is not None
         words = [word.replace(OUT, str(out)) for word in one.words]
@@ -71,7 +72,7 @@ def wrong_with(one: Attack, answer: dict[str, object], out: Path) -> str:
     if status not in (0, 1, 2):
         return told[-3000:]
     lines = [line for line in told.splitlines() if not line.startswith(("warning: ", "["))]
-    if status and not told.startswith("Usage: ") and (len(lines) != 1 or ";" not in told):
+    if status and not told.startswith(("Usage: ", "Error: ")) and (len(lines) != 1 or ";" not in told):
         return f"status {status}, and not one line: {told[-1500:]!r}"
     there = sorted(path for path in out.rglob("*") if path.is_file()) if out.exists() else []
     if status == 2 and one.how == "command" and PREVIEW not in one.words and there:

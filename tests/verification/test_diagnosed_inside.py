@@ -19,7 +19,7 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.library_build import build_library
 from legfem.inverse.observations import observe
 from legfem.inverse.responses import SolvedResponses
-from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
+from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.experiments import tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import TissueMechanism, mechanism_named
@@ -72,15 +72,17 @@ def test_a_stiff_fat_is_named_by_displacements_inside():
     variants = LegVariants(subject.section, subject.indenter, tissues_of(subject), settings, sights=sights)
     solved = SolvedResponses(variants, DEPTH + 1.0, None, {})
     asked = [one for one in map(mechanism_named, ASKED) if isinstance(one, TissueMechanism)]
-    library = build_library(solved, solved, observed, asked, 1, Silent(), 0.0)
+    law = subject.tissues["deep"].law
+    library = build_library(solved, solved, observed, asked, 1, Silent(), STIFFENING[law])
     able, _ = shown_mechanisms(observed, None)
     others = [one.name for one in able if isinstance(one, TissueMechanism) and one not in asked]
     library = replace(library, missing={**library.missing, **dict.fromkeys(others, "isn't tabulated")})
 
     def diagnosed(what):
-        return diagnose_body(what, INSTRUMENT, "neo-hookean", library, None, Silent(), Accuracy())
+        return diagnose_body(what, INSTRUMENT, law, library, None, Silent(), Accuracy())
 
     alone, both = diagnosed(replace(observed, channels=())), diagnosed(observed)
+    print(alone.verdict, both.verdict, [one.name for one in both.best.fit.mechanisms])
     assert alone.verdict == "consistent"
     assert both.verdict == "named" and [one.name for one in both.best.fit.mechanisms] == ["superficial-stiffness"]
 
