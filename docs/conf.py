@@ -12,7 +12,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE / "extensions"), str(HERE.parent)]
 
-from legfem.common.versions import legfem_version  # noqa: E402
+from legfem.common.documents import legfem_version  # noqa: E402
 
 project = "legfem"
 author = copyright = "The legfem developers"

@@ -76,7 +76,7 @@ _ROOMS = ("cohort", "diagnose", "identify", "plan", "stocking")
 def __getattr__(name: str) -> Any:
     """Import what is asked for when it is: ``import legfem`` itself imports nothing."""
     if name == "__version__":
-        return importlib.import_module("legfem.common.versions").legfem_version()
+        return importlib.import_module("legfem.common.documents").legfem_version()
     if name in _ROOMS:
         return importlib.import_module(f"legfem.{name}")
     if name == "InputError":

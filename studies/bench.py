@@ -28,7 +28,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.variants import LegVariants, solved_responses
 from legfem.mechanics.contact import ContactSettings
-from legfem.solve.report import SolveReport
+from legfem.solve.path import SolveReport
 from studies.command_line import new_app
 from studies.reconstruct import read_definition, test_of
 

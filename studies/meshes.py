@@ -14,9 +14,8 @@ import typer
 
 from legfem.commands.leg_meshes import MadeMesh, idealised_mesh, section_mesh, stocking_mesh
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank
-from legfem.common.documents import json_types, write_atomically, write_document
+from legfem.common.documents import json_types, versions_of, write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.common.versions import versions_of
 from legfem.legs.schema import SUBJECTS
 from legfem.meshing.exchange import write_mesh
 from legfem.meshing.gmsh_mesh import quality_of_file

@@ -10,8 +10,7 @@ from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, obser
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.laws import LawName
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.observations import Observations
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms

@@ -37,7 +37,7 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
 from legfem.inverse.plan import DesignValue
-from legfem.inverse.search_log import SearchLog
+from legfem.inverse.trial import SearchLog
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
@@ -54,19 +54,18 @@ from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
 from legfem.report.leg import leg_page
-from legfem.report.look import recordings_toml
+from legfem.report.look import Looked, look_web_page, recordings_toml
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.plan import plan_web_page
 from legfem.report.render.html import rendered
 from legfem.report.section import Film, pressed_section
 from legfem.report.specimens import specimen_page
 from legfem.report.stocking_page import stocking_web_page
-from legfem.report.web.look import Looked, look_web_page
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.misfit import LawMisfit
-from legfem.specimens.recorded import LeftOut
+from legfem.specimens.sizes import LeftOut
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import SURFACES

@@ -16,7 +16,7 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.document import fit_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
-from legfem.inverse.search_log import CostMap, FullSolve, Generation, SearchLog
+from legfem.inverse.trial import CostMap, FullSolve, Generation, SearchLog
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence
 from legfem.legs.document import LegDocument
 from legfem.legs.identification import as_leg

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from legfem.jobs.background import in_background
+from legfem.jobs.pool import in_background
 
 
 @pytest.mark.parametrize("apart", [True, False])

@@ -19,8 +19,8 @@ from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.discrepancy import possible_discrepancies
+from legfem.inverse.emulator import At
 from legfem.inverse.errors import error_model
-from legfem.inverse.grid_spline import At
 from legfem.inverse.linearised import LinearisedProblem, fit
 from legfem.inverse.observations import Observations, blank_observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
@@ -29,8 +29,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
-from legfem.report.diagnosis_channels import channel_chapter, channel_misfits, channel_sentences
-from legfem.report.diagnosis_section import misfit_in_section
+from legfem.report.diagnosis_channels import channel_chapter, channel_misfits, channel_sentences, misfit_in_section
 from legfem.report.page import Curves
 from legfem.solve.protocol import Protocol
 

@@ -16,8 +16,8 @@ from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation,
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.solve.path import SolveReport
 from legfem.solve.protocol import Protocol
-from legfem.solve.report import SolveReport
 
 TINY = LegMeshSettings(contact_size=12, depth_size=20, edge_size=8, growth=0.5, far_size=40)
 DEEP = {"deep": ReducedPolynomial(2e-3, 28.0, 2e-3)}

@@ -16,9 +16,8 @@ from reading_page import read
 
 import legfem as lf
 from legfem.api.cohort_member import Options
-from legfem.cohort.drift import largest_step
 from legfem.cohort.rows import Row, Shape
-from legfem.cohort.suspicions import missing, suspicions
+from legfem.cohort.suspicions import largest_step, missing, suspicions
 from legfem.report.cohort import _kind_of, cohort_web_page
 from legfem.report.render.html import rendered
 from legfem.report.render.markdown import markdown_page

@@ -11,8 +11,7 @@ import pytest
 import statsmodels.formula.api as formulas
 from making_cohort import LAW, Truth, fabricated
 
-from legfem.cohort.agreement import agreement, limits
-from legfem.cohort.mixed_model import MixedModel
+from legfem.cohort.agreement import MixedModel, agreement, limits
 from legfem.cohort.statistics import _people_needed, statistics
 from legfem.report.cohort_statistics import chapter
 

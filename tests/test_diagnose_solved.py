@@ -11,7 +11,7 @@ from making_diagnosis import INSTRUMENT
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.grid_spline import GridSpline
+from legfem.inverse.emulator import GridSpline
 from legfem.inverse.library_build import build_library, rounded
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.observations import observe

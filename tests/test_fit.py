@@ -11,13 +11,13 @@ from making_diagnosis import TRUTH, ClosedForm, noisy, one_at_each_rate, problem
 from scipy.stats import truncnorm
 
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.cross_validation import folds_of, held_out
 from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.linearised import LinearisedProblem, fit
 from legfem.inverse.mechanism import strength
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.predictive import folds_of, held_out
 from legfem.inverse.predictor import onset_name
 from legfem.legs.mechanisms import Mechanism, mechanism_named
 

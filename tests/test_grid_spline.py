@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.inverse.grid_spline import GridSpline
+from legfem.inverse.emulator import GridSpline
 
 GRID = np.array([0.5, 1.0, 2.0, 3.5, 6.0])
 AT = np.array([-1.0, 0.0, 0.2, 1.0, 3.0, 5.9, 6.0, 6.4])

@@ -13,7 +13,7 @@ import dolfinx
 import petsc4py
 import pytest
 
-from legfem.common.versions import package_version
+from legfem.common.documents import package_version
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -204,7 +204,7 @@ def test_versions_are_known_where_another_package_brings_the_module(monkeypatch:
     def not_installed(name: str) -> str:
         raise metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr("legfem.common.versions.version", not_installed)
+    monkeypatch.setattr("legfem.common.documents.version", not_installed)
     assert package_version("fenics-dolfinx") == dolfinx.__version__
     assert package_version("petsc4py") == petsc4py.__version__
     assert package_version("gmsh") == "unknown"

@@ -20,8 +20,8 @@ from legfem.data import quality_of, segment_all
 from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.comparison import total_of
+from legfem.inverse.emulator import At
 from legfem.inverse.errors import error_model
-from legfem.inverse.grid_spline import At
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.predictor import Predictor

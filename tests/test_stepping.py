@@ -16,8 +16,8 @@ from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.integration_domain import Body
 from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
+from legfem.solve.path import SolveReport, Step
 from legfem.solve.protocol import Protocol
-from legfem.solve.report import SolveReport, Step
 from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.solve.stepping import follow, press
 

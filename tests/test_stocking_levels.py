@@ -10,8 +10,7 @@ from making_stocking import short_leg
 
 from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.stockings.fabric import Stocking, stocking_load
-from legfem.stockings.levels import MESH_SHARE, MakersLevels, PressureAlong
+from legfem.stockings.fabric import MESH_SHARE, MakersLevels, PressureAlong, Stocking, stocking_load
 from legfem.stockings.misfit import ContourAccuracy
 
 

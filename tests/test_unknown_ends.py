@@ -13,14 +13,12 @@ import legfem as lf
 from legfem.channels.registry import CHANNELS
 from legfem.data import Recording, write_recording
 from legfem.data.recording import RecordedChannel
-from legfem.experiments.axisymmetric import CylinderCompression
+from legfem.experiments.axisymmetric import CylinderCompression, HalfwayTest
 from legfem.experiments.bodies import CylinderBetweenPlates
-from legfem.experiments.halfway import HalfwayTest
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.parameter import Parameter
 from legfem.mechanics.materials import NeoHookean
-from legfem.specimens.alternatives import alternatives_text
-from legfem.specimens.details import Weighed
+from legfem.specimens.details import Weighed, alternatives_text
 from legfem.specimens.kinds.plates import PartlyHeld, PlatesEntry, PlatesKind
 from legfem.specimens.shallow_tests import settings_to
 from legfem.specimens.tissues import bulk_ratio

@@ -66,8 +66,7 @@ class Cohort(Result):
         """Return what ``cohort.json`` holds."""
         from legfem.cohort.statistics import statistics, statistics_document
         from legfem.cohort.suspicions import missing, suspicions
-        from legfem.common.documents import json_types
-        from legfem.common.versions import versions_of
+        from legfem.common.documents import json_types, versions_of
 
         frame = self.to_frame()
         return {
@@ -87,7 +86,7 @@ class Cohort(Result):
 
     def plot(self) -> Figure:
         """Return the first parameter of all members, sorted, with 95 % intervals."""
-        from legfem.report.cohort_figure import forest_figure
+        from legfem.report.cohort import forest_figure
 
         return forest_figure(self.members.every, self.rows)
 

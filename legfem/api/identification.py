@@ -24,7 +24,7 @@ from legfem.api.loading import Given, opened
 from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.inverse.laws import LAWS, LawName
+from legfem.inverse.catalogue import LAWS, LawName
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
 

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from legfem.api.arguments import wrong
-from legfem.common.doubts import log_doubts
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, log_doubts
 from legfem.data.folder import Catalogue
 from legfem.legs.loading import load_sites as load_sites_folder
 from legfem.legs.loading import load_subject as load_subject_folder

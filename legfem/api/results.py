@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from legfem.experiments.plane_strain import PlaneStrainIndentation
+    from legfem.inverse.catalogue import LawName
     from legfem.inverse.fit import Fit
-    from legfem.inverse.laws import LawName
     from legfem.inverse.outcome import JointForward
     from legfem.legs.forward import PlaneStrainForward
     from legfem.legs.subject import SitedLeg, Subject

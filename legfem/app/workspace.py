@@ -18,9 +18,9 @@ from hashlib import sha256
 from itertools import count
 from pathlib import Path
 
+from legfem.common.documents import legfem_version
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable
-from legfem.common.versions import legfem_version
 from legfem.data.folder import LAB
 from legfem.data.formats import READERS
 from legfem.legs.schema import SubjectFile

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from legfem.cohort.agreement import ICC_FORM, Agreement, Limits, agreement, limits
+from legfem.cohort.agreement import ICC_FORM, Agreement, Fitted, Limits, MixedModel, agreement, limits
 from legfem.cohort.members import Member
-from legfem.cohort.mixed_model import Fitted, MixedModel
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.common.documents import json_types
 from legfem.common.units import FloatArray
@@ -34,7 +33,7 @@ DIFFERENCES = (0.1, 0.2, 0.3)
 """Relative, for which the size of a next study is given."""
 POWER, LEVEL = 0.8, 0.05
 SOURCES = ("people", "legs_of_a_person", "tests_of_a_leg")
-"""Of what differs, in the order of `legfem.cohort.mixed_model.Fitted.sd`."""
+"""Of what differs, in the order of `legfem.cohort.agreement.Fitted.sd`."""
 
 
 @dataclass(frozen=True, eq=False)

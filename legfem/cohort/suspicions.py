@@ -5,12 +5,157 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, datetime
 
 import numpy as np
 
-from legfem.cohort.drift import drifts
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
+from legfem.common.units import FloatArray
+
+_LEAST_DATED = 10
+"""People's days from which a step is looked for."""
+_DRAWS = 999
+_DRIFTS = 0.01
+"""Probability by chance below which a step is said."""
+
+
+def drifts(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[str]:
+    """Say which rigs' C10 steps at a date, in the same people where they came several times."""
+    for rig, step in rig_steps(known, rows):
+        size, low, high = (100 * np.expm1(step.size + k * step.sd) for k in (0, -2, 2))
+        where = f"rig {rig}: " if rig else ""
+        whose = "in the same people" if step.within else "from one set of people to another"
+        days = f"{date.fromordinal(step.before)} and {date.fromordinal(step.after)}"
+        yield (
+            f"{where}C10 changes by {size:+.1f} % ({low:+.1f} to {high:+.1f} %) {whose} between {days} "
+            f"(p = {step.p_value:.2g}). Was the rig's force, displacement or zero calibrated anew, or changed?"
+        )
+
+
+def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tuple[str, DriftStep]]:
+    """Yield the rigs whose C10 steps at a date, and how."""
+    model = cohort_model(rows)
+    by_rig: dict[str, list[_Test]] = defaultdict(list)
+    for row, found in measured(rows, model):
+        member, one = known[row.member], found.measures.get("c10_deep")
+        when = day(member)
+        if when is not None and one is not None and one.value > 0:
+            side, group = (str(member.given.get(name, "")) for name in ("side", "group"))
+            test = _Test(when.toordinal(), member.person, side, group, float(np.log(one.value)))
+            by_rig[str(member.given.get("rig", ""))].append(test)
+    for rig, tests in by_rig.items():
+        visits = _visits(tests)
+        step = largest_step(
+            np.array([visit.day for visit in visits], dtype=np.float64),
+            np.array([visit.person for visit in visits]),
+            np.array([visit.group for visit in visits]),
+            np.array([visit.value for visit in visits]),
+        )
+        if step is not None and step.p_value <= _DRIFTS:
+            yield rig, step
+
+
+def day(member: Member) -> date | None:
+    """Return the day of a member's test."""
+    text = str(member.given.get("date", ""))
+    return datetime.fromisoformat(text).date() if text else None
+
+
+@dataclass(frozen=True)
+class _Test:
+    day: int
+    person: str
+    side: str
+    group: str
+    value: float
+
+
+def _visits(tests: Sequence[_Test]) -> list[_Test]:
+    """One value a person and day: both legs of a day err together."""
+    sides: dict[tuple[str, str], list[_Test]] = defaultdict(list)
+    for one in tests:
+        sides[one.person, one.side].append(one)
+    visits: dict[tuple[str, int], list[tuple[_Test, float]]] = defaultdict(list)
+    for own in sides.values():
+        several = len({one.day for one in own}) > 1
+        middle = float(np.mean([one.value for one in own])) if several else 0.0
+        for one in own:
+            visits[one.person, one.day].append((one, one.value - middle))
+    return [
+        _Test(when, person, "", there[0][0].group, float(np.mean([value for _, value in there])))
+        for (person, when), there in visits.items()
+    ]
+
+
+@dataclass(frozen=True)
+class DriftStep:
+    """The step in time that explains most."""
+
+    size: float
+    """Of the logarithm."""
+    sd: float
+    p_value: float
+    before: int
+    """Last day (ordinal) before it."""
+    after: int
+    within: bool
+    """Whether it is seen in people who came before and after."""
+
+
+def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values: FloatArray) -> DriftStep | None:
+    """Return the step that explains most, with the probability of one as large by chance.
+
+    Where people came on several days, each is compared with himself alone; else with his group. The probability is a
+    permutation's: days are shuffled within whom they are compared, and the largest step of all dates counts.
+    """
+    came: dict[str, set[float]] = defaultdict(set)
+    for who, when in zip(person, days, strict=True):
+        came[str(who)].add(float(when))
+    kept = np.array([len(came[str(who)]) > 1 for who in person])
+    within = int(kept.sum()) >= _LEAST_DATED
+    if within:
+        days, blocks, values = days[kept], person[kept], values[kept]
+    else:
+        blocks = group
+    starts = np.unique(days)[1:]
+    if len(values) < _LEAST_DATED or not len(starts):
+        return None
+    _, block = np.unique(blocks, return_inverse=True)
+    freedom = len(values) - block.max() - 2
+    if freedom < 3:
+        return None
+
+    def centred(table: FloatArray) -> FloatArray:
+        sums = np.zeros((block.max() + 1, *table.shape[1:]))
+        np.add.at(sums, block, table)
+        counts = np.bincount(block).reshape(-1, *[1] * (table.ndim - 1))
+        centred_table: FloatArray = table - (sums / counts)[block]
+        return centred_table
+
+    late = centred((days[:, None] >= starts).astype(np.float64))
+    spread = (late**2).sum(axis=0)
+    usable = spread > 1e-9 + 0.05 * spread.max(initial=0.0)  # a step that a few alone have seen is anybody's outlier
+    late, spread, starts = late[:, usable], spread[usable], starts[usable]
+    residual = centred(values)
+
+    def gains(y: FloatArray) -> FloatArray:
+        gain: FloatArray = (late.T @ y) ** 2 / spread[:, None]
+        return gain
+
+    generator = np.random.default_rng(0)
+    order = np.lexsort((generator.random((_DRAWS, len(values))), np.broadcast_to(block, (_DRAWS, len(values)))), axis=1)
+    home = np.argsort(block, kind="stable")
+    shuffled = np.empty((_DRAWS, len(values)))
+    shuffled[:, home] = residual[order]
+    best = gains(residual[:, None])[:, 0]
+    k = int(np.argmax(best))
+    chance = float((1 + np.sum(gains(shuffled.T).max(axis=0) >= best[k] * (1 - 1e-12))) / (_DRAWS + 1))
+    size = float(late[:, k] @ residual / spread[k])
+    variance = float(np.sum((residual - size * late[:, k]) ** 2)) / freedom
+    before = int(days[days < starts[k]].max())
+    return DriftStep(size, float(np.sqrt(variance / spread[k])), chance, before, int(starts[k]), within)
+
 
 _LEAST_SIDES = 5
 """Legs with a side and outlines from which it can be seen how sides are drawn."""

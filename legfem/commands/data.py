@@ -52,7 +52,7 @@ def look(
     """
     with command_context(quiet=quiet):
         from legfem.common.documents import write_atomically, write_document
-        from legfem.common.doubts import doubt_lines
+        from legfem.common.errors import doubt_lines
         from legfem.data import Scales, among_repeats, segment
         from legfem.data.contact import LEG
         from legfem.data.formats import read_sheets
@@ -60,10 +60,18 @@ def look(
         from legfem.data.plausibility import trial_doubts
         from legfem.data.quality import quality_of
         from legfem.data.reader import OWN_COLUMNS, Proposal, propose, read_own, recording_of
-        from legfem.report.look import LOOK, channels_toml, draw_look, look_document, look_text, recordings_toml
+        from legfem.report.look import (
+            LOOK,
+            Looked,
+            channels_toml,
+            draw_look,
+            look_document,
+            look_text,
+            look_web_page,
+            recordings_toml,
+        )
         from legfem.report.page import PAGE, command_line
         from legfem.report.render.html import rendered
-        from legfem.report.web.look import Looked, look_web_page
 
         # A required argument's help would end in a backslash and [required].
         if not files:

@@ -12,8 +12,7 @@ import typer
 
 from legfem.commands.options import Site, SubjectDir
 from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context
-from legfem.common.doubts import log_doubts
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, log_doubts
 from legfem.geometry.section import fat_thickness, girth
 
 if TYPE_CHECKING:

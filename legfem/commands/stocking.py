@@ -10,7 +10,7 @@ import typer
 
 from legfem.commands.options import print_outcome, results_folder
 from legfem.common.command_line import FAILED, AsJson, Quiet, command_context
-from legfem.common.doubts import log_doubts
+from legfem.common.errors import log_doubts
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 

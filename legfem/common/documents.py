@@ -1,19 +1,71 @@
-"""Files of results, which are there whole or not at all: JSON, text, tables in Markdown."""
+"""Files of results, which are there whole or not at all: JSON, text, tables in Markdown; and versions they state."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import platform
 import re
+import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from legfem.common.errors import naming
+from legfem.common.units import FloatArray
+
+# Modules that a package of another name may bring: dolfinx-solver-real has both.
+_MODULES = {"fenics-dolfinx": "dolfinx", "petsc4py": "petsc4py"}
+
+_CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+def package_version(name: str) -> str:
+    """Return an installed package's version, or ``unknown``."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        module = _MODULES.get(name)
+    if module is None or find_spec(module) is None:
+        return "unknown"
+    return str(import_module(module).__version__)
+
+
+def legfem_version() -> str:
+    """Version of legfem's release, from its sources where it isn't installed."""
+    project = _CHECKOUT / "pyproject.toml"
+    if project.is_file():
+        return str(tomllib.loads(project.read_text())["project"]["version"])
+    return package_version("legfem")
+
+
+@lru_cache
+def legfem_build() -> str:
+    """Version of legfem; of a checkout with its commit (``0.2.0+1a2b3c4``, ``.dirty`` where files were changed)."""
+    asked = ["git", "-C", str(_CHECKOUT), "describe", "--always", "--exclude=*", "--dirty=.dirty"]
+    if not (_CHECKOUT / ".git").exists():
+        return legfem_version()
+    try:
+        commit = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return legfem_version()
+    return f"{legfem_version()}+{commit}"
+
+
+def versions_of(*names: str) -> dict[str, str]:
+    """Return versions of ``legfem``, ``python`` and packages, by name; ``dolfinx`` is DOLFINx."""
+    own = {"legfem": legfem_build(), "python": platform.python_version()}
+    packages = {"dolfinx": "fenics-dolfinx"}
+    return {name: own.get(name) or package_version(packages.get(name, name)) for name in names}
 
 
 def write_atomically(path: Path, text: str) -> None:
@@ -73,3 +125,19 @@ def literal(value: Any) -> Any:
     if not isinstance(value, str) or not value.startswith(_FORMULA) or _SIGNED.fullmatch(value):
         return value
     return f"'{value}"
+
+
+type Cells = tuple[list[str], list[list[str]]]
+"""A table's header and rows."""
+
+
+def row_cells(rows: Iterable[Mapping[str, str]]) -> Cells:
+    """Cells of rows that name their columns alike."""
+    given = list(rows)
+    return list(given[0]) if given else ["nothing to show"], [list(row.values()) for row in given]
+
+
+def column_cells(columns: Mapping[str, tuple[str, FloatArray]]) -> Cells:
+    """Cells of columns (n,), each with its format; a number that isn't known is a dash."""
+    texts = [["-" if np.isnan(value) else format(value, form) for value in values] for form, values in columns.values()]
+    return list(columns), [list(row) for row in zip(*texts, strict=True)]

@@ -1,12 +1,11 @@
 """What is measured: instruments' files, recordings, phases, first contact, noise, the mean loading curve."""
 
 from legfem.data.contact import Contact, Scales
-from legfem.data.loading_curve import LoadingCurve, mean_loading_curve
+from legfem.data.loading_curve import LoadingCurve, among_repeats, mean_loading_curve, segment_all
 from legfem.data.noise import Instrument, NoiseEstimate, seen_instrument
 from legfem.data.quality import check_trial, quality_of
 from legfem.data.reader import SourceColumn, SourceColumns, read_samples
 from legfem.data.recording import Recording, write_recording
-from legfem.data.repeats import among_repeats, segment_all
 from legfem.data.segmentation import Segmentation, segment
 
 __all__ = [

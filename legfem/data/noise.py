@@ -218,7 +218,7 @@ class Expectation:
     """N."""
 
 
-def estimate_noise(
+def estimate_components(
     displacement: FloatArray, curves: FloatArray, slope: FloatArray, known_variance: FloatArray, expected: Expectation
 ) -> NoiseEstimate:
     """Estimate the components of the trials' errors from their differences, see `repeats`.

@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from legfem.common.doubts import Doubt
-from legfem.common.errors import InputError
+from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.data.recording import Recording
 from legfem.data.segmentation import HOLD, LOADING, Segmentation

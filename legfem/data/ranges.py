@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from legfem.common.doubts import PhysicalRange
+from legfem.common.errors import PhysicalRange
 
 PAPER = "Frauziols et al. (2015)"
 

@@ -21,8 +21,8 @@ from legfem.meshing.grid import Support
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.solve.linear import LinearSettings, renew_factors
 from legfem.solve.newton import NewtonSolver
+from legfem.solve.path import SolveReport
 from legfem.solve.protocol import Protocol
-from legfem.solve.report import SolveReport
 from legfem.solve.sensitivity import Trackers
 from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.solve.stepping import follow

@@ -15,9 +15,8 @@ from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.jobs.key import code_fingerprint, key_of
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.path import ForceCurve, Path
+from legfem.solve.path import ForceCurve, Path, SolveReport
 from legfem.solve.protocol import Protocol
-from legfem.solve.report import SolveReport
 from legfem.solve.sensitivity import Trackers
 
 ELSEWHERE = ("comm", "meshed")

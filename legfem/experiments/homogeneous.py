@@ -27,9 +27,8 @@ from legfem.experiments.bodies import HomogeneousBody
 from legfem.experiments.experiment import ProtocolTest, Solved, sample_protocol
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres, Tissue
-from legfem.solve.path import Path
+from legfem.solve.path import Path, SolveReport
 from legfem.solve.protocol import Protocol
-from legfem.solve.report import SolveReport
 
 # Of every stretch of a protocol.
 _POINTS = 80

@@ -31,9 +31,8 @@ from legfem.meshing.grid import Support
 from legfem.meshing.meridian import RIM, MeridianMeshSettings, mesh_meridian, supports
 from legfem.meshing.section import SKIN
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.path import ForceCurve, Path
+from legfem.solve.path import ForceCurve, Path, SolveReport, Step
 from legfem.solve.protocol import Protocol
-from legfem.solve.report import SolveReport, Step
 
 _STEPS, _POINTS = 20, 80
 """Numbers of steps to the dome's height, and of points on every straight part of a motion."""

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from legfem.common.units import FloatArray
-from legfem.fem.forms import Rounding, body_forms, skin_forms
+from legfem.fem.forms import Clock, Rounding, Symbols, body_forms, skin_forms
 from legfem.fem.spaces import LegSpaces
-from legfem.fem.symbols import Clock, Symbols
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import volume_ratio
 from legfem.mechanics.model import LegModel

@@ -7,12 +7,12 @@ from dataclasses import asdict
 from typing import Any, Protocol
 
 from legfem.common.documents import json_types
-from legfem.common.doubts import doubt_documents
+from legfem.common.errors import doubt_documents
 from legfem.common.units import readable_unit
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix, with_units
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.fit import ChannelFit, Cost, Fit, Goodness, OwnEstimate, TestFit
-from legfem.inverse.search_log import CostMap, SearchLog
+from legfem.inverse.trial import CostMap, SearchLog
 
 SCHEMA = "legfem.identify/2"
 

@@ -15,22 +15,30 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.stats import chi2
 
-from legfem.common.doubts import Doubt
+from legfem.common.documents import versions_of
+from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray, readable_unit
-from legfem.common.versions import versions_of
-from legfem.inverse.catalogue import DEEP_C20, Values, key_of, short_key_of, unit_suffix, with_units
+from legfem.inverse.catalogue import (
+    DEEP_C20,
+    IdentifiedLaw,
+    LawName,
+    Values,
+    key_of,
+    model_values,
+    short_key_of,
+    unit_suffix,
+    with_units,
+)
 from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting, total_of
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
 from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture, departure_of
 from legfem.inverse.intervals import VERDICTS, Identifiability
-from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
 from legfem.inverse.outcome import Forward, FullSolver
 from legfem.inverse.search import Search
-from legfem.inverse.search_log import CostMap, FullSolve, SearchLog
 from legfem.inverse.searches import Found, Searches
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.inverse.trial import Trial
+from legfem.inverse.trial import CostMap, FullSolve, SearchLog, Trial
 
 LEAST_CHANCE = 1e-3
 """Probability of so large a misfit, were the law right, below which the law is doubted."""

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
-from legfem.inverse.emulator import Emulator, Kriging
-from legfem.inverse.grid_spline import At
+from legfem.inverse.emulator import At, Emulator, Kriging
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
 

@@ -10,7 +10,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import READINGS
-from legfem.inverse.search_log import SearchLog
+from legfem.inverse.trial import SearchLog
 
 UNCONVERGED = (
     "The search ended before it converged: the optimum may lie elsewhere. Rerun with another --seed or narrower bounds."

@@ -10,8 +10,18 @@ from pathlib import Path
 
 from legfem.common.errors import InputError
 from legfem.common.units import MPA_PER_KPA, kpa_to_mpa
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values, check_held, check_known, parameter_of, unit_of
-from legfem.inverse.laws import LAWS, LawName
+from legfem.inverse.catalogue import (
+    DEEP_C10,
+    DEEP_C20,
+    DEEP_D2,
+    LAWS,
+    LawName,
+    Values,
+    check_held,
+    check_known,
+    parameter_of,
+    unit_of,
+)
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.population import TISSUES, cohort_prior, population_prior
 

@@ -19,7 +19,7 @@ from scipy.interpolate import PPoly
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.grid_spline import At, GridSpline
+from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Mechanism, Solution, Stiffness, TissueMechanism, TissueResponses, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.inverse.grid_spline import At, GridSpline
+from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import Stations

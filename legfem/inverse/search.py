@@ -10,17 +10,25 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import DEEP_C20, Values, usual_range
+from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, Values, model_values, usual_range
 from legfem.inverse.comparison import Comparison
-from legfem.inverse.emulated import Coordinates, Emulated, Trust
 from legfem.inverse.instrument import READINGS
-from legfem.inverse.laws import IdentifiedLaw, model_values
 from legfem.inverse.least_squares import gauss_newton_step, polished, polished_with
 from legfem.inverse.outcome import FullSolver, Outcome, key_of_values
 from legfem.inverse.parameter import Domain, Parameter
-from legfem.inverse.search_log import Generation
 from legfem.inverse.settings import IdentificationSettings
-from legfem.inverse.trial import Asking, Linearised, Stage, Trial, objective_of, sizes_of
+from legfem.inverse.trial import (
+    Asking,
+    Coordinates,
+    Emulated,
+    Generation,
+    Linearised,
+    Stage,
+    Trial,
+    Trust,
+    objective_of,
+    sizes_of,
+)
 
 # In shares of the usual ranges.
 _LINE = np.array([[0.5]])

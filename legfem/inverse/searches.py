@@ -10,16 +10,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import DEEP_C20, Values
+from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import Comparison
-from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
 from legfem.inverse.least_squares import Residual
 from legfem.inverse.outcome import FullSolver, Key, Outcome, key_of_values
 from legfem.inverse.parameter import Domain
 from legfem.inverse.search import Search, SearchError
-from legfem.inverse.search_log import Generation
 from legfem.inverse.settings import IdentificationSettings
-from legfem.inverse.trial import Linearised, Trial
+from legfem.inverse.trial import Generation, Linearised, Trial
 
 
 def run_together[C: Comparison](searches: Sequence[Search[C]]) -> None:

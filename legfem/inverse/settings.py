@@ -14,8 +14,7 @@ import pygad
 
 from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import Values
-from legfem.inverse.laws import IdentifiedLaw, LawName
+from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values
 from legfem.inverse.outcome import Forward, FullSolver, Outcome
 from legfem.inverse.parameter import Parameter
 from legfem.jobs.store import Store

@@ -15,7 +15,6 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
 from legfem.inverse.averaging import robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.cross_validation import HeldOut, held_out
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.estimates import Estimate
@@ -36,6 +35,7 @@ from legfem.inverse.location import MisfitAssessment, runs, score_tests
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
 from legfem.inverse.misfit import Misfit, misfit_of
 from legfem.inverse.observations import Observations
+from legfem.inverse.predictive import HeldOut, held_out
 from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name
 from legfem.inverse.setting_aside import SetAside, touched_part
 from legfem.inverse.trial_noise import estimate_noise

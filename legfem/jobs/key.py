@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.versions import package_version
+from legfem.common.documents import package_version
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from legfem.common.doubts import Doubt
-from legfem.common.errors import InputError
+from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument

@@ -13,8 +13,8 @@ from scipy.sparse import csr_matrix
 from legfem.common.units import FloatArray
 from legfem.experiments.indenter_pose import IndenterInPose
 from legfem.experiments.leg_3d import LegIndentation3D
-from legfem.fem.body_surfaces import BodySurface, hull_surface
 from legfem.fem.fields import FieldReader
+from legfem.fem.spaces import BodySurface, hull_surface
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_surface import TriangleSurface
 from legfem.jobs.checkpoint import read_arrays, write_arrays

@@ -26,11 +26,10 @@ from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.inverse.catalogue import DEEP_RATIO, Values
+from legfem.inverse.catalogue import DEEP_RATIO, IdentifiedLaw, LawName, Values
 from legfem.inverse.comparison import JointComparison
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.fit import Fit
-from legfem.inverse.laws import IdentifiedLaw, LawName
 from legfem.inverse.outcome import ForwardModel, JointForward, Outcome, solve_test
 from legfem.inverse.searches import Found, Searches
 from legfem.inverse.settings import SearchRequest

@@ -13,13 +13,14 @@ from legfem.inverse.catalogue import (
     DEEP_C20,
     DEEP_D2,
     DEEP_RATIO,
+    IdentifiedLaw,
+    LawName,
     Values,
     check_known,
     parameter_of,
     within_prior,
 )
 from legfem.inverse.instrument import INSTRUMENT
-from legfem.inverse.laws import IdentifiedLaw, LawName
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.legs.elastography import elastography_priors
 from legfem.legs.subject import Subject

@@ -20,7 +20,7 @@ from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.elastography import ShearModulus, fibre_ratio
 from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
-from legfem.legs.plausible_channels import check_channels
+from legfem.legs.plausible_recordings import check_channels
 from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
 from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from legfem.common.doubts import Doubt
+from legfem.common.errors import Doubt
 from legfem.common.units import mpa_to_kpa
 from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_RATIO, key_of

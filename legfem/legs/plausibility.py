@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from shapely import Point, Polygon
 
-from legfem.common.doubts import Doubt
+from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import ranges
 from legfem.geometry.section import BONES, PARTS, first_crossing, girth

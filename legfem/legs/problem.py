@@ -13,7 +13,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.agreement import SingleTests
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, IdentifiedLaw, LawName, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
 from legfem.inverse.fit import (
     ChannelFit,
@@ -30,7 +30,6 @@ from legfem.inverse.fit import (
 )
 from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMERICAL_LENGTH_MM, WEAKLY_WITHIN, quantile
-from legfem.inverse.laws import IdentifiedLaw, LawName
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.search import Search

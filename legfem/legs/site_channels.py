@@ -20,7 +20,7 @@ from legfem.inverse.channel_errors import errors_of_places, model_covariance, re
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
 from legfem.inverse.data import Channel
 from legfem.legs.nuisances import accuracy_of_shape
-from legfem.legs.plausible_channels import loading_depths
+from legfem.legs.plausible_recordings import loading_depths
 from legfem.legs.subject import Subject
 
 

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from scipy.special import ndtri
 
-from legfem.common.doubts import Doubt
+from legfem.common.errors import Doubt
 from legfem.common.units import mpa_to_kpa
 from legfem.data import ranges
 from legfem.inverse.catalogue import key_of

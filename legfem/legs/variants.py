@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
     from legfem.meshing.section import MeshMotion
-    from legfem.solve.path import Path
-    from legfem.solve.report import SolveReport
+    from legfem.solve.path import Path, SolveReport
 
 _CUT_OF_SLIP = 0.25
 """Of a step that failed: sliding fat folds suddenly, and long steps fail again."""

@@ -8,7 +8,7 @@ one apart:
 Small strain: shear modulus :math:`\mu = 2 C_{10}`, bulk modulus :math:`K = 2 / D_1`.
 
 The fields of a law are plain numbers where a user gives them, and UFL symbols once a model is put
-on a mesh (:class:`legfem.fem.symbols.Symbols`): the energies below serve both.
+on a mesh (:class:`legfem.fem.forms.Symbols`): the energies below serve both.
 """
 
 from __future__ import annotations

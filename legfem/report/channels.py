@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 from legfem.channels.kind import ChannelKind
 from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.catalogue import LawName, symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import ChannelFit, Fit
-from legfem.inverse.laws import LawName
 from legfem.report.page import Curves, Line
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 

@@ -6,8 +6,10 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import legfem.report.page as web
 from legfem.cohort.members import Member, Members
@@ -15,14 +17,107 @@ from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
-from legfem.common.versions import versions_of
+from legfem.common.documents import versions_of
 from legfem.report import cohort_statistics
-from legfem.report.cohort_figure import colours_of
-from legfem.report.cohort_methods import methods
 from legfem.report.many import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
+from legfem.report.style import DATA_COLOUR, new_figure, styled
 from legfem.report.words import ORIGINS, number, short_probability
+
+GROUP_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D1F", "#111111")
+"""Okabe and Ito's, in an order in which neighbours differ."""
+
+
+def colours_of(members: Sequence[Member]) -> dict[str, str]:
+    """Colours of the groups, in the table's order; one for all where there are no groups."""
+    groups = dict.fromkeys(str(one.given.get("group", "")) for one in members)
+    return {group: GROUP_COLOURS[k % len(GROUP_COLOURS)] for k, group in enumerate(groups)}
+
+
+@styled
+def forest_figure(members: Sequence[Member], rows: Sequence[Row]) -> Figure:
+    """Every parameter of all members, sorted, with 95 % intervals, coloured by group."""
+    model, colours = cohort_model(rows), colours_of(members)
+    group_of = {one.name: str(one.given.get("group", "")) for one in members}
+    found = [(row, one.measures) for row, one in measured(rows, model)]
+    names = list(dict.fromkeys(name for _, measures in found for name in measures))
+    figure = new_figure(3.2 * max(len(names), 1), min(1.2 + 0.22 * len(found), 12.0))
+    for axes, name in zip(np.atleast_1d(figure.subplots(1, max(len(names), 1))), names, strict=False):
+        shown = sorted(((m[name], row) for row, m in found if name in m), key=lambda one: one[0].value)
+        for place, (one, row) in enumerate(shown):
+            colour = colours.get(group_of[row.member], DATA_COLOUR)
+            if one.low is not None and one.high is not None:
+                axes.plot([one.low, one.high], [place, place], color=colour, linewidth=1.2)
+            axes.plot(one.value, place, "o", color=colour, markersize=4)
+        axes.set_yticks(range(len(shown)), [row.name for _, row in shown] if len(shown) <= 40 else [""] * len(shown))
+        axes.set_xlabel(f"{name} ({shown[0][0].unit})")
+    return figure
+
+
+_DONE = {
+    "identify": "Stiffness of the deep tissue was identified from indentation recordings of {what} by legfem {legfem}",
+    "diagnose": "Indentation recordings of {what} were compared with a finite-element model, and what it leaves out "
+    "was sought, by legfem {legfem}",
+    "stocking": "Stiffness and pressures of {what} in compression stockings were computed by legfem {legfem}",
+}
+
+
+def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> list[str]:
+    """Return paragraphs on what was done, with settings and versions.
+
+    Parameters
+    ----------
+    members
+        Who is in the cohort.
+    rows
+        What was found of each.
+    task
+        What was done.
+    model
+        Under which members are compared.
+    """
+    done = [row for row in rows if row.done]
+    people = len({one.person for one in members.every})
+    versions = _same([dict(row.versions) for row in done]) or versions_of("legfem", "dolfinx")
+    what = f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"
+    stands = ", ".join(f"{name} {version}" for name, version in versions.items() if name != "legfem")
+    first = _DONE[task].format(what=what, legfem=versions.get("legfem", "unknown")) + f" ({stands})."
+    texts = [first + (f" Results are compared under one model ({model})." if model else "")]
+    settings = [row.settings for row in done if row.settings]
+    if settings:
+        names = (
+            ("greatest displacement (mm)", "depth_mm"),
+            ("interval", "interval"),
+            ("relative numerical error (sd)", "numerical_error_relative"),
+            ("C10 of the fat (kPa)", "superficial_C10_kPa"),
+            ("C10 of the fascia (kPa)", "fascia_C10_kPa"),
+            ("thickness of the fascia (mm)", "fascia_thickness_mm"),
+            ("D1 of the deep tissue (1/MPa)", "deep_D1_per_MPa"),
+        )
+        given = [f"{words}: {_shown([one[key] for one in settings if key in one])}" for words, key in names]
+        texts.append(f"Settings: {'; '.join(one for one in given if not one.endswith(': '))}.")
+    if len(rows) > len(done):
+        texts.append(f"{len(rows) - len(done)} of {len(rows)} members gave no result and are left out of all else.")
+    return texts
+
+
+def _same(given: Sequence[dict[str, str]]) -> dict[str, str]:
+    """Versions that were used; several where rows differ."""
+    names = dict.fromkeys(name for one in given for name in one)
+    return {name: " and ".join(sorted({one[name] for one in given if name in one})) for name in names}
+
+
+def _shown(values: Sequence[Any]) -> str:
+    """One value, or from where to where they go."""
+    flat = [one for value in values for one in (value if isinstance(value, list) else [value])]
+    if not flat:
+        return ""
+    if all(isinstance(one, int | float) for one in flat):
+        low, high = min(flat), max(flat)
+        return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+    return " or ".join(text for text, _ in Counter(map(str, flat)).most_common(3))
+
 
 ODD = "What is odd, and what is missing"
 """A chapter."""
@@ -36,7 +131,7 @@ _JUDGED: Mapping[str, str] = {
 }
 """By the tone of a member's own page, the gravest first."""
 _DOUBT = "DOUBTFUL INPUT: "
-"""As `legfem.common.doubts.doubt_lines` begins them."""
+"""As `legfem.common.errors.doubt_lines` begins them."""
 _MOST_KINDS = 12
 """Kinds of warnings that have a column of their own."""
 _STATIONS = 25

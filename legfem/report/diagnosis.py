@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from legfem.common.doubts import doubt_lines
+from legfem.common.errors import doubt_lines
 from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
@@ -17,12 +17,11 @@ from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
-from legfem.report.diagnosis_channels import channel_chapter
+from legfem.report.diagnosis_channels import channel_chapter, misfit_in_section
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_headline import TITLE, capital, headline, to_do
 from legfem.report.diagnosis_numbers import known_of
-from legfem.report.diagnosis_section import misfit_in_section
 from legfem.report.diagnosis_sentences import hidden_sentence, next_experiments, percent, verdict_sentence
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section

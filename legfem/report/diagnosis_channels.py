@@ -1,20 +1,26 @@
-"""What channels beside the force say in a diagnosis: sentences, a table, and curves as the force's."""
+"""What channels beside the force say in a diagnosis, and where in the section the misfit lies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.channels.kind import Site
+from legfem.channels.registry import FILE_OF
 from legfem.common.units import FloatArray
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.verdict import Diagnosis
+from legfem.legs.mechanisms.uneven_muscle import RADIUS_MM, UnevenMuscle, place_in_section
+from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.channels import beside_curves
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
-from legfem.report.page import Curves, Dash, Line
+from legfem.report.diagnosis_figures import matched
+from legfem.report.page import Curves, Dash, Line, Mark, StillSection
+from legfem.report.section import still_section
 
 _LEAST = 1.0
 """A misfit is stated where it is more than this share of a reading's error."""
@@ -150,3 +156,42 @@ def _by_trial(readings: NDArray[np.int_], trial: NDArray[np.int_]) -> NDArray[np
     """Return readings in rows, one a trial; in one row where trials have different numbers of them."""
     rows = [readings[trial == k] for k in np.unique(trial)]
     return np.array(rows) if len({len(row) for row in rows}) == 1 else np.concatenate(rows)[None]
+
+
+_SHARE = 0.3
+"""Of the misfit: a place that would explain less isn't marked."""
+_CHANNEL_MM = 3.0
+
+
+def misfit_in_section(found: Diagnosis, subject: Subject) -> list[StillSection]:
+    """Return the section with marks where the misfit lies; nothing without channels, or where none stands out."""
+    marks = [*_channel_marks(found, subject), *_stiffness_marks(found, subject)]
+    if not found.observed.channels or not marks:
+        return []
+    caption = (
+        "Where the misfit lies. Small circles: where a channel departs from the base model. Large circles: where a "
+        "stiffer or softer region of the muscle would match the misfit, and how much of it; other causes may match it, "
+        "too."
+    )
+    return [replace(still_section(subject), caption=caption, marks=marks)]
+
+
+def _channel_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:
+    departs = {window.channel for window in found.assessment.windows}
+    for one in found.observed.channels:
+        if one.name in departs:
+            x, y = FILE_OF[one.name].place(one.kind, Site(subject.section, subject.indenter))
+            yield Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR)
+
+
+def _stiffness_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:
+    fitted = found.weighted_base.fit
+    for one in found.assessment.signatures:
+        if one.mechanism.name != UnevenMuscle.name:
+            continue
+        share = matched(found, one)[1]
+        if share is None or share < _SHARE:
+            continue
+        x, y = place_in_section(subject, one.shape["depth"], one.shape["side"])
+        how = "stiffer" if float(one.direction @ fitted.augmented_residual) > 0 else "softer"
+        yield Mark(f"a {how} region here matches {100 * share:.0f} %", x, -y, RADIUS_MM, REPAIRED_COLOUR)

@@ -8,20 +8,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from legfem.common.documents import json_types
-from legfem.common.doubts import doubt_documents
+from legfem.common.documents import json_types, versions_of
+from legfem.common.errors import doubt_documents
 from legfem.common.units import mpa_to_kpa
-from legfem.common.versions import versions_of
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of, symbol_of
-from legfem.inverse.cross_validation import HeldOut
 from legfem.inverse.document import estimate_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import r_squared
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
-from legfem.inverse.predictive import checks_by_phase
+from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.subject import MeasuredEffect, Subject

@@ -7,10 +7,9 @@ from legfem.data.recording import Origin
 from legfem.geometry.section import girth
 from legfem.inverse.averaging import sensitivities
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.cross_validation import HeldOut
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
-from legfem.inverse.predictive import checks_by_phase
+from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.subject import MeasuredEffect, Subject

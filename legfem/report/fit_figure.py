@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.catalogue import LawName, symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit
-from legfem.inverse.laws import LawName
 from legfem.legs.details import LegDetails
 from legfem.legs.notices import curve_of
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title

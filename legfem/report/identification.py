@@ -14,7 +14,7 @@ from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.document import KindDocument, fit_document
 from legfem.inverse.fit import Fit
-from legfem.jobs.background import in_background
+from legfem.jobs.pool import in_background
 from legfem.legs.details import LegDetails
 from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
@@ -22,19 +22,18 @@ from legfem.report.channels import SHOWS, beside_force, channels_figure
 from legfem.report.cost_figure import cost_figure
 from legfem.report.estimates import preferred
 from legfem.report.fit_figure import fit_figure
-from legfem.report.folder import REPORT, RESULT, ReportFile, made_in_place
+from legfem.report.folder import REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.leg import leg_page
 from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.paraview import write_fields
+from legfem.report.recording_figures import specimen_figure
 from legfem.report.render.table import estimates_frame
 from legfem.report.section import filmed
-from legfem.report.specimen_figure import specimen_figure
 from legfem.report.specimens import specimen_page
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.write import write_page
-from legfem.specimens.details import SpecimenDetails
-from legfem.specimens.document import SpecimenDocument
+from legfem.specimens.details import SpecimenDetails, SpecimenDocument
 
 type LegFits = Sequence[Fit[LegDetails]]
 type Drawn = list[ReportFile]
@@ -98,6 +97,7 @@ def write_report(
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0 and not every_rank:
         return out / REPORT
     if comm.rank == 0:
+        keep_another(out, command)
         write_document(out / "result.json", fit_document(fits, kind.document))
     apart = jobs > 1 and experiment is not None and comm.size == 1
     with made_in_place(out, comm) as folder, in_background(lambda: kind.files(fits, folder), apart) as drawn:

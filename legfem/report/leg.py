@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from legfem.common.doubts import doubt_lines
+from legfem.common.errors import doubt_lines
 from legfem.common.units import FloatArray, readable_unit
 from legfem.data import LoadingCurve
-from legfem.inverse.catalogue import DEEP_C10, symbol_of, unit_of
+from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of, unit_of
 from legfem.inverse.fit import Fit, Goodness, TestFit
-from legfem.inverse.laws import LawName
 from legfem.legs.details import LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.notices import curve_of
 from legfem.legs.subject import Subject

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.report.packing import packed
+
+
+def packed(values: NDArray[Any], kind: str) -> str:
+    """Return counts as text; what a whole number can't hold becomes the nearest that it can.
+
+    Parameters
+    ----------
+    values
+        Counts, in C order.
+    kind
+        NumPy's name of the type: ``<i2`` or ``<u2``.
+    """
+    limits = np.iinfo(np.dtype(kind))
+    whole = np.clip(np.round(values), limits.min, limits.max).astype(kind)
+    return base64.b64encode(whole.tobytes()).decode()
+
 
 type Cell = str | float | tuple[float, str] | None
 """A text, a number, or a number (by which rows are sorted) with the text that is shown for it."""

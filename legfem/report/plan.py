@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from legfem.common.doubts import Doubt, doubt_lines
+from legfem.common.errors import Doubt, doubt_lines
 from legfem.geometry.section import girth
 from legfem.inverse.plan import DesignValue
 from legfem.legs.plan import Expected

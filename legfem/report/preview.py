@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from legfem.common.documents import write_document
-from legfem.common.doubts import doubt_lines
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, doubt_lines
 from legfem.data import Scales, Segmentation, SourceColumn, seen_instrument, segment
 from legfem.data.channel_reader import is_channel_file
 from legfem.data.contact import LEG
@@ -25,8 +24,8 @@ from legfem.report.leg_figure import SECTION_SHOWS, placement_figure, slices_fig
 from legfem.report.look import draw_look, look_text
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
-from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.schema import parse_specimen_file
+from legfem.specimens.sizes import SpecimenRecording
 from legfem.stockings.loading import LEGS, load_leg
 
 PREVIEW = "preview.json"

@@ -20,7 +20,7 @@ from legfem.legs.subject import Subject
 from legfem.mechanics.integration_domain import Skin
 from legfem.meshing.section import REGIONS, first_touch
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.packing import packed
+from legfem.report.many import packed
 from legfem.report.page import PressedSection, StillSection
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 

@@ -7,8 +7,7 @@ import numpy as np
 from legfem.inverse.intervals import quantile
 from legfem.report.page import Block, Curves, Line, Prose, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.stockings.fabric import CALF_SHARE, stocking_load
-from legfem.stockings.levels import PLACES, PressureAlong
+from legfem.stockings.fabric import CALF_SHARE, PLACES, PressureAlong, stocking_load
 from legfem.stockings.result import StockingResult
 
 ALONG = "Pressure along the leg"

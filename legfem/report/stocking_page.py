@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from legfem.common.doubts import doubt_lines
+from legfem.common.errors import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
 from legfem.report.estimates import modulus_rows

@@ -12,7 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.indenter_pose import IndenterInPose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.legs.film_3d import PressedLeg
-from legfem.report.packing import packed
+from legfem.report.many import packed
 from legfem.report.page import Slider, TurnedLeg, View
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, TOOL_COLOUR
 

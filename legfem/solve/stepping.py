@@ -14,8 +14,8 @@ from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.solve.newton import NewtonOutcome, NewtonSolver, relax
+from legfem.solve.path import SolveReport, Step
 from legfem.solve.protocol import Protocol, ProtocolSegment
-from legfem.solve.report import SolveReport, Step
 from legfem.solve.settings import StepSettings
 
 MOST_GROWTH = 4.0

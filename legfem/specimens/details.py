@@ -1,22 +1,197 @@
-"""What a fit of specimens has beside that of any test."""
+"""What a fit of specimens has beside that of any test: what isn't known of a test, weighed; errors of sizes.
+
+Alternatives are as probable beforehand. Intervals are those of the mixture, each counting by its evidence beside a
+smooth error of unknown form (`legfem.specimens.misfit`), alike in all recordings, and summed over the laws that are
+fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence counts the
+less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video shows the
+specimen's side, weigh the alternatives beside the forces (`legfem.specimens.lateral_stretch`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import logsumexp, softmax
+from scipy.stats import norm
 
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
+from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit, r_squared
+from legfem.inverse.intervals import identifiability, verdict_on
+from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
 from legfem.specimens.lateral_stretch import LateralFit
 from legfem.specimens.misfit import LawMisfit
-from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.size_dependence import SizeDependence
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of, resized
+
+type _Fit = Fit[SpecimenDetails]
+
+
+def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:
+    """Return how probable alternatives are, by the fits of some laws to each."""
+    every = [fit for fits in each.values() for fit in fits]
+    # Contacts differ between alternatives, and so the number of readings by some; one law is no better beside another.
+    readings = min(fit.details.misfit.readings for fit in every)
+    least = max(min(fit.details.misfit.rms for fit in every), 1e-6)
+    dispersion = max(1.0, min(fit.goodness.chi_square / max(fit.goodness.degrees_of_freedom, 1) for fit in every))
+    evidence = [
+        logsumexp([readings * fit.details.misfit.log_evidence(least) for fit in fits]) / dispersion + _of_side(fits)
+        for fits in each.values()
+    ]
+    return dict(zip(each, map(float, softmax(evidence)), strict=True))
+
+
+def _of_side(fits: Sequence[_Fit]) -> float:
+    """Return the logarithm of the lateral stretches' density beside the law that meets them best; 0 without any."""
+    return max((fit.details.lateral.log_density for fit in fits if fit.details.lateral), default=0.0)
+
+
+def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mapping[str, str], to_know: str) -> _Fit:
+    """Return the fit of the most probable alternative, its intervals over all.
+
+    Parameters
+    ----------
+    fits
+        By alternative, of one law.
+    chances
+        Probabilities of the alternatives.
+    words
+        What each is.
+    to_know
+        How it could be known, as a sentence without its end.
+    """
+    every = sorted(
+        (Weighed(name, words[name], chances[name], fit.estimates) for name, fit in fits.items()),
+        key=lambda one: -one.probability,
+    )
+    best = fits[every[0].name]
+    estimates = {name: _over_all(name, one, every, best.goodness.fits) for name, one in best.estimates.items()}
+    details = replace(best.details, alternatives=tuple(every))
+    found = replace(best, estimates=MappingProxyType(estimates), details=details)
+    return replace(found, warnings=(alternatives_text(every, to_know), *found.warnings))
+
+
+def _over_all(name: str, best: Estimate, every: Sequence[Weighed], fits: bool) -> Estimate:
+    """Return an estimate with the mixture's interval."""
+    known = [(one.probability, one.estimates[name]) for one in every if name in one.estimates]
+    low, high = (_mixed(known, level) for level in (0.025, 0.975))
+    if len(known) < len(every) or not low < high:
+        return best
+    widened = replace(best, ci95=(min(low, best.value), max(high, best.value)))
+    half = widened.relative_half_width
+    word = verdict_on(half, best.at_bound, fits)
+    if identifiability(half) == identifiability(best.relative_half_width):
+        word = best.identifiability
+    variance = sum(p * (e.standard_error**2 + (e.value - best.value) ** 2) for p, e in known)
+    left = min(1.0, best.standard_error**2 / variance) if variance > 0 else 1.0
+    shares: dict[ErrorSource, float] = {source: left * share for source, share in best.error_shares.items()}
+    shares["ends"] = 1 - left
+    found = replace(
+        widened, standard_error=float(np.sqrt(variance)), identifiability=word, error_shares=MappingProxyType(shares)
+    )
+    ends = " to ".join(f"{end:.3g}" for end in found.shown.ci95)
+    why = f"95 % interval {ends} {found.shown.unit} over what isn't stated of the test; stated as found, {best.why}"
+    return replace(found, why=why)
+
+
+def _mixed(known: Sequence[tuple[float, Estimate]], level: float) -> float:
+    """Return a quantile of a mixture; each side of an interval is half of a normal distribution."""
+
+    def below(value: float) -> float:
+        total = 0.0
+        for probability, one in known:
+            low, high = one.ci95
+            side = one.value - low if value < one.value else high - one.value
+            total += probability * norm.cdf(1.96 * (value - one.value) / max(side, 1e-12 * abs(one.value) + 1e-300))
+        return total - level
+
+    ends = [end for _, one in known for end in (2 * one.ci95[0] - one.value, 2 * one.ci95[1] - one.value)]
+    low, high = min(ends), max(ends)
+    if below(low) > 0 or below(high) < 0:
+        return low if below(low) > 0 else high
+    return float(brentq(below, low, high))
+
+
+def alternatives_text(every: Sequence[Weighed], to_know: str) -> str:
+    """Return what the recordings say of a test's alternatives, what that costs, and how to narrow it."""
+    best, *others = every
+    chances = ", ".join(f"{one.words} ({100 * one.probability:.0f} %)" for one in every)
+    text = f"What isn't stated of the test is weighed by the recordings: {chances}."
+    name = DEEP_C10 if DEEP_C10 in best.estimates else next(iter(best.estimates))
+    value = best.estimates[name].value
+    moves = ", ".join(
+        f"{100 * (one.estimates[name].value / value - 1):+.0f} % with {one.words}"
+        for one in others
+        if name in one.estimates and value
+    )
+    low, high = best.estimates[name].ci95
+    alone = 50 * (high - low) / value if value else 0.0
+    return (
+        f"{text} {symbol_of(name)} is that of the first, and would be {moves}; its interval goes over all. If that "
+        f"were known, ± {alone:.1f} % would be left. {to_know}."
+    )
+
+
+_RESIZED = 0.03
+"""Relative step by which the force's change with a size is found."""
+
+
+def size_covariance(
+    comparison: SpecimenComparison,
+    model: SpecimenForward,
+    values: Values,
+    readings: FloatArray,
+    predicted: FloatArray,
+    relative_sd: Mapping[Sizes, Mapping[str, float]],
+) -> FloatArray:
+    """Return the covariance (n, n), N2, of predicted forces by the sizes' errors, each a specimen's own.
+
+    Parameters
+    ----------
+    comparison
+        Recordings of n stations.
+    model
+        Of their tests.
+    values, readings
+        At the optimum.
+    predicted
+        (n,), N, there.
+    relative_sd
+        Relative errors of sizes by name, of every test.
+    """
+    found = np.zeros((len(predicted), len(predicted)))
+    specimens = np.repeat(
+        [part.recording.specimen for part in comparison.parts], [len(part.course.time) for part in comparison.parts]
+    )
+    numbers = np.repeat([part.test for part in comparison.parts], [len(part.course.time) for part in comparison.parts])
+    for number, sizes in enumerate(model.tests):
+        for name, sd in relative_sd[sizes].items():
+            if not sd:
+                continue
+            if name in kind_in(sizes).as_force:
+                change = predicted
+            else:
+                larger = resized(sizes, name, (1 + _RESIZED) * lengths_of(sizes)[name])
+                tests = tuple(larger if one == sizes else one for one in model.tests)
+                outcome = replace(model, tests=tests).solve(values, ())
+                if not outcome.complete or not comparison.reached_by(outcome):
+                    continue
+                change = (comparison.predict(outcome, readings).values - predicted) / _RESIZED
+            for specimen in dict.fromkeys(specimens):
+                mode = sd * np.where((specimens == specimen) & (numbers == number), change, 0.0)
+                found += np.outer(mode, mode)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,3 +294,45 @@ def rms_percent(fit: Fit[SpecimenDetails]) -> float:
     """Root mean square of the fit's differences over each recording's greatest force, %."""
     shares = [(SampleFit.of(one).rmse / recording_of(one).course.peak) ** 2 for one in fit.tests if one.fitted]
     return 100 * float(np.sqrt(np.mean(shares)))
+
+
+class SpecimenDocument:
+    """A `legfem.inverse.document.KindDocument`."""
+
+    def of_fit(self, fit: Fit[SpecimenDetails]) -> dict[str, Any]:
+        """How recordings and specimens differ."""
+        details = fit.details
+        return {
+            "not_used": {one.name: one.reason for one in details.left_out},
+            "gain_sd_between_recordings": details.gain_sd,
+            "stiffness_over_typical": dict(details.stiffness),
+            "stiffness_log_sd": details.stiffness_spread,
+            "misfit_rms_over_peak": details.misfit.rms,
+            "alternatives": [
+                {
+                    "name": one.name,
+                    "probability": one.probability,
+                    "parameters": {
+                        key_of(name): {"value": shown.value, "unit": shown.unit, "ci95": list(shown.ci95)}
+                        for name, shown in ((name, found.shown) for name, found in one.estimates.items())
+                    },
+                }
+                for one in details.alternatives
+            ],
+        }
+
+    def of_test(self, fit: Fit[SpecimenDetails], number: int) -> dict[str, Any]:
+        """How a recording was driven, and its own samples beside the prediction."""
+        one = fit.tests[number]
+        recording, samples = recording_of(one), SampleFit.of(one)
+        course = recording.course
+        return {
+            "specimen": recording.specimen,
+            "rate_mm_per_s": course.rate if course.samples.timed else None,
+            "depth_mm": course.depth,
+            "displacement_mm": course.displacement,
+            "rmse_N": samples.rmse,
+            "r_squared": samples.r_squared,
+            "scale": samples.scale,
+            "r_squared_at_that_scale": samples.shape_r_squared,
+        }

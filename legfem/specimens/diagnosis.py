@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.doubts import doubt_lines
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, doubt_lines
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
@@ -25,9 +24,8 @@ from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.nuisances import Accuracy
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
-from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.size_dependence import SizeDependence, size_dependence
-from legfem.specimens.sizes import Sizes, bare, fibres_text, kind_in
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in
 from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
 

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from legfem.common.doubts import Doubt
-from legfem.common.errors import InputError
+from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable, check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, among_repeats
@@ -24,9 +23,8 @@ from legfem.specimens.plausibility import (
     doubts_about_sizes,
     doubts_about_stiffness,
 )
-from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.schema import SIZES, BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
-from legfem.specimens.sizes import Sizes, bare, kind_in, sizes_of, under
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, kind_in, sizes_of, under
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
 
 FILE = "specimen.toml"

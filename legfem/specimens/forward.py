@@ -1,26 +1,33 @@
-"""All tests of a folder that are fitted together, as one forward model."""
+"""All tests of a folder that are fitted together, as one forward model, and what of its recordings can be modelled."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from legfem.common.errors import Doubt, InputError
+from legfem.common.progress import Progress
 from legfem.experiments.axisymmetric import Layer
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
 from legfem.jobs.key import code_fingerprint
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
-from legfem.specimens.fibre_directions import AXES
-from legfem.specimens.kind import Law, SpecimenTest
-from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, bare, kind_in
-from legfem.specimens.tissues import ONE, SpecimenTissue
+from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.kind import AXES, Law, SpecimenTest
+from legfem.specimens.nuisances import deepest_of
+from legfem.specimens.plausibility import doubts_about_differing
+from legfem.specimens.sizes import FibrousTest, LayeredTest, LeftOut, Sizes, SpecimenRecording, bare, kind_in
+from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, begin_at
 
 
 def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE) -> SpecimenTest:
@@ -171,3 +178,111 @@ def _at_poissons_ratio(curve: ForceCurve, values: Values, tied: Sequence[str]) -
         c10, d1 = f"{tissue}.C10", f"{tissue}.D1"
         by[c10] = by[c10] - values[d1] / values[c10] * by.pop(d1)
     return replace(curve, sensitivities=by)
+
+
+_BEYOND = 1.02
+# Of the depth that was reached: short of where a solution stopped.
+_SHORT_OF = 0.97
+_LEAST_SHARE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
+
+    recordings: tuple[SpecimenRecording, ...]
+    left_out: tuple[LeftOut, ...]
+    notes: tuple[str, ...]
+    tests: tuple[Sizes, ...]
+    depths: tuple[float, ...]
+    c10: float
+    """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
+    doubts: tuple[Doubt, ...]
+    """About recordings beside others."""
+
+
+def prepare(
+    folder: SpecimenFolder, held: set[SpecimenRecording], out: Path | None, jobs: int, progress: Progress
+) -> Prepared:
+    """Solve every test once, and leave out or shorten what can't be modelled.
+
+    Raises
+    ------
+    InputError
+        If nothing that is to be fitted is left.
+    """
+    deepest: dict[Sizes, float] = {}
+    for one in folder.recordings:
+        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
+    usual = begin_at(folder.tissues, REFERENCE_MPA)
+    model = SpecimenForward.of_tissues(
+        tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
+    )
+    progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
+    outcomes = _solved_once(model, out, jobs, progress)
+    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
+    within = dict[Sizes, float]()
+    for one in folder.recordings:
+        outcome = outcomes[one.sizes]
+        reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
+        within[one.sizes] = reached
+        if one.course.depth <= reached:
+            used.append(one)
+        elif reached < _LEAST_SHARE * one.course.depth:
+            reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
+            left.append(LeftOut(one.name, reason))
+        else:
+            used.append(one.to(reached))
+            notes.append(
+                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
+                f"stopped there ({outcome.reason})."
+            )
+    fitted = [one for one in used if one.name not in {other.name for other in held}]
+    if not fitted:
+        raise InputError(
+            folder.directory,
+            "recordings",
+            f"none can be modelled: {left[0].reason}",
+            "check the sizes, or record less deep",
+        )
+    depths = dict[Sizes, float]()
+    for one in used:
+        needed = min(deepest_of(one.course), within[one.sizes])
+        depths[one.sizes] = max(depths.get(one.sizes, 0.0), needed, one.course.depth)
+    stiffness = dict[SpecimenRecording, float]()
+    for one in fitted:
+        course = one.course
+        unit = outcomes[one.sizes].curve(course.displacement)
+        stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
+    return Prepared(
+        tuple(used),
+        tuple(left),
+        tuple(notes),
+        tuple(depths),
+        tuple(depths.values()),
+        max(float(np.median(list(stiffness.values()))), 1e-9),
+        tuple(doubts_about_differing(stiffness)),
+    )
+
+
+def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
+    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
+    found: dict[Sizes, Outcome] = {}
+    asked = {sizes: ("once", sizes, depth) for sizes, depth in zip(model.tests, model.depths, strict=True)}
+    for sizes in model.tests:
+        kept = store.get(asked[sizes]) if store else None
+        if kept is not None:
+            found[sizes] = kept
+    missing = [k for k, sizes in enumerate(model.tests) if sizes not in found]
+    with Workers(_solve_one, model, jobs) as workers:
+        for k, outcome in workers.run(missing):
+            sizes = model.tests[k]
+            found[sizes] = outcome
+            if store:
+                store.put(asked[sizes], outcome)
+            progress.advance(f"{type(sizes).__name__} to {outcome.curve.depth:.3g} mm")
+    return found
+
+
+def _solve_one(model: SpecimenForward, number: int) -> Outcome:
+    return model.solve_one(number, model.nominal)

@@ -22,7 +22,7 @@ from legfem.data.segmentation import LOADING
 from legfem.inverse.catalogue import Values
 from legfem.inverse.channel_readings import grouped, noise_of
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.recorded import SpecimenRecording
+from legfem.specimens.sizes import SpecimenRecording
 from legfem.specimens.tissues import bulk_ratio
 
 _SIDE = next(name for name, kind in CHANNELS.items() if "specimen" in kind.models)

@@ -10,9 +10,12 @@ from legfem.common.errors import InputError
 from legfem.inverse.catalogue import (
     DEEP_C10,
     DEEP_C20,
+    LAWS,
     RATIO,
     RATIO_BOUNDS,
     UNITS,
+    IdentifiedLaw,
+    LawName,
     Values,
     check_known,
     is_ratio,
@@ -21,7 +24,6 @@ from legfem.inverse.catalogue import (
 )
 from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.instrument import INSTRUMENT, RELAXATION
-from legfem.inverse.laws import LAWS, IdentifiedLaw, LawName
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import Written, read_prior
 from legfem.specimens.relaxation import relaxation_parameters

@@ -7,15 +7,14 @@ import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from legfem.common.doubts import Doubt, PhysicalRange
+from legfem.common.errors import Doubt, PhysicalRange
 from legfem.common.input_files import FileTable
 from legfem.common.units import mpa_to_kpa
 from legfem.data.plausibility import loading_doubts
 from legfem.specimens import ranges
 from legfem.specimens.course import Course
 from legfem.specimens.kinds import kinds
-from legfem.specimens.recorded import SpecimenRecording
-from legfem.specimens.sizes import Sizes, bare, kind_in
+from legfem.specimens.sizes import Sizes, SpecimenRecording, bare, kind_in
 
 _APART, _REPEATS, _LIKE = 5.0, 2.0, 3.0
 """Of recordings of one specimen: rates a thousand times apart change tissues by less, those at like rates differ less

@@ -11,10 +11,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from legfem.common.doubts import doubt_lines
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, doubt_lines
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import Values
+from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.fit import (
     EXACT,
@@ -33,27 +32,22 @@ from legfem.inverse.fit import (
 )
 from legfem.inverse.instrument import READINGS
 from legfem.inverse.intervals import quantile
-from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
 from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
-from legfem.specimens.alternatives import probabilities, weighed
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
-from legfem.specimens.contacts import SETTLED
-from legfem.specimens.details import SpecimenDetails
+from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, weighed
 from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
-from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.forward import Prepared, SpecimenForward, prepare
 from legfem.specimens.lateral_stretch import lateral_fit
 from legfem.specimens.laws import ParameterRequest, identified_law
 from legfem.specimens.misfit import LawMisfit, misfit_of
-from legfem.specimens.prepared import Prepared, prepare
-from legfem.specimens.recorded import SpecimenRecording
+from legfem.specimens.nuisances import SETTLED
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
 from legfem.specimens.size_dependence import SizeDependence, size_dependence
-from legfem.specimens.size_errors import size_covariance
-from legfem.specimens.sizes import OF_LAYER, Sizes, bare, kind_in, lengths_of
+from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, bare, kind_in, lengths_of
 from legfem.specimens.tissues import REFERENCE_MPA
 
 

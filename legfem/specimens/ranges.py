@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from legfem.common.doubts import PhysicalRange
+from legfem.common.errors import PhysicalRange
 from legfem.data import ranges
 from legfem.specimens.kind import LABS, LENGTH_UNITS, length_range
 

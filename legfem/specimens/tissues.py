@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from legfem.common.units import kpa_to_mpa
-from legfem.inverse.catalogue import RATIO
+from legfem.inverse.catalogue import RATIO, LawName
 from legfem.inverse.fibre_ratio import USUAL_RATIO
-from legfem.inverse.laws import LawName
 from legfem.mechanics.materials import ExponentialStiffening, Hyperelastic, NeoHookean, ReducedPolynomial, Yeoh
 from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile
 

@@ -7,19 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import json_types
-from legfem.common.doubts import doubt_documents
+from legfem.common.documents import json_types, versions_of
+from legfem.common.errors import doubt_documents
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.common.versions import versions_of
 from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.inverse.parameter import Prior
 from legfem.legs.elastography import elastography_priors
 from legfem.stockings.estimates import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
+from legfem.stockings.leg import ComparedSensor
 from legfem.stockings.notices import stocking_notices, unloaded_skin
 from legfem.stockings.pressures import FatPressures, too_low_by
 from legfem.stockings.result import StockingResult
 from legfem.stockings.scan_fit import by_name
-from legfem.stockings.sensors import ComparedSensor
 
 SCHEMA = "legfem.stocking/1"
 

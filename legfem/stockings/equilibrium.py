@@ -28,7 +28,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.jobs.store import Store
-from legfem.solve.report import SolveReport
+from legfem.solve.path import SolveReport
 from legfem.stockings.fabric import Stocking, StockingLoad, stocking_load
 from legfem.stockings.leg_model import LegModel3D
 

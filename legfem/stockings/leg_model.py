@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed, CompressionSettings, LegCompression
 from legfem.experiments.experiment import Picklable, cached_in_process
-from legfem.fem.body_surfaces import BodySurface, hull_surface, skin_surface
+from legfem.fem.spaces import BodySurface, hull_surface, skin_surface
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_shape_motion import displaced
 from legfem.geometry.leg_surface import TriangleSurface, tube

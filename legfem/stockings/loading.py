@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.doubts import Doubt, PhysicalRange
-from legfem.common.errors import InputError
+from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.data import ranges
@@ -29,13 +28,19 @@ from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.elastography import ShearModulus, doubts_about_elastography
 from legfem.legs.plausibility import doubts_about_size
 from legfem.mechanics.materials import NeoHookean
-from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
-from legfem.stockings.leg import Posture, StockingLeg, Vein, default_veins
-from legfem.stockings.levels import PLACES, MakersLevels
+from legfem.stockings.fabric import (
+    PLACES,
+    ClassFit,
+    CompressionClass,
+    MakersLevels,
+    Stocking,
+    fitted_stocking,
+    stocking_load,
+)
+from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.same_leg import check_scans_differ, doubts_about_second_scan, registered
 from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
-from legfem.stockings.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
 
 STRETCH = PhysicalRange(
     "a stretch of the fabric", "%", (5.0, 150.0), (0.0, 300.0), "stockings are worn stretched by some 20 to 120 %"

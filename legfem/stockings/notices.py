@@ -13,10 +13,10 @@ from legfem.legs.notices import disagreement
 from legfem.stockings.equilibrium import EquilibriumSettings
 from legfem.stockings.estimates import MISSED_BEYOND, expected_rms, model_misses, starts_agree
 from legfem.stockings.fabric import StockingLoad
+from legfem.stockings.leg import ComparedSensor
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.result import StockingResult
 from legfem.stockings.scan_fit import by_name
-from legfem.stockings.sensors import ComparedSensor
 
 TISSUES = dict(zip(PARAMETERS, ("muscle", "fat"), strict=True))
 UNLOADED_BEYOND = 0.01

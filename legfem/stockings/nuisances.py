@@ -33,9 +33,9 @@ from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.slices import distance_rates
 from legfem.stockings.equilibrium import RATE_TOLERANCE, Equilibrium, EquilibriumSolver
+from legfem.stockings.leg import SensorArray
 from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.misfit import ContourMisfit, outline_errors
-from legfem.stockings.sensors import SensorArray
 
 RIGID, SECTORS = 6, 8
 """Numbers of rigid motions between the scans, and of sectors of the girth with a pressure error."""

@@ -18,13 +18,12 @@ from legfem.stockings.discrepancy import ModelDiscrepancy, model_discrepancy
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.estimates import StiffnessEstimate, StiffnessFit, stiffness_estimates
 from legfem.stockings.fabric import StockingLoad, stocking_load
-from legfem.stockings.leg import StockingLeg
+from legfem.stockings.leg import ComparedSensor, SensorArray, StockingLeg
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures, vein_pressure_sd
 from legfem.stockings.scan_fit import by_name, stiffness_priors
 from legfem.stockings.search import SearchSettings, StiffnessSearch
-from legfem.stockings.sensors import ComparedSensor, SensorArray
 
 
 @dataclass(frozen=True)

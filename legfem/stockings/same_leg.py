@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.doubts import Doubt
-from legfem.common.errors import InputError
+from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, LegShape, perimeter
 from legfem.imaging.registration import Registration, register_shapes

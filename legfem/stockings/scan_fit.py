@@ -20,10 +20,10 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.parameter import Parameter, Priors
 from legfem.legs.elastography import ShearModulus, elastography_priors
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver, LinearisedCoupling, probe_step
+from legfem.stockings.leg import SensorArray
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes
-from legfem.stockings.sensors import SensorArray
 
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
 """Bounds of both stiffnesses in a search (MPa)."""

@@ -20,7 +20,7 @@ from legfem.common.input_files import (
 )
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.legs.elastography import ElastographyEntry, check_once
-from legfem.stockings.sensors import KINDS
+from legfem.stockings.leg import KINDS
 
 
 class LevelsEntry(FileTable):

@@ -20,6 +20,7 @@ from legfem.inverse.least_squares import GaussNewtonSettings, damped_gauss_newto
 from legfem.inverse.parameter import Priors
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.estimates import Method, MisfitEmulator, StiffnessFit, profile_intervals
+from legfem.stockings.leg import SensorArray
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.nuisances import NuisanceSlopes
@@ -32,7 +33,6 @@ from legfem.stockings.scan_fit import (
     fit_nuisances,
     stiffness_priors,
 )
-from legfem.stockings.sensors import SensorArray
 
 START = kpa_to_mpa(np.array([3.0, 3.0]))
 """C10 of muscle and fat at the start of the paper's search (MPa)."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import json_types, write_document
+from legfem.common.documents import Cells, column_cells, json_types, write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.indentation import solve_once
@@ -23,10 +23,8 @@ from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, panel, save, styled
-from legfem.solve.path import ForceCurve
-from legfem.solve.report import SolveReport
+from legfem.solve.path import ForceCurve, SolveReport
 from legfem.solve.settings import StepSettings
-from legfem.study.cells import Cells, column_cells
 
 DEPTHS = np.array([2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 WINDOWS = ((0.0, 5.0), (5.0, 20.0), (20.0, 30.0))

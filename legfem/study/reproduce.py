@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.documents import markdown_table, write_atomically, write_document
+from legfem.common.documents import Cells, markdown_table, row_cells, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.document import fit_document
@@ -22,7 +22,6 @@ from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.report.cost_figure import cost_figure
 from legfem.report.style import save
-from legfem.study.cells import Cells, row_cells
 
 
 @dataclass(frozen=True)

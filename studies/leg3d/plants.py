@@ -12,9 +12,8 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
 from legfem.inverse.fit import Fit
-from legfem.inverse.laws import LawName
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.progress import Progress
-from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.catalogue import DEEP_C10, LawName
 from legfem.inverse.fit import Fit
-from legfem.inverse.laws import LawName
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
 from legfem.specimens.details import SpecimenDetails

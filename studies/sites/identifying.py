@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, parameter_of
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, parameter_of
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.laws import LawName
 from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.settings import SearchRequest

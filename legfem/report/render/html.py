@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
-from legfem.common.versions import legfem_build
+from legfem.common.documents import legfem_build
 from legfem.report.page import PROVENANCE, TONES, WebPage
 from legfem.report.words import ORIGINS
 

@@ -8,8 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from legfem.common.doubts import Doubt
-from legfem.common.errors import InputError
+from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable, Positive
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording

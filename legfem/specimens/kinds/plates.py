@@ -64,8 +64,7 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
 
     def model(self, body: CylinderBetweenPlates, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
-        from legfem.experiments.axisymmetric import CylinderCompression
-        from legfem.experiments.halfway import HalfwayTest
+        from legfem.experiments.axisymmetric import CylinderCompression, HalfwayTest
         from legfem.specimens.shallow_tests import settings_to
 
         if not isinstance(body, PartlyHeld):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.documents import json_types, write_atomically, write_document
+from legfem.common.documents import Cells, column_cells, json_types, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
@@ -28,7 +28,6 @@ from legfem.report.render.html import rendered
 from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, save, styled
 from legfem.solve.path import ForceCurve
-from legfem.study.cells import Cells, column_cells
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.page import SHOWN
 

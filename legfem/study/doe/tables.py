@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import json_types
+from legfem.common.documents import Cells, json_types, row_cells, versions_of
 from legfem.common.units import FloatArray
-from legfem.common.versions import versions_of
-from legfem.study.cells import Cells, row_cells
 from legfem.study.doe.design import Factor, label_of
 from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.study import MetricAnalysis, StudyResult
