@@ -5,16 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.channels.seen import Seen
 from legfem.common.units import FloatArray
-from legfem.geometry.indenter import Indenter
+from legfem.geometry.indenter import Indenter, first_touch
 from legfem.geometry.section import LegSection
-from legfem.meshing.section import first_touch
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 Channels = Mapping[str, tuple[float, FloatArray]]
 """Value and derivatives (p,) by a course's name."""
@@ -98,6 +99,22 @@ class ChannelKind:
         return tuple(f"{self.name}:{k}" for k in range(places)) if places else (self.name,)
 
 
+@dataclass(frozen=True)
+class Sight:
+    """Places at which a channel is seen, each of which has a course of its own.
+
+    Parameters
+    ----------
+    name
+        Of the channel's kind.
+    places
+        What tells each from others, as its kind has it.
+    """
+
+    name: str
+    places: tuple[tuple[float, ...], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Site:
     """Where a leg is pressed: its section in the plane of the travel, and the indenter."""
@@ -117,7 +134,7 @@ class Site:
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class ReadingsAtSite:
     """What a channel read in a trial, beside what is known of the trial; arrays are (k,).
 
     Parameters
@@ -241,7 +258,7 @@ class ChannelFile(ABC):
     def read(self, seen: Seen) -> Channels:
         """Return what there is of its kinds in a state; collective over the system's ranks."""
 
-    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Return why a recorded channel can't be one of the kind; None where it can."""
         return None
 
