@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
-from legfem.geometry.indenter import Indenter, first_touch
-from legfem.geometry.section import LegSection
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
@@ -97,40 +96,6 @@ class ChannelKind:
     def courses(self, places: int) -> tuple[str, ...]:
         """Return the names of its courses along a test: one, or one for each of a number of places."""
         return tuple(f"{self.name}:{k}" for k in range(places)) if places else (self.name,)
-
-
-@dataclass(frozen=True)
-class Sight:
-    """Places at which a channel is seen, each of which has a course of its own.
-
-    Parameters
-    ----------
-    name
-        Of the channel's kind.
-    places
-        What tells each from others, as its kind has it.
-    """
-
-    name: str
-    places: tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Site:
-    """Where a leg is pressed: its section in the plane of the travel, and the indenter."""
-
-    section: LegSection
-    indenter: Indenter
-
-    @property
-    def touch(self) -> FloatArray:
-        """The cylinder's axis at first touch (2,), mm."""
-        return np.asarray(first_touch(self.section.skin, self.indenter.radius, self.indenter.aim, self.direction))
-
-    @property
-    def direction(self) -> FloatArray:
-        """Unit vector of the travel (2,)."""
-        return np.asarray(self.indenter.direction)
 
 
 @dataclass(frozen=True, eq=False)

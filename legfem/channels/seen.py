@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from legfem.channels.kind import Sight
+from legfem.channels.site import Sight
 from legfem.common.units import FloatArray
 from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
 from legfem.fem.points import PointsInside

@@ -13,9 +13,9 @@ import numpy as np
 from mpi4py import MPI
 from shapely import Point
 
-from legfem.channels.kind import Sight
 from legfem.channels.reading import ChannelReader
 from legfem.channels.registry import files_of
+from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process

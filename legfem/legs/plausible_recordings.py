@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from legfem.channels.kind import ReadingsAtSite, Site
+from legfem.channels.kind import ReadingsAtSite
 from legfem.channels.registry import FILE_OF
+from legfem.channels.site import Site
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.data import Recording, Segmentation, ranges

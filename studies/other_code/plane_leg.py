@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from legfem.channels.kind import Sight
+from legfem.channels.site import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.section import BONES, LegSection
 from legfem.legs.subject import Subject, TissueParameters

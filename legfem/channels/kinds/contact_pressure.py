@@ -28,8 +28,8 @@ from legfem.channels.kind import (
     Impossible,
     Read,
     ReadingsAtSite,
-    Site,
 )
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray, mpa_to_kpa
 
 if TYPE_CHECKING:

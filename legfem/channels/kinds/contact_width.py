@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, ReadingsAtSite, Site
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, ReadingsAtSite
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 
 if TYPE_CHECKING:

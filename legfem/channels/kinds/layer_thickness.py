@@ -15,8 +15,8 @@ from legfem.channels.kind import (
     Channels,
     Impossible,
     ReadingsAtSite,
-    Site,
 )
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.geometry.section import first_crossing, layer_thicknesses
 

@@ -33,8 +33,8 @@ from legfem.channels.kind import (
     Impossible,
     Read,
     ReadingsAtSite,
-    Site,
 )
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
 

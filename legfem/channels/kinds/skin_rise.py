@@ -23,8 +23,8 @@ from legfem.channels.kind import (
     Frames,
     FramesError,
     Read,
-    Site,
 )
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.geometry.section import across, first_crossing
 
