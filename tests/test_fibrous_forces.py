@@ -16,7 +16,7 @@ from legfem.experiments.homogeneous import HomogeneousTest
 from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
-from legfem.specimens.fibre_directions import AXES
+from legfem.specimens.kind import AXES
 from legfem.specimens.sizes import FibrousTest
 from legfem.specimens.tissues import SpecimenTissue
 from studies.other_code.pressing import BULK, OtherMuscle, pulled_bar

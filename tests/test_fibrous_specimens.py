@@ -25,10 +25,10 @@ from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.report.identification import write_report
 from legfem.solve.protocol import Protocol
-from legfem.specimens.fibre_directions import AXES
 from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.kind import AXES
 from legfem.specimens.laws import asked_in_writing
-from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.nuisances import OwnStiffness
 from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text, slipping
 from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants

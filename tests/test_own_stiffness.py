@@ -11,7 +11,7 @@ from making_specimens import BAR, PLANTED, compressed, ramp, record
 import legfem as lf
 from legfem.inverse.fit import Fit
 from legfem.specimens.details import SampleFit, compared, rms_percent
-from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.nuisances import OwnStiffness
 
 
 def left_out(fit: Fit) -> list[SampleFit]:

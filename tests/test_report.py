@@ -23,7 +23,7 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.estimates import comparison
 from legfem.report.fit_figure import fit_figure
-from legfem.report.folder import made_in_place
+from legfem.report.folder import keep_another, made_in_place
 from legfem.report.identification import write_report
 from legfem.report.leg import leg_page
 from legfem.report.render.text import brief, plain_page
@@ -197,10 +197,12 @@ def test_parameters_go_back_to_the_model_in_its_units(both):
 
 def written(folder, command, *names):
     """Write a report of a command, with some more files that it lists."""
+    keep_another(folder, command)
+    (folder / "result.json").write_text(command)
     with made_in_place(folder) as hidden:
         for name in names:
             (hidden / name).write_text(command)
-        listed = "\n".join([f"{', '.join(names)}\n    pictures"])
+        listed = f"{', '.join(names)}\n    pictures\nresult.json\n    numbers"
         (hidden / "report.txt").write_text(
             f"How to repeat it\n----------------\n{command}\nseed 1\nlegfem 0.2.0\n\nFiles\n-----\n{listed}\n"
         )
@@ -215,7 +217,9 @@ def test_a_report_of_another_law_or_depth_is_kept_and_said(tmp_path, capsys):
     written(tmp_path, "legfem identify --subject 3 --depth 10", "fit.png")
     told = capsys.readouterr().err
     assert "legfem identify --subject 3): they are in" in told.replace("\n", " ")
-    assert {path.name for path in (tmp_path / "earlier-1").iterdir()} == {"fit.png", "cost.png", "report.txt"}
-    assert "--quiet" in (tmp_path / "earlier-1" / "fit.png").read_text()
+    aside = {path.name: path.read_text() for path in (tmp_path / "earlier-1").iterdir()}
+    assert set(aside) == {"fit.png", "cost.png", "report.txt", "result.json"}
+    assert all("--quiet" in text for text in aside.values())
+    assert "--depth 10" in (tmp_path / "result.json").read_text()
     there = {path.name for path in tmp_path.iterdir()}
-    assert there == {"solves", "mine.txt", "earlier-1", "fit.png", "report.txt"}
+    assert there == {"solves", "mine.txt", "earlier-1", "fit.png", "report.txt", "result.json"}

@@ -22,12 +22,11 @@ from legfem.inverse.settings import SearchRequest
 from legfem.legs.correction import TabulatedCorrection, confirmed_correction
 from legfem.legs.details import CLOSE
 from legfem.legs.elastography import FibreRatio
-from legfem.legs.identification import fit_leg
+from legfem.legs.identification import MOST_SOLVES, fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import Subject
-from legfem.legs.two_fidelity import MOST_SOLVES
 from legfem.report.leg import leg_page
 from legfem.report.render.text import plain_page
 

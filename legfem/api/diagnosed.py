@@ -70,8 +70,10 @@ class DiagnosedLeg(Result):
         """Write diagnosis.json, report.txt, report.html and the figures; return report.txt's path."""
         from legfem.common.documents import write_document
         from legfem.report.diagnosis_folder import write_diagnosis_report
+        from legfem.report.folder import keep_another
         from legfem.report.page import command_line
 
+        keep_another(Path(folder), command_line())
         write_document(Path(folder) / DIAGNOSIS, self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
 

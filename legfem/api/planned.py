@@ -62,10 +62,12 @@ class PlannedTests(Result):
     def write(self, folder: Given) -> Path:
         """Write plan.json, report.txt, report.html and tables; return the path of report.txt."""
         from legfem.common.documents import write_document
-        from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
+        from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
+        from legfem.report.page import command_line
         from legfem.report.write import write_page
 
         out = Path(folder)
+        keep_another(out, command_line())
         path = write_document(out / PLAN, self.document())
         with made_in_place(out) as hidden:
             write_page(self._page(), hidden, "what each test would show", [ReportFile([path], NUMBERS)])

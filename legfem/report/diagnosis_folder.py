@@ -19,7 +19,7 @@ from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import model_name
 from legfem.report.diagnosis_document import SCHEMA, Recorded, diagnosed_parameters, document, laws_of, parameter_rows
 from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
-from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
+from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
 from legfem.report.recording_figures import recording_figure
@@ -147,6 +147,7 @@ def write_specimen_diagnoses(
             where = out if alone else out / _folder_name(one.id)
             content = document(one.diagnosis, one, seed, one.seconds)
             content["recordings_not_used"] = _not_used(one, folder)
+            keep_another(where, command)
             write_document(where / DOCUMENT, content)
             write_diagnosis_report(one.diagnosis, one, where, command=command)
     problems = [one.problem for one in made if one.problem is not None]

@@ -23,8 +23,7 @@ _UNFINISHED = ".report-unfinished"
 def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Path]:
     """Yield a hidden folder, from which files are moved into place at the end, the report last.
 
-    Whoever stops the run in between finds no half-written file. A report of another command (of another
-    law or depth) that is there isn't overwritten: its files are moved to a folder ``earlier-1``, and a line says so.
+    Whoever stops the run in between finds no half-written file.
 
     Parameters
     ----------
@@ -42,7 +41,6 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
         with naming(out):
             yield hidden
             if comm.rank == 0:
-                _keep_another(out, hidden)
                 for path in sorted(hidden.iterdir(), key=lambda path: path.name == REPORT):
                     target = out / path.name
                     if target.is_dir():
@@ -60,14 +58,26 @@ _WITHOUT_EFFECT = {"--quiet": 1, "--json": 1, "--jobs": 2, "--out": 2}
 """Options that change no result, and how many words each takes."""
 
 
-def _keep_another(out: Path, new: Path) -> None:
-    """Move a report that another command wrote aside, with all files that it lists."""
+def keep_another(out: Path, command: str) -> None:
+    """Move a report that another command (of another law or depth) wrote aside, with all files that it lists.
+
+    It goes to a folder ``earlier-1`` within, and a line says so. To be called before anything of the new one is
+    written.
+
+    Parameters
+    ----------
+    out
+        Folder of results.
+    command
+        That was given now; empty where there was none, and nothing is moved.
+    """
     try:
-        before, now = ((folder / REPORT).read_text(encoding="utf-8") for folder in (out, new))
+        before = (out / REPORT).read_text(encoding="utf-8")
     except OSError:
         return
-    commands = [_command_of(text) for text in (before, now)]
-    if not all(commands) or commands[0] == commands[1]:
+    found = _COMMAND.search(before)
+    earlier, now = _words(found[1] if found else ""), _words(command)
+    if not earlier or not now or earlier == now:
         return
     number = 1
     while (aside := out / f"earlier-{number}").exists():
@@ -79,13 +89,12 @@ def _keep_another(out: Path, new: Path) -> None:
     for name in (*names, REPORT):
         if (out / name).exists():
             (out / name).replace(aside / name)
-    print(f"{out} held the results of another command ({' '.join(commands[0])}): they are in {aside}", file=sys.stderr)
+    print(f"{out} held the results of another command ({' '.join(earlier)}): they are in {aside}", file=sys.stderr)
 
 
-def _command_of(text: str) -> list[str]:
-    """Return the words of the command that wrote a report, without those that change no result."""
-    found = _COMMAND.search(text)
-    words = shlex.split(found[1]) if found and found[1].startswith(("legfem ", "python -m legfem")) else []
+def _words(command: str) -> list[str]:
+    """Return a command's words without those that change no result; none of what is no command of legfem's."""
+    words = shlex.split(command) if command.startswith(("legfem ", "python -m legfem")) else []
     kept: list[str] = []
     while words:
         taken = _WITHOUT_EFFECT.get(words[0], 0)

@@ -22,7 +22,7 @@ from legfem.report.channels import SHOWS, beside_force, channels_figure
 from legfem.report.cost_figure import cost_figure
 from legfem.report.estimates import preferred
 from legfem.report.fit_figure import fit_figure
-from legfem.report.folder import REPORT, RESULT, ReportFile, made_in_place
+from legfem.report.folder import REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.leg import leg_page
 from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
 from legfem.report.page import PressedSection, WebPage
@@ -97,6 +97,7 @@ def write_report(
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0 and not every_rank:
         return out / REPORT
     if comm.rank == 0:
+        keep_another(out, command)
         write_document(out / "result.json", fit_document(fits, kind.document))
     apart = jobs > 1 and experiment is not None and comm.size == 1
     with made_in_place(out, comm) as folder, in_background(lambda: kind.files(fits, folder), apart) as drawn:

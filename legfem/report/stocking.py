@@ -10,7 +10,7 @@ import numpy as np
 from legfem.common.documents import write_document
 from legfem.common.units import FloatArray
 from legfem.fem.fields import fields_of
-from legfem.report.folder import REPORT, ReportFile, made_in_place
+from legfem.report.folder import REPORT, ReportFile, keep_another, made_in_place
 from legfem.report.paraview import write_fields
 from legfem.report.stocking_figures import (
     stocking_contours_figure,
@@ -55,6 +55,8 @@ def write_stocking_report(result: StockingResult, folder: Path, command: str = "
     """
     folder = Path(folder)
     comm, sampled = result.model.compression.comm, _sample(result)
+    if comm.rank == 0:
+        keep_another(folder, command)
     with made_in_place(folder, comm) as hidden:
         entries = _fields(result, hidden)
         if comm.rank == 0:

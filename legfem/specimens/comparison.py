@@ -1,6 +1,6 @@
 """Recordings of several specimens beside one model: each counts alike.
 
-How stiff each is beside the others is found with it, see `legfem.specimens.own_stiffness`.
+How stiff each is beside the others is found with it, see `legfem.specimens.nuisances`.
 """
 
 from __future__ import annotations
@@ -20,12 +20,11 @@ from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.form_error import by_third, third_of
 from legfem.inverse.instrument import INSTRUMENT, READINGS, Reading
 from legfem.inverse.outcome import Outcome
-from legfem.specimens.contacts import Onset, power_of
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
 from legfem.specimens.fibre_ratio import kinds_of, tells_ratio, were_turned
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.nuisances import Onset, OwnStiffness, power_of
 from legfem.specimens.relaxation import borne, branch_ratios, clock
 from legfem.specimens.sizes import SpecimenRecording, fibres_text
 

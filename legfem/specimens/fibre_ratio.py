@@ -6,8 +6,8 @@ from collections.abc import Collection, Sequence
 
 from legfem.common.errors import InputError
 from legfem.inverse.catalogue import is_ratio
-from legfem.specimens.fibre_directions import WORDS
 from legfem.specimens.folder import FILE, SpecimenFolder
+from legfem.specimens.kind import WORDS
 from legfem.specimens.sizes import SpecimenRecording, level_of
 
 

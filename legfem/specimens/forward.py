@@ -22,10 +22,9 @@ from legfem.jobs.store import Store
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
-from legfem.specimens.contacts import deepest_of
-from legfem.specimens.fibre_directions import AXES
 from legfem.specimens.folder import SpecimenFolder
-from legfem.specimens.kind import Law, SpecimenTest
+from legfem.specimens.kind import AXES, Law, SpecimenTest
+from legfem.specimens.nuisances import deepest_of
 from legfem.specimens.plausibility import doubts_about_differing
 from legfem.specimens.sizes import FibrousTest, LayeredTest, LeftOut, Sizes, SpecimenRecording, bare, kind_in
 from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, begin_at

@@ -15,8 +15,7 @@ from legfem.data import Instrument, Recording, Segmentation
 from legfem.data.stress_tables import read_stress_table
 from legfem.experiments.bodies import HomogeneousBody
 from legfem.specimens.course import read_table
-from legfem.specimens.fibre_directions import Direction
-from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenRecordingsEntry, SpecimenTest
+from legfem.specimens.kind import Direction, Law, ShownAxes, SpecimenKind, SpecimenRecordingsEntry, SpecimenTest
 
 _OTHER_WAY = 0.02
 """Of the farthest strain: a row so far on the other side of none is of another test."""

@@ -21,7 +21,20 @@ from legfem.data.folder import RecordingsEntry
 from legfem.data.reader import read_samples
 from legfem.data.stress_tables import StressTable
 from legfem.specimens.course import read_specimen
-from legfem.specimens.fibre_directions import WORDS, Direction
+
+Direction = Literal["load", "across", "cylinder"]
+AXES: Mapping[Direction, tuple[float, float, float]] = {
+    "load": (0.0, 1.0, 0.0),
+    "across": (1.0, 0.0, 0.0),
+    "cylinder": (0.0, 0.0, 1.0),
+}
+"""In the half plane that is meshed; of a bar, whose own axis is the second."""
+WORDS: Mapping[Direction, str] = {
+    "load": "along the load",
+    "across": "across the load",
+    "cylinder": "along the cylinder",
+}
+
 
 if typing.TYPE_CHECKING:
     # What reads a folder's file doesn't start MPI.

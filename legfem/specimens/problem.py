@@ -37,7 +37,6 @@ from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
-from legfem.specimens.contacts import SETTLED
 from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, weighed
 from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
@@ -45,6 +44,7 @@ from legfem.specimens.forward import Prepared, SpecimenForward, prepare
 from legfem.specimens.lateral_stretch import lateral_fit
 from legfem.specimens.laws import ParameterRequest, identified_law
 from legfem.specimens.misfit import LawMisfit, misfit_of
+from legfem.specimens.nuisances import SETTLED
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
 from legfem.specimens.size_dependence import SizeDependence, size_dependence
 from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, bare, kind_in, lengths_of

@@ -20,8 +20,7 @@ from legfem.common.input_files import (
 )
 from legfem.data.folder import InstrumentEntry, with_lab
 from legfem.inverse.catalogue import LawName
-from legfem.specimens.fibre_directions import Direction
-from legfem.specimens.kind import SpecimenKind, SpecimenRecordingsEntry
+from legfem.specimens.kind import Direction, SpecimenKind, SpecimenRecordingsEntry
 from legfem.specimens.kinds import kinds
 
 PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]

@@ -12,8 +12,7 @@ from legfem.data import Recording, Segmentation
 from legfem.data.contact import Contact
 from legfem.inverse.data import Channel, Data
 from legfem.specimens.course import Course, course_of
-from legfem.specimens.fibre_directions import WORDS, Direction
-from legfem.specimens.kind import ShownAxes, SizeError, SpecimenKind, needed
+from legfem.specimens.kind import WORDS, Direction, ShownAxes, SizeError, SpecimenKind, needed
 from legfem.specimens.kinds import kind_of
 from legfem.specimens.schema import SIZES, SpecimenEntry, SpecimenFile
 

@@ -12,8 +12,8 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import write_recording
 from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.intervals import Identifiability
-from legfem.specimens.fibre_directions import Direction
 from legfem.specimens.folder import load_specimen
+from legfem.specimens.kind import Direction
 from legfem.specimens.problem import fit_specimens
 from legfem.specimens.tissues import ONE
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import Base, CylinderOnBlock, Faces
-from legfem.specimens.fibre_directions import WORDS, Direction
-from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, length_range, needed
+from legfem.specimens.kind import WORDS, Direction, Law, SpecimenKind, SpecimenTest, length_range, needed
 
 
 class CylinderEntry(FileTable):
