@@ -11,8 +11,8 @@ import shapely
 from making_diagnosed import BASE, diagnosed_of
 from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
 
-from legfem.channels.kind import Site
 from legfem.channels.registry import CHANNELS, FILE_OF
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
 from legfem.data.recording import RecordedChannel

@@ -12,7 +12,7 @@ from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
 from legfem.channels.kinds.contact_pressure import PRESSURE
-from legfem.channels.seen import Sight
+from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings

@@ -17,9 +17,10 @@ from making_mechanics import COARSE, subject_3
 
 from legfem.common.errors import InputError
 from legfem.fem.compat import cell_nodes
+from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import LegSection
 from legfem.meshing.gmsh_mesh import generate, gmsh_model
-from legfem.meshing.section import BONE, REGIONS, SKIN, SectionMesh, SectionMeshSettings, first_touch, mesh_section
+from legfem.meshing.section import BONE, REGIONS, SKIN, SectionMesh, SectionMeshSettings, mesh_section
 
 
 @pytest.fixture(scope="module")

@@ -5,16 +5,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.channels.seen import Seen
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
-from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import LegSection
-from legfem.meshing.section import first_touch
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 Channels = Mapping[str, tuple[float, FloatArray]]
 """Value and derivatives (p,) by a course's name."""
@@ -99,25 +99,7 @@ class ChannelKind:
 
 
 @dataclass(frozen=True, eq=False)
-class Site:
-    """Where a leg is pressed: its section in the plane of the travel, and the indenter."""
-
-    section: LegSection
-    indenter: Indenter
-
-    @property
-    def touch(self) -> FloatArray:
-        """The cylinder's axis at first touch (2,), mm."""
-        return np.asarray(first_touch(self.section.skin, self.indenter.radius, self.indenter.aim, self.direction))
-
-    @property
-    def direction(self) -> FloatArray:
-        """Unit vector of the travel (2,)."""
-        return np.asarray(self.indenter.direction)
-
-
-@dataclass(frozen=True, eq=False)
-class Recorded:
+class ReadingsAtSite:
     """What a channel read in a trial, beside what is known of the trial; arrays are (k,).
 
     Parameters
@@ -241,7 +223,7 @@ class ChannelFile(ABC):
     def read(self, seen: Seen) -> Channels:
         """Return what there is of its kinds in a state; collective over the system's ranks."""
 
-    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Return why a recorded channel can't be one of the kind; None where it can."""
         return None
 

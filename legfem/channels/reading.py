@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from legfem.channels.kind import ChannelFile, Channels
-from legfem.channels.seen import ReadState, Seen, SeenModel, Sight
+from legfem.channels.seen import ReadState, Seen, SeenModel
+from legfem.channels.site import Sight
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.solve.sensitivity import SensitivityTracker

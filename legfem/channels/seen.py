@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from legfem.channels.site import Sight
 from legfem.common.units import FloatArray
 from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
 from legfem.fem.points import PointsInside
@@ -45,22 +46,6 @@ class ReadState:
     nodal_force: FloatArray
     nodal_force_rates: FloatArray
     displacement: float = 0.0
-
-
-@dataclass(frozen=True)
-class Sight:
-    """Places at which a channel is seen, each of which has a course of its own.
-
-    Parameters
-    ----------
-    name
-        Of the channel's kind.
-    places
-        What tells each from others, as its kind has it.
-    """
-
-    name: str
-    places: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import create_model, model_validator
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Frames, FramesError, Read, Site
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Frames, FramesError, Read
 from legfem.channels.registry import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
+from legfem.channels.site import Site
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray

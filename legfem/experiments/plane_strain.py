@@ -15,7 +15,7 @@ from shapely import Point
 
 from legfem.channels.reading import ChannelReader
 from legfem.channels.registry import files_of
-from legfem.channels.seen import Sight
+from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
@@ -32,7 +32,7 @@ from legfem.experiments.indentation import (
 from legfem.fem.fields import most_stretched
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
-from legfem.geometry.indenter import Indenter
+from legfem.geometry.indenter import Indenter, first_touch
 from legfem.geometry.section import BONES, LegSection, across
 from legfem.mechanics.contact import ContactSettings, RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
@@ -45,7 +45,6 @@ from legfem.meshing.section import (
     MeshMotion,
     SectionMesh,
     SectionMeshSettings,
-    first_touch,
     mesh_section,
     moved_section_mesh,
 )

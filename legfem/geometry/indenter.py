@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import brentq
+from shapely import LinearRing, Point
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
+from legfem.geometry.section import across
 
 IndenterShape = Literal["cylinder", "ball", "punch"]
 
@@ -80,3 +83,41 @@ class Indenter:
                 f"a {self} isn't there in a section in plane strain",
                 "solve the leg in 3D: legfem identify --model 3d",
             )
+
+
+def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return the centre of a disk that, travelling along a line, just touches a closed polygon.
+
+    Parameters
+    ----------
+    outline
+        Corners of the polygon, (n, 2), mm.
+    radius, aim, direction
+        Radius of the disk (mm), a point on its line of travel (mm) and the travel's unit vector.
+
+    Returns
+    -------
+    ndarray
+        (2,), mm.
+    """
+    ring = LinearRing(outline)
+    along = (outline - aim) @ direction
+    near = np.abs((outline - aim) @ across(direction)) < 0.9 * radius
+    if not near.any():
+        raise InputError(
+            "subject.toml",
+            "indenter.aim_mm",
+            "the indenter's line of travel misses the leg",
+            "give a point inside the leg and check direction_deg",
+        )
+
+    def clearance(position: float) -> float:
+        return float(ring.distance(Point(*(aim + position * direction))) - radius)
+
+    inner = along[near].min()
+    outer = along.min() - 2 * radius
+    # The clearance falls with the approach, so the last sign change from outside is the touch.
+    stations = np.linspace(outer, inner, 200)
+    index = int(np.argmax([clearance(s) <= 0 for s in stations]))
+    position = brentq(clearance, stations[index - 1], stations[index], xtol=1e-13)
+    return aim + position * direction

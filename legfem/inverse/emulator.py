@@ -141,7 +141,7 @@ def _covariance(at: FloatArray, samples: FloatArray, lengths: FloatArray) -> Flo
     apart = (at[:, None, :] - samples) / lengths
     k = np.exp(-0.5 * np.einsum("qnp,qnp->qn", apart, apart))
     slopes = (apart / lengths * k[..., None]).transpose(0, 2, 1)
-    return np.concatenate([k, slopes.reshape(len(at), -1)], axis=1)
+    return np.concatenate([k, slopes.reshape(len(at), samples.size)], axis=1)
 
 
 def _covariance_of_samples(samples: FloatArray, lengths: FloatArray) -> FloatArray:

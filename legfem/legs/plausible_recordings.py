@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from legfem.channels.kind import Recorded, Site
+from legfem.channels.kind import ReadingsAtSite
 from legfem.channels.registry import FILE_OF
+from legfem.channels.site import Site
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.data import Recording, Segmentation, ranges
@@ -275,7 +276,9 @@ def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter,
         _check_time(channel, trial, source)
         force = np.interp(channel.time, trial.recording.time, trial.recording.force - trial.contact.baseline)
         depths, values = loading_depths(channel, trial), channel.values
-        recorded = Recorded(values, depths, force, channel.accuracy, Site(section, indenter), outline_sd, channel.place)
+        recorded = ReadingsAtSite(
+            values, depths, force, channel.accuracy, Site(section, indenter), outline_sd, channel.place
+        )
         found = FILE_OF[channel.name].check(channel.kind, recorded)
         if found is not None:
             raise InputError(source, channel.name, found.what, found.remedy)

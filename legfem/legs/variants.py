@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from legfem.channels.seen import Sight
+from legfem.channels.site import Sight
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms

@@ -14,12 +14,12 @@ import gmsh
 import numpy as np
 import shapely
 from mpi4py import MPI
-from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import ClosedCurve, smooth_closed_curve
+from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import BONES, LegSection, across
 from legfem.meshing.gmsh_mesh import (
     MeshQuality,
@@ -250,44 +250,6 @@ def moved_section_mesh(
     outline = meshed.outline + motion.displacement(meshed.outline, section, meshed.touch, meshed.direction)
     touch = first_touch(outline, radius, aim, meshed.direction)
     return replace(meshed, outline=outline, touch=touch)
-
-
-def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the centre of a disk that, travelling along a line, just touches a closed polygon.
-
-    Parameters
-    ----------
-    outline
-        Corners of the polygon, (n, 2), mm.
-    radius, aim, direction
-        Radius of the disk (mm), a point on its line of travel (mm) and the travel's unit vector.
-
-    Returns
-    -------
-    ndarray
-        (2,), mm.
-    """
-    ring = shapely.LinearRing(outline)
-    along = (outline - aim) @ direction
-    near = np.abs((outline - aim) @ across(direction)) < 0.9 * radius
-    if not near.any():
-        raise InputError(
-            "subject.toml",
-            "indenter.aim_mm",
-            "the indenter's line of travel misses the leg",
-            "give a point inside the leg and check direction_deg",
-        )
-
-    def clearance(position: float) -> float:
-        return float(ring.distance(shapely.Point(*(aim + position * direction))) - radius)
-
-    inner = along[near].min()
-    outer = along.min() - 2 * radius
-    # The clearance falls with the approach, so the last sign change from outside is the touch.
-    stations = np.linspace(outer, inner, 200)
-    index = int(np.argmax([clearance(s) <= 0 for s in stations]))
-    position = brentq(clearance, stations[index - 1], stations[index], xtol=1e-13)
-    return aim + position * direction
 
 
 def _skin_within_reach(skin: ClosedCurve, radius: float, aim: FloatArray, direction: FloatArray) -> FloatArray:

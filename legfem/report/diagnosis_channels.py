@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.channels.kind import Site
 from legfem.channels.registry import FILE_OF
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.verdict import Diagnosis

@@ -15,10 +15,11 @@ from legfem.experiments.experiment import Solved
 from legfem.experiments.indentation import is_due
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.fem.fields import FieldReader, LegFields
+from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import BONES, PARTS, LegSection
 from legfem.legs.subject import Subject
 from legfem.mechanics.integration_domain import Skin
-from legfem.meshing.section import REGIONS, first_touch
+from legfem.meshing.section import REGIONS
 from legfem.report.leg_figure import DrawnSection
 from legfem.report.many import packed
 from legfem.report.page import PressedSection, StillSection

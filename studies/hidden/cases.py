@@ -257,7 +257,7 @@ class Recorder:
         return CubicSpline(np.linspace(0.0, DEPTH_MM, len(force)), force) if force else None
 
     def _solved(self, case: HiddenCase, effect: Effect, c10: float, c20: float) -> SolvedCurve:
-        from legfem.meshing.section import first_touch
+        from legfem.geometry.indenter import first_touch
 
         leg = self._leg(case.leg).true
         indenter, skin = leg.indenter, leg.section.skin

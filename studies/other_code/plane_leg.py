@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from legfem.channels.seen import Sight
+from legfem.channels.site import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.section import BONES, LegSection
 from legfem.legs.subject import Subject, TissueParameters
@@ -357,7 +357,7 @@ class OtherCode(OtherPressing):
     """
 
     def __init__(self, subject: Subject, case: OtherCase, finer: float = 1.0, sights: Sequence[Sight] = ()) -> None:
-        from legfem.meshing.section import first_touch
+        from legfem.geometry.indenter import first_touch
 
         indenter = subject.indenter
         self.subject, self.case = subject, case

@@ -10,7 +10,7 @@ import pytest
 
 from legfem.channels.kinds.contact_pressure import PRESSURE
 from legfem.channels.kinds.section_displacement import INSIDE
-from legfem.channels.seen import Sight
+from legfem.channels.site import Sight
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject

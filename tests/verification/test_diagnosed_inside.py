@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from making_diagnosis import INSTRUMENT
 
-from legfem.channels.kind import Frames, Site
+from legfem.channels.kind import Frames
 from legfem.channels.kinds.section_displacement import INSIDE, SectionDisplacements
-from legfem.channels.seen import Sight
+from legfem.channels.site import Sight, Site
 from legfem.common.progress import Silent
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all

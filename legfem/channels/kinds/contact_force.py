@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, ChannelPlan, Channels, Impossible, Recorded
-from legfem.channels.seen import Seen
+from legfem.channels.kind import (
+    ChannelAccuracy,
+    ChannelFile,
+    ChannelKind,
+    ChannelPlan,
+    Channels,
+    Impossible,
+    ReadingsAtSite,
+)
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 _SIX_AXES = ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01)
 """Crosstalk of a six-axis cell is a per cent or two of the force along the travel."""
@@ -46,7 +56,7 @@ class ContactForces(ChannelFile):
             found[AXIAL.name] = seen.force(np.array([0.0, 0.0, 1.0]))
         return found
 
-    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a lateral force that exceeds the force along the travel."""
         force, values = recorded.force, recorded.values
         pressed = force > _PRESSED * force.max()

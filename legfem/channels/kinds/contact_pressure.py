@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,13 @@ from legfem.channels.kind import (
     FramesError,
     Impossible,
     Read,
-    Recorded,
-    Site,
+    ReadingsAtSite,
 )
-from legfem.channels.seen import Seen
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray, mpa_to_kpa
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 _FILM = ChannelAccuracy(reading=0.5, bias=0.3, gain=0.1, slow=0.2, lag=0.1, creep=0.05, threshold=1.0)
 """Of thin-film sensors on a curved face: a tenth of the reading, and a twentieth more for each decade of time."""
@@ -67,7 +69,7 @@ class ContactPressures(ChannelFile):
             found[name] = (mpa_to_kpa(load), mpa_to_kpa(1.0) * np.asarray(rates))
         return found
 
-    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse pressures whose sum exceeds the force by far: no film's gain is off by so much."""
         pressed = np.flatnonzero(recorded.force > 0.5 * recorded.force.max())
         width = recorded.places[:, 1] - recorded.places[:, 0]

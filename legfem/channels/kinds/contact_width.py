@@ -8,13 +8,16 @@ slides along the outline so that it stays there.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, Recorded, Site
-from legfem.channels.seen import Seen
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, ReadingsAtSite
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 _SEEN = ChannelAccuracy(reading=0.7, bias=1.0, gain=0.03, slow=0.3, lag=0.1)
 """Of an edge that fades: skin that is close to the face looks as if it touched."""
@@ -53,7 +56,7 @@ class ContactWidths(ChannelFile):
         right, left = min(found, key=lambda one: one[0]), max(found, key=lambda one: one[0])
         return {WIDTH.name: (left[0] - right[0], left[1] - right[1])}
 
-    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a width of more than half the cylinder's face."""
         half = float(np.pi * recorded.site.indenter.radius)
         widest = float(recorded.values.max())

@@ -6,12 +6,14 @@ as wide as the tissue's compressibility has it.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, Recorded
-from legfem.channels.seen import Seen
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, ReadingsAtSite
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 _VIDEO = ChannelAccuracy(reading=0.005, bias=0.003, gain=0.03, slow=0.002, lag=0.1)
 """A pixel or two of some hundred across the specimen; the scale and the plane of focus."""
@@ -40,7 +42,7 @@ class LateralStretches(ChannelFile):
         dof = int(spaces.displacement_dofs[2 * node])
         return {LATERAL_STRETCH.name: (1 + float(state.unknown[dof]) / radius, state.unknown_rates[:, dof] / radius)}
 
-    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse what isn't a stretch: a diameter in mm, or a strain."""
         low, high = float(recorded.values.min()), float(recorded.values.max())
         if 1 / _WIDEST < low and high < _WIDEST:

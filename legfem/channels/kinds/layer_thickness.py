@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -14,12 +14,14 @@ from legfem.channels.kind import (
     ChannelPlan,
     Channels,
     Impossible,
-    Recorded,
-    Site,
+    ReadingsAtSite,
 )
-from legfem.channels.seen import Seen
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.geometry.section import first_crossing, layer_thicknesses
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 _ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
 """Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""
@@ -68,7 +70,7 @@ class LayerThicknesses(ChannelFile):
                 found[name] = (below[0] - above[0], below[1] - above[1])
         return found
 
-    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a layer that grows as the cylinder presses, or isn't the section's."""
         site, name = recorded.site, kind.title
         own = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)

@@ -16,7 +16,7 @@ third of itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import shapely
@@ -32,12 +32,14 @@ from legfem.channels.kind import (
     FramesError,
     Impossible,
     Read,
-    Recorded,
-    Site,
+    ReadingsAtSite,
 )
-from legfem.channels.seen import Seen
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 _TRACKING = ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
 """Of a cell; what is slow is tracking's drift from frame to frame. The image is laid into the section by hand."""
@@ -79,7 +81,7 @@ class SectionDisplacements(ChannelFile):
             )
         }
 
-    def check(self, kind: ChannelKind, recorded: Recorded) -> Impossible | None:
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse displacements that are too large, against the travel, or not counted from first touch."""
         pressed = np.isfinite(recorded.depth)
         depth, values, places = recorded.depth[pressed], recorded.values[pressed], recorded.places[pressed]

@@ -9,7 +9,7 @@ before the cylinder presses. So what is off in the registration of both systems 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -23,11 +23,13 @@ from legfem.channels.kind import (
     Frames,
     FramesError,
     Read,
-    Site,
 )
-from legfem.channels.seen import Seen
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.geometry.section import across, first_crossing
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
 
 _CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, slow=0.2, lag=0.05)
 _OFFSETS_MM = (25.0, 40.0, -25.0, -40.0)

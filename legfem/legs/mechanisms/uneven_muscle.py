@@ -53,8 +53,8 @@ def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tu
     side
         To the left of the line of travel (mm).
     """
+    from legfem.geometry.indenter import first_touch
     from legfem.geometry.section import across, first_crossing
-    from legfem.meshing.section import first_touch
 
     travel, radius = leg.indenter.direction, leg.indenter.radius
     centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
