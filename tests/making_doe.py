@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from legfem.study.doe.design import PAPER, Definition, factorial_design, read_definition
 from legfem.study.doe.report import DoeOptions, run
-from legfem.study.doe.simulator import Record, Request
+from legfem.study.doe.runs import Record, Request
 
 TOML = PAPER.read_text().replace("training = 80", "training = 30").replace("= 20", "= 8")
 

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock
 from legfem.inverse.fibre_ratio import ratio_of
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.tissues import SpecimenTissue
+from legfem.specimens.laws import SpecimenTissue
 
 C10, C20 = 5e-3, 2e-3
 PULLED = BAR.replace('"compression"', '"tension"')

@@ -17,8 +17,7 @@ from typer.testing import CliRunner
 import legfem as lf
 from legfem.api.cohorts import ExpectedRun
 from legfem.cohort.members import find_members
-from legfem.cohort.rows import Judged, Row, cohort_model, models_of
-from legfem.cohort.table import cohort_frame, units_frame
+from legfem.cohort.rows import Judged, Row, cohort_frame, cohort_model, models_of, units_frame
 from legfem.commands.cohort import app
 from legfem.inverse.document import fit_document
 from legfem.legs.document import LegDocument

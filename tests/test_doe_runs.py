@@ -26,8 +26,7 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.study.doe import report as command
 from legfem.study.doe.report import run
-from legfem.study.doe.runs import simulate
-from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, failed
+from legfem.study.doe.runs import PlaneStrainSimulator, Record, Request, failed, simulate
 
 SHALLOW = """\
 depth_mm = 2.0

@@ -12,13 +12,12 @@ from making_specimens import AREA, LENGTH
 
 from legfem.common.errors import InputError
 from legfem.experiments.bodies import PunchOnLayer
-from legfem.experiments.homogeneous import HomogeneousTest
-from legfem.experiments.uniaxial import UniaxialSpecimen
+from legfem.experiments.homogeneous import HomogeneousTest, UniaxialSpecimen
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
 from legfem.specimens.kind import AXES
+from legfem.specimens.laws import SpecimenTissue
 from legfem.specimens.sizes import FibrousTest
-from legfem.specimens.tissues import SpecimenTissue
 from studies.other_code.pressing import BULK, OtherMuscle, pulled_bar
 
 

@@ -14,8 +14,8 @@ import legfem as lf
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.bodies import PunchOnLayer
+from legfem.experiments.homogeneous import UniaxialSpecimen
 from legfem.experiments.lateral_cylinder import LateralCylinder
-from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.parse_parameters import Written
 from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
@@ -27,10 +27,9 @@ from legfem.report.identification import write_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import AXES
-from legfem.specimens.laws import asked_in_writing
+from legfem.specimens.laws import SpecimenTissue, asked_in_writing
 from legfem.specimens.nuisances import OwnStiffness
 from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text, slipping
-from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
 from studies.fibrous_specimens.__main__ import page
 from studies.fibrous_specimens.planting import SETUPS, Found, Outcome, plants

@@ -20,9 +20,8 @@ from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
-from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.estimates import comparison
-from legfem.report.fit_figure import fit_figure
+from legfem.report.fit_figures import confidence_ellipse, cost_figure, fit_figure, linear_cost
 from legfem.report.folder import keep_another, made_in_place
 from legfem.report.identification import write_report
 from legfem.report.leg import leg_page

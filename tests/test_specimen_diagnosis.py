@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock
-from legfem.experiments.uniaxial import UniaxialSpecimen
+from legfem.experiments.homogeneous import UniaxialSpecimen
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.responses import BodyModels, Stopped
 from legfem.legs.mechanisms import Solution
@@ -22,9 +22,9 @@ from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.forward import experiment_of
+from legfem.specimens.laws import REFERENCE_MPA, specimen_law
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.sizes import slipping
-from legfem.specimens.tissues import REFERENCE_MPA, specimen_law
 from legfem.specimens.variants import SpecimenVariants
 
 STATED = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.002\n"

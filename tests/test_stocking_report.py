@@ -27,13 +27,13 @@ from legfem.inverse.intervals import quantile
 from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.report.leg_directions import Directions, angle_round, unwrapped
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
 from legfem.report.stocking import moved_surfaces, write_stocking_report
 from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import stiffness_interval, vein_interval
 from legfem.report.stocking_stiffness import verdict_sentence
+from legfem.report.words import Directions, angle_round, unwrapped
 from legfem.stockings.document import stocking_document
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_estimates

@@ -20,8 +20,8 @@ from legfem.inverse.parameter import Parameter
 from legfem.mechanics.materials import NeoHookean
 from legfem.specimens.details import Weighed, alternatives_text
 from legfem.specimens.kinds.plates import PartlyHeld, PlatesEntry, PlatesKind
+from legfem.specimens.laws import bulk_ratio
 from legfem.specimens.shallow_tests import settings_to
-from legfem.specimens.tissues import bulk_ratio
 
 C10 = 4e-3
 PLATES = """\

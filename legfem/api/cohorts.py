@@ -17,8 +17,7 @@ from legfem.api.cohort_member import Options, done_with
 from legfem.api.loading import Given
 from legfem.api.results import Result
 from legfem.cohort.members import Member, Members, Task, find_members
-from legfem.cohort.rows import Row
-from legfem.cohort.table import cohort_frame, units_frame, write_tables
+from legfem.cohort.rows import Row, cohort_frame, units_frame, write_tables
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, duration, progress_on
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes

@@ -86,7 +86,7 @@ def cohort(
     with alone as processes:
         from legfem.api.cohorts import DOCUMENT, ExpectedRun
         from legfem.api.cohorts import cohort as cohort_in_full
-        from legfem.cohort.table import CSV
+        from legfem.cohort.rows import CSV
         from legfem.commands.options import print_outcome
         from legfem.report.cohort import PAGE
 

@@ -19,9 +19,8 @@ from legfem.legs.details import LegDetails
 from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
 from legfem.report.channels import SHOWS, beside_force, channels_figure
-from legfem.report.cost_figure import cost_figure
 from legfem.report.estimates import preferred
-from legfem.report.fit_figure import fit_figure
+from legfem.report.fit_figures import cost_figure, fit_figure
 from legfem.report.folder import REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.leg import leg_page
 from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure

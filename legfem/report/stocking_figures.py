@@ -16,7 +16,6 @@ from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.slices import CONTOURS, SliceSet
-from legfem.report.leg_directions import Directions, unwrapped
 from legfem.report.style import (
     BONE_COLOUR,
     DATA_COLOUR,
@@ -28,7 +27,7 @@ from legfem.report.style import (
     styled,
     title,
 )
-from legfem.report.words import number
+from legfem.report.words import Directions, number, unwrapped
 from legfem.stockings.estimates import StiffnessFit, expected_rms
 from legfem.stockings.misfit import CONTOUR_NAMES, ContourMisfit
 from legfem.stockings.pressures import FatPressures, SectionPressures

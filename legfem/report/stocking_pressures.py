@@ -10,9 +10,9 @@ from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.inverse.intervals import quantile
-from legfem.report.leg_directions import Directions, angle_round
 from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.turned import Marked, SkinField, turned_leg
+from legfem.report.words import Directions, angle_round
 from legfem.stockings.notices import TISSUES, unloaded_skin
 from legfem.stockings.pressures import FatPressures, TissuePressures, too_low_by
 from legfem.stockings.result import StockingResult

@@ -23,10 +23,10 @@ from legfem.jobs.key import code_fingerprint
 from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.nuisances import Accuracy
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
+from legfem.specimens.laws import SpecimenTissue
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.size_dependence import SizeDependence, size_dependence
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in
-from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
 
 _POINTS = 60

@@ -24,16 +24,16 @@ from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.kind import AXES, Law, SpecimenTest
+from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue, begin_at
 from legfem.specimens.nuisances import deepest_of
 from legfem.specimens.plausibility import doubts_about_differing
 from legfem.specimens.sizes import FibrousTest, LayeredTest, LeftOut, Sizes, SpecimenRecording, bare, kind_in
-from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, begin_at
 
 
 def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE) -> SpecimenTest:
     """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm).
 
-    Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.tissues.ONE`.
+    Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.laws.ONE`.
     Fibres, if there are, are the named tissue's, and do nothing until their numbers are given.
     """
     if isinstance(sizes, FibrousTest):

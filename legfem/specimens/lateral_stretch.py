@@ -22,8 +22,8 @@ from legfem.data.segmentation import LOADING
 from legfem.inverse.catalogue import Values
 from legfem.inverse.channel_readings import grouped, noise_of
 from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.laws import bulk_ratio
 from legfem.specimens.sizes import SpecimenRecording
-from legfem.specimens.tissues import bulk_ratio
 
 _SIDE = next(name for name, kind in CHANNELS.items() if "specimen" in kind.models)
 POISSON_RATIOS = (0.2, 0.3, 0.35, 0.4, 0.43, 0.45, 0.47, 0.49, 0.4999)

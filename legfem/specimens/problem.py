@@ -42,13 +42,12 @@ from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import Prepared, SpecimenForward, prepare
 from legfem.specimens.lateral_stretch import lateral_fit
-from legfem.specimens.laws import ParameterRequest, identified_law
+from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
 from legfem.specimens.misfit import LawMisfit, misfit_of
 from legfem.specimens.nuisances import SETTLED
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
 from legfem.specimens.size_dependence import SizeDependence, size_dependence
 from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, bare, kind_in, lengths_of
-from legfem.specimens.tissues import REFERENCE_MPA
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,9 +24,9 @@ from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.kind import SpecimenTest
+from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
 from legfem.specimens.relaxation import borne
 from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, kind_in, lengths_of, resized, slipping
-from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import LateralPlacement

@@ -14,8 +14,8 @@ from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.intervals import Identifiability
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.kind import Direction
+from legfem.specimens.laws import ONE
 from legfem.specimens.problem import fit_specimens
-from legfem.specimens.tissues import ONE
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.lab.stated import GAINS
 from studies.other_code.pressing import OtherMuscle, pulled_bar

@@ -17,9 +17,8 @@ from test_flat_punch import kappa
 import legfem as lf
 from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderCompression
 from legfem.experiments.bodies import CylinderBetweenPlates, CylinderOnBlock
-from legfem.experiments.homogeneous import HomogeneousTest
+from legfem.experiments.homogeneous import HomogeneousTest, UniaxialSpecimen
 from legfem.experiments.lateral_cylinder import LateralCylinder
-from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
 from legfem.meshing.meridian import MeridianMeshSettings

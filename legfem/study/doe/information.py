@@ -18,8 +18,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.legs.subject import Subject
 from legfem.study.doe.design import OF_THE_GEOMETRY, Definition
-from legfem.study.doe.runs import Workshop
-from legfem.study.doe.simulator import Record, Request
+from legfem.study.doe.runs import Record, Request, Workshop
 
 IDENTIFIED = ("deep.C10", "deep.C20")
 """What is to be found."""

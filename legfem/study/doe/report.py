@@ -42,8 +42,7 @@ from legfem.study.doe.claims import (
 from legfem.study.doe.design import Definition, label_of, read_definition
 from legfem.study.doe.figures import draw_half_normal, draw_information, draw_normality, draw_response, draw_sobol
 from legfem.study.doe.information import Information
-from legfem.study.doe.runs import Workshop, as_csv, simulate
-from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, Simulator
+from legfem.study.doe.runs import PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
 from legfem.study.doe.study import MetricAnalysis, StudyResult, study
 from legfem.study.doe.surface import Counting, term_label
 from legfem.study.doe.tables import TABLE_3_NOTE, UNITS_NOTE, study_document, versions

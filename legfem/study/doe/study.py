@@ -19,8 +19,16 @@ from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
 from legfem.study.doe.design import Definition, Factor, factorial_design, space_filling_design
 from legfem.study.doe.information import Information, study_information
-from legfem.study.doe.runs import Metric, NumericalError, Workshop, metrics_in, requests_at, run_table, study_numerics
-from legfem.study.doe.simulator import Record
+from legfem.study.doe.runs import (
+    Metric,
+    NumericalError,
+    Record,
+    Workshop,
+    metrics_in,
+    requests_at,
+    run_table,
+    study_numerics,
+)
 from legfem.study.doe.surface import (
     Anova,
     CentreCurvature,
