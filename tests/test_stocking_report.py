@@ -15,6 +15,7 @@ from reading_page import read
 from test_page_security import PLANTED, Elements
 
 from legfem.api.leg_in_stocking import LegInStocking
+from legfem.common.errors import Doubt
 from legfem.common.progress import Silent
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
@@ -193,6 +194,12 @@ def test_a_page_of_a_state_that_was_not_found_or_a_scan_that_is_missed_says_so(r
     page = stocking_web_page(replace(result, searches=(missed,)))
     assert page.headline.tone == "wrong"
     assert page.headline.answers[-1][1].startswith("Don't use the stiffness")
+
+
+def test_a_page_of_doubtful_input_does_not_say_that_its_pressures_can_be_used(result):
+    doubt = Doubt("leg.toml", "bare", "40 mm of the leg are modelled", "give 100 mm or more")
+    page = stocking_web_page(replace(result, leg=replace(result.leg, doubts=(doubt,))))
+    assert page.headline.tone == "caution" and page.headline.heading.startswith("Check the doubtful input")
 
 
 def test_page_says_who_what_and_that_it_is_simulated(result, folder):

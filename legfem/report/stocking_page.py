@@ -262,6 +262,8 @@ def _heading(result: StockingResult) -> str:
         return "There is no answer"
     if _tone(result) == "wrong":
         return "The model does not fit"
+    if result.leg.doubts:
+        return "Check the doubtful input below before the pressures are used"
     unsure = [TISSUES[known.name] for known in result.estimates if known.identifiability != "identifiable"]
     if unsure:
         return f"The pressures can be used; the stiffness of the {' and the '.join(unsure)} is uncertain"
@@ -281,7 +283,7 @@ def _tone(result: StockingResult) -> web.Tone:
         return "wrong"
     best = result.best
     unsure = best is not None and any(known.identifiability != "identifiable" for known in result.estimates)
-    tested = verdict == "consistent"
+    tested = verdict == "consistent" and not result.leg.doubts
     return "sound" if tested and not unsure and result.equilibrium.converged else "caution"
 
 
