@@ -125,7 +125,7 @@ def _misfit(fit: Fit[LegDetails]) -> str:
     (one,) = fit.tests
     noise = float(curve_of(one).force_sd.mean())
     return (
-        f"The {fit.law} law does not describe these recordings: the fit misses by "
+        "The law does not describe these recordings: the fit misses by "
         f"{fit.cost.rms:.2g} N rms where their mean is known to {noise:.2g} N "
         f"(chi-square {fit.goodness.chi_square:.4g} for {fit.goodness.degrees_of_freedom} degrees "
         f"of freedom). {LAW_MISSES}"
@@ -135,7 +135,7 @@ def _misfit(fit: Fit[LegDetails]) -> str:
 def _misfit_of_sites(fit: Fit[LegDetails]) -> str:
     worst = min(fit.tests, key=lambda one: one.goodness.p_value)
     return (
-        f"The {fit.law} law does not describe these sites together (chi-square "
+        "The law does not describe these sites together (chi-square "
         f"{fit.goodness.chi_square:.4g} for {fit.goodness.degrees_of_freedom} degrees of "
         f"freedom), {worst.name} least (misses by {worst.force.rms:.2g} N rms). {LAW_MISSES}"
     )
