@@ -8,7 +8,8 @@ why a recording has to go deep enough before it can tell C20 from C10. Closed fo
 
 import matplotlib.pyplot as plt
 
-from legfem.experiments.homogeneous import HomogeneousTest, UniaxialSpecimen
+from legfem.experiments.bodies import UniaxialSpecimen
+from legfem.experiments.homogeneous import HomogeneousTest
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, ReducedPolynomial, Yeoh
 
 C10, D1 = 0.7e-3, 28.0  # MPa, 1/MPa

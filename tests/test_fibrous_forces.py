@@ -11,8 +11,8 @@ from making_layers import OtherLayer, OtherLayers
 from making_specimens import AREA, LENGTH
 
 from legfem.common.errors import InputError
-from legfem.experiments.bodies import PunchOnLayer
-from legfem.experiments.homogeneous import HomogeneousTest, UniaxialSpecimen
+from legfem.experiments.bodies import PunchOnLayer, UniaxialSpecimen
+from legfem.experiments.homogeneous import HomogeneousTest
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
 from legfem.specimens.kind import AXES

@@ -13,8 +13,7 @@ from making_specimens import record
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
-from legfem.experiments.bodies import PunchOnLayer
-from legfem.experiments.homogeneous import UniaxialSpecimen
+from legfem.experiments.bodies import PunchOnLayer, UniaxialSpecimen
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.inverse.parse_parameters import Written
 from legfem.inverse.responses import Stopped

@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 
 from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
-from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock
-from legfem.experiments.homogeneous import UniaxialSpecimen
+from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock, UniaxialSpecimen
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.responses import BodyModels, Stopped
 from legfem.legs.mechanisms import Solution

@@ -13,7 +13,7 @@ import legfem as lf
 from legfem.app.description import known_tests
 from legfem.common import registry
 from legfem.common.errors import InputError
-from legfem.experiments.homogeneous import UniaxialSpecimen
+from legfem.experiments.bodies import UniaxialSpecimen
 from legfem.specimens import kinds as room
 from legfem.specimens.kind import SizeError
 from legfem.specimens.kinds.bar import BarKind

@@ -16,8 +16,8 @@ from test_flat_punch import kappa
 
 import legfem as lf
 from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderCompression
-from legfem.experiments.bodies import CylinderBetweenPlates, CylinderOnBlock
-from legfem.experiments.homogeneous import HomogeneousTest, UniaxialSpecimen
+from legfem.experiments.bodies import CylinderBetweenPlates, CylinderOnBlock, UniaxialSpecimen
+from legfem.experiments.homogeneous import HomogeneousTest
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh

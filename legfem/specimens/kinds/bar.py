@@ -6,7 +6,7 @@ import math
 from typing import ClassVar, Literal
 
 from legfem.common.input_files import FileTable, Positive
-from legfem.experiments.homogeneous import UniaxialSpecimen
+from legfem.experiments.bodies import UniaxialSpecimen
 from legfem.specimens.homogeneous import HomogeneousKind
 from legfem.specimens.kind import needed
 
