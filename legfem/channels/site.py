@@ -43,3 +43,8 @@ class Site:
     def direction(self) -> FloatArray:
         """Unit vector of the travel (2,)."""
         return np.asarray(self.indenter.direction)
+
+    @property
+    def deepest(self) -> FloatArray:
+        """Deepest point of the cylinder's face at first touch (2,), mm."""
+        return np.asarray(self.touch + self.indenter.radius * self.direction)

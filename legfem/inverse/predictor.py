@@ -237,7 +237,7 @@ class Predictor:
         course = np.concatenate(
             [
                 start + (0 if one.course is None else one.course) + np.zeros(len(one.values), dtype=int)
-                for start, one in zip(starts, channels, strict=False)
+                for start, one in zip(starts[:-1], channels, strict=True)
             ]
         )
         width = int((every != 0).sum(axis=1).max())

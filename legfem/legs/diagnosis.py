@@ -1,4 +1,4 @@
-"""What is unlikely of a diagnosed leg."""
+"""A leg's diagnosis: its recordings, library, mechanisms and accuracy, and what is unlikely of what was found."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ class SpecimenComparison(Comparison):
 
     @cached_property
     def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
-        """Places of the stations in each third of the loading's depth, and after it."""
+        """Places of the loading's stations in each third of its depth."""
         third, after = [], []
         for part in self.parts:
             course = part.course

@@ -14,6 +14,7 @@ import numpy as np
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
+from legfem.geometry.curve import area_and_centroid
 from legfem.geometry.leg_shape import HULL, LegShape, perimeter
 from legfem.imaging.registration import Registration, register_shapes
 
@@ -140,8 +141,7 @@ def doubts_about_second_scan(bare: LegShape, compressed: LegShape, toml: Path) -
 
 def _areas(shape: LegShape, part: str) -> FloatArray:
     """Return the areas that a part's outlines enclose, (n_levels,), mm2."""
-    x, y = np.moveaxis(shape.contours[part], -1, 0)
-    return np.asarray(0.5 * np.abs(np.sum(x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1), axis=1)))
+    return np.array([abs(area_and_centroid(ring)[0]) for ring in shape.contours[part]])
 
 
 def _thinned(shape: LegShape) -> LegShape:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import first_crossing
 from legfem.inverse.mechanism import Solution
 from legfem.inverse.responses import Stopped
@@ -257,8 +258,6 @@ class Recorder:
         return CubicSpline(np.linspace(0.0, DEPTH_MM, len(force)), force) if force else None
 
     def _solved(self, case: HiddenCase, effect: Effect, c10: float, c20: float) -> SolvedCurve:
-        from legfem.geometry.indenter import first_touch
-
         leg = self._leg(case.leg).true
         indenter, skin = leg.indenter, leg.section.skin
         touch = np.asarray(first_touch(skin, indenter.radius, indenter.aim, indenter.direction))

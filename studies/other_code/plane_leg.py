@@ -14,6 +14,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from legfem.channels.site import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import BONES, LegSection
 from legfem.legs.subject import Subject, TissueParameters
 from studies.other_code.pressing import OtherPressing, other_law, spread
@@ -357,8 +358,6 @@ class OtherCode(OtherPressing):
     """
 
     def __init__(self, subject: Subject, case: OtherCase, finer: float = 1.0, sights: Sequence[Sight] = ()) -> None:
-        from legfem.geometry.indenter import first_touch
-
         indenter = subject.indenter
         self.subject, self.case = subject, case
         self._sights = {sight.name: np.array(sight.places) for sight in sights}

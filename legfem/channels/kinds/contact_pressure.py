@@ -124,7 +124,7 @@ class ContactPressures(ChannelFile):
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return the face's deepest point at first touch."""
-        return np.asarray(site.touch + site.indenter.radius * site.direction)
+        return site.deepest
 
 
 def _step(t: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -69,4 +69,4 @@ class ContactWidths(ChannelFile):
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return the face's deepest point at first touch."""
-        return np.asarray(site.touch + site.indenter.radius * site.direction)
+        return site.deepest

@@ -163,7 +163,7 @@ class SectionDisplacements(ChannelFile):
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return a point under the cylinder, within the tissue."""
-        return np.asarray(site.touch + (site.indenter.radius + 2 * _CELL_MM) * site.direction)
+        return np.asarray(site.deepest + 2 * _CELL_MM * site.direction)
 
 
 def _in_tissue(points: FloatArray, site: Site) -> NDArray[np.bool_]:

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Indenter, first_touch
+from legfem.geometry.section import LegSection, across, first_crossing
 from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, factor
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-
-if TYPE_CHECKING:
-    from legfem.geometry.indenter import Indenter
-    from legfem.geometry.section import LegSection
 
 _DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
 RADIUS_MM = 8.0
@@ -53,9 +51,6 @@ def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tu
     side
         To the left of the line of travel (mm).
     """
-    from legfem.geometry.indenter import first_touch
-    from legfem.geometry.section import across, first_crossing
-
     travel, radius = leg.indenter.direction, leg.indenter.radius
     centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
     fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
