@@ -215,9 +215,6 @@ class ChannelFile(ABC):
 
     kinds: ClassVar[tuple[ChannelKind, ...]]
     plans: ClassVar[tuple[ChannelPlan, ...]] = ()
-    entry: ClassVar[str] = ""
-    """Of ``[channels]``, whose file holds frames of ``time_s`` and `columns`; nothing where a kind's own name is."""
-    columns: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def read(self, seen: Seen) -> Channels:
@@ -262,6 +259,15 @@ class ChannelFile(ABC):
         """
         return {}
 
+
+class FramesFile(ChannelFile):
+    """Kinds that a file of frames gives: several readings a time, in a table of ``time_s`` and `columns`."""
+
+    entry: ClassVar[str]
+    """Of ``[channels]``."""
+    columns: ClassVar[tuple[str, ...]]
+
+    @abstractmethod
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the channels that every trial's frames give.
 
@@ -270,4 +276,3 @@ class ChannelFile(ABC):
         FramesError
             If they can't.
         """
-        raise NotImplementedError

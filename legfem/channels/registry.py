@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import legfem.channels.kinds
-from legfem.channels.kind import ChannelFile, ChannelKind, ChannelPlan
+from legfem.channels.kind import ChannelFile, ChannelKind, ChannelPlan, FramesFile
 from legfem.common.registry import registered
 
 GROUP = "legfem.channels"
@@ -20,7 +20,9 @@ CHANNELS: Mapping[str, ChannelKind] = MappingProxyType({kind.name: kind for file
 """Every kind by its name."""
 FILE_OF: Mapping[str, ChannelFile] = MappingProxyType({kind.name: file for file in _FILES for kind in file.kinds})
 """By a kind's name what reads it."""
-OF_FRAMES: Mapping[str, ChannelFile] = MappingProxyType({file.entry: file for file in _FILES if file.entry})
+OF_FRAMES: Mapping[str, FramesFile] = MappingProxyType(
+    {file.entry: file for file in _FILES if isinstance(file, FramesFile)}
+)
 """By an entry of ``[channels]`` what reads its file of frames."""
 IN_COLUMNS = tuple(kind for kind in CHANNELS.values() if kind.name not in OF_FRAMES)
 """Kinds that have one reading a time, which a column of a recording may hold."""

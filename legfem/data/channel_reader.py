@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import create_model, model_validator
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Frames, FramesError, Read
+from legfem.channels.kind import ChannelAccuracy, ChannelKind, Frames, FramesError, FramesFile, Read
 from legfem.channels.registry import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.channels.site import Site
 from legfem.common.errors import InputError
@@ -166,14 +166,22 @@ def with_channels(
     """
     entries: dict[str, RecordedChannelEntry] = {name: entry for name, entry in given if entry is not None}
     for key, entry in entries.items():
-        kind = None if key in OF_FRAMES else CHANNELS[key]
-        accuracy = None if kind is None else entry.accuracy(kind, toml)
+        frames = OF_FRAMES.get(key)
+        if frames is not None:
+            if recordings:
+                if entry.file is None or entry.column is not None:
+                    remedy = f"give file, of {','.join(('time_s', *frames.columns))}"
+                    raise InputError(toml, f"channels.{key}", "frames have a file of their own", remedy)
+                paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
+                read = _of_frames(paths, frames, site, recordings)
+                each = zip(paths, read, recordings, strict=True)
+                recordings = [_with_frames(toml, path, entry, found, one) for path, found, one in each]
+            continue
+        kind = CHANNELS[key]
+        accuracy = entry.accuracy(kind, toml)
         if not recordings:
             continue
-        if kind is None and (entry.file is None or entry.column is not None):
-            columns = ",".join(("time_s", *OF_FRAMES[key].columns))
-            raise InputError(toml, f"channels.{key}", "frames have a file of their own", f"give file, of {columns}")
-        if kind is not None and accuracy is not None and entry.file is None:
+        if entry.file is None:
             recordings = [_stated(one, kind, accuracy) for one in recordings]
             if not any(channel.name == key for one in recordings for channel in one.channels):
                 raise InputError(
@@ -184,16 +192,7 @@ def with_channels(
                 )
             continue
         paths = [_channel_file(toml, entry, one, len(recordings), key, name) for one in recordings]
-        if kind is None or accuracy is None:
-            read = _of_frames(paths, OF_FRAMES[key], site, recordings)
-            recordings = [
-                _with_frames(toml, path, entry, found, one)
-                for path, found, one in zip(paths, read, recordings, strict=True)
-            ]
-        else:
-            recordings = [
-                _with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)
-            ]
+        recordings = [_with_file(path, entry, kind, accuracy, one) for path, one in zip(paths, recordings, strict=True)]
     return tuple(recordings)
 
 
@@ -232,7 +231,7 @@ def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) 
 
 
 def _of_frames(
-    paths: Sequence[Path], file: ChannelFile, site: Site, recordings: Sequence[Recording]
+    paths: Sequence[Path], file: FramesFile, site: Site, recordings: Sequence[Recording]
 ) -> Sequence[Sequence[Read]]:
     """Return the channels that every trial's file of frames gives."""
     frames = []

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from legfem.channels.kind import (
     ChannelAccuracy,
-    ChannelFile,
     ChannelKind,
     Channels,
     Frames,
     FramesError,
+    FramesFile,
     Impossible,
     Read,
     ReadingsAtSite,
@@ -46,7 +46,7 @@ _MOST_SENSELS = 24
 _MORE_THAN_FORCE = 1.5
 
 
-class ContactPressures(ChannelFile):
+class ContactPressures(FramesFile):
     """Mean pressures over sensels; a place is where one begins and ends along the face, mm."""
 
     kinds: ClassVar = (PRESSURE,)

@@ -25,11 +25,11 @@ from scipy.interpolate import RBFInterpolator
 
 from legfem.channels.kind import (
     ChannelAccuracy,
-    ChannelFile,
     ChannelKind,
     Channels,
     Frames,
     FramesError,
+    FramesFile,
     Impossible,
     Read,
     ReadingsAtSite,
@@ -60,7 +60,7 @@ _AT_REST_MM, _RESTING_MM = 2.0, 0.5
 """By how much points may have moved where the cylinder has by less than this."""
 
 
-class SectionDisplacements(ChannelFile):
+class SectionDisplacements(FramesFile):
     """Displacements in both directions of the outlines' coordinates, in cells; a place is x, y (mm) and 0 or 1."""
 
     kinds: ClassVar = (INSIDE,)

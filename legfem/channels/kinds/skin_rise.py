@@ -16,12 +16,12 @@ from numpy.polynomial import Polynomial
 
 from legfem.channels.kind import (
     ChannelAccuracy,
-    ChannelFile,
     ChannelKind,
     ChannelPlan,
     Channels,
     Frames,
     FramesError,
+    FramesFile,
     Read,
 )
 from legfem.channels.site import Site
@@ -50,7 +50,7 @@ RISES = {offset: _rise(offset) for offset in _OFFSETS_MM}
 """By the offset to the left of the travel, mm."""
 
 
-class SkinRises(ChannelFile):
+class SkinRises(FramesFile):
     """Rises of the skin beside the cylinder, against the travel."""
 
     kinds: ClassVar = tuple(RISES.values())
