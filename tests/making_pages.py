@@ -75,7 +75,7 @@ from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.design import read_definition
-from legfem.study.doe.report import study_web_page
+from legfem.study.doe.page import study_web_page
 from legfem.study.doe.runs import Record, Workshop, simulate
 from legfem.study.doe.study import StudyResult, study
 from studies.legs.shapes import round_leg

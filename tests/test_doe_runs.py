@@ -25,8 +25,8 @@ from legfem.commands.study import app
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.study.doe import report as command
-from legfem.study.doe.report import run
 from legfem.study.doe.runs import PlaneStrainSimulator, Record, Request, failed, simulate
+from legfem.study.doe_command import run
 
 SHALLOW = """\
 depth_mm = 2.0

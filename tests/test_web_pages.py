@@ -30,7 +30,7 @@ from legfem.report.stocking_pressures import by_height, inward, stretch_round
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.write import PAGE_FILES
 from legfem.study.correction.page import correction_web_page
-from legfem.study.doe.report import not_seen, study_web_page, to_measure
+from legfem.study.doe.page import not_seen, study_web_page, to_measure
 from studies.legs.shapes import round_leg
 
 MOST_BYTES = 700_000
