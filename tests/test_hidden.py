@@ -22,8 +22,7 @@ from legfem.inverse.verdict import TRUSTED, shift_of
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.mechanisms.occurrence import OCCURRENCES
-from legfem.report.diagnosis_headline import headline
-from legfem.report.diagnosis_sentences import hidden_sentence
+from legfem.report.diagnosis_sentences import headline, hidden_sentence
 
 DRIFT = "force-drift.rate"
 
