@@ -22,13 +22,19 @@ from legfem.report import page as web
 from legfem.report.diagnosis_channels import channel_chapter, misfit_in_section
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
-from legfem.report.diagnosis_headline import TITLE, capital, headline, to_do
 from legfem.report.diagnosis_numbers import known_of
-from legfem.report.diagnosis_sentences import hidden_sentence, next_experiments, percent, verdict_sentence
+from legfem.report.diagnosis_sentences import (
+    TITLE,
+    headline,
+    hidden_sentence,
+    next_experiments,
+    to_do,
+    verdict_sentence,
+)
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import ORIGINS
+from legfem.report.words import ORIGINS, capital, percent
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
