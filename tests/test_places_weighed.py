@@ -32,7 +32,7 @@ from legfem.legs.site_channels import site_channels
 from legfem.legs.site_test import SiteTest
 from legfem.legs.subject import LegAccuracy, Subject
 from legfem.report.diagnosis_channels import channel_chapter
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 from legfem.report.look import draw_look
 from legfem.report.render.html import rendered
 

@@ -17,11 +17,11 @@ from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.diagnosis import Diagnoser
-from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_sentences import headline
 from studies.hidden.cases import KINDS, HiddenCase, Recorder
 from studies.lab.outcomes import Rate, said_line
 
-MODULES = ("legfem.legs.diagnosis", "legfem.report.diagnosis_headline", "studies.hidden.diagnosing")
+MODULES = ("legfem.legs.diagnosis", "legfem.report.diagnosis_sentences", "studies.hidden.diagnosing")
 WRONG = 0.15
 """Of C10: a "yes" beside a value that is further off is what may not be."""
 type Called = Literal["named", "listed", "unknown", "may hide", "missed"]

@@ -10,7 +10,7 @@ from typing import Any
 from nicegui import ui
 
 from legfem.app.description import Setting, Value, read_value, settings_of, shown_errors, with_channels, with_settings
-from legfem.app.frame import refused, tag
+from legfem.app.pages.frame import refused, tag
 from legfem.app.runs import Run, seen
 from legfem.app.workspace import DESCRIPTIONS, description_of
 from legfem.common.documents import write_atomically
