@@ -27,7 +27,8 @@ from legfem.common.progress import Silent
 from legfem.data import segment
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
-from legfem.data.reader import propose, recording_of
+from legfem.data.reader import propose
+from legfem.data.recording import recording_of
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.indenter_pose import Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings

@@ -297,7 +297,13 @@ def test_files_that_were_looked_at_say_their_grades_and_how_they_were_read(tmp_p
     (warning,) = page.warnings
     assert warning.startswith("saturated.csv: ") and "saturated" in warning
     assert words.index(page.headline.sentence) < words.index(warning) < words.index("To repeat it")
-    for said in ("displacement from 'displacement' (mm)", "good.csv", "after air", "[recordings.force]", pages.COMMAND):
+    for said in (
+        "displacement from 'displacement' (mm)",
+        "good.csv",
+        "after a part without load",
+        "[recordings.force]",
+        pages.COMMAND,
+    ):
         assert said in words, said
 
 

@@ -15,7 +15,7 @@ from legfem.app.runs import Run, seen
 from legfem.app.workspace import DESCRIPTIONS, description_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.data.reader import QUANTITIES, SourceColumn, SourceColumns
+from legfem.data.recording import QUANTITIES, SourceColumn, SourceColumns
 from legfem.legs.schema import SUBJECTS
 from legfem.specimens.kinds import kinds
 

@@ -35,7 +35,7 @@ from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, description_of, files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.data.reader import OWN_COLUMNS, QUANTITIES, SourceColumns
+from legfem.data.recording import OWN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
 from legfem.geometry.frames import CuttingPlane
 from legfem.geometry.section import PARTS, LegSection, line_of_travel

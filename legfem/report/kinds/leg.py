@@ -9,11 +9,11 @@ from typing import ClassVar
 from matplotlib.figure import Figure
 
 from legfem.common.errors import doubt_lines
-from legfem.common.units import FloatArray, readable_unit
+from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of, unit_of
+from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of
 from legfem.inverse.document import KindDocument
-from legfem.inverse.fit import Fit, Goodness, TestFit
+from legfem.inverse.fit import Fit
 from legfem.legs.details import LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
@@ -331,8 +331,8 @@ def _site_table(chosen: LegFit) -> list[web.WebTable]:
                 [
                     one.name,
                     f"{one.force.rms:.3g}",
-                    _chance(one.goodness),
-                    *(f"{_own_value(one, name)} ({one.by_itself[name].departure:+.1f})" for name in names),
+                    estimates.chance(one.goodness),
+                    *(f"{estimates.own_value(one, name)} ({one.by_itself[name].departure:+.1f})" for name in names),
                 ]
                 for one in chosen.tests
             ],
@@ -346,11 +346,11 @@ def _tested(fits: Sequence[LegFit]) -> list[str]:
         if _several(one):
             law = LAW_NAMES[one.law]
             lines += [
-                f"All sites together, {law} law: chi-square {_chance(one.goodness)}.",
+                f"All sites together, {law} law: chi-square {estimates.chance(one.goodness)}.",
                 _agreement(one),
                 *(
-                    f"{test.name}: rms {test.force.rms:.3g} N, {_chance(test.goodness)}; by itself "
-                    + ", ".join(_own_value(test, name) for name in test.by_itself)
+                    f"{test.name}: rms {test.force.rms:.3g} N, {estimates.chance(test.goodness)}; by itself "
+                    + ", ".join(estimates.own_value(test, name) for name in test.by_itself)
                     + "."
                     for test in one.tests
                 ),
@@ -360,32 +360,18 @@ def _tested(fits: Sequence[LegFit]) -> list[str]:
     return lines
 
 
-def _own_value(one: TestFit, name: str) -> str:
-    """A parameter as one site has it."""
-    unit, factor = readable_unit(unit_of(name))
-    found = one.by_itself[name]
-    return f"{symbol_of(name)} {factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
-
-
 def _agreement(fit: LegFit) -> str:
     """Whether the sites agree."""
     far = {name: fit.farthest(name) for name in fit.estimates}
     most = max(far, key=lambda name: abs(far[name].by_itself[name].departure))
     departure = far[most].by_itself[most].departure
     text = (
-        f"The sites' own values differ by chi-square {_chance(fit.agreement)}; {far[most].name} "
+        f"The sites' own values differ by chi-square {estimates.chance(fit.agreement)}; {far[most].name} "
         f"differs most, by {departure:+.1f} standard errors in {symbol_of(most)}."
     )
     if (ratio := fit.agreement.birge_ratio) > 1:
         text += f" This widens the intervals by a factor of up to {ratio:.3g} (Birge's ratio)."
     return text
-
-
-def _chance(goodness: Goodness) -> str:
-    return (
-        f"{goodness.chi_square:.3g} for {goodness.degrees_of_freedom} degrees of freedom "
-        f"({fit_probability(goodness.p_value)})"
-    )
 
 
 def _next(chosen: LegFit) -> list[str]:
