@@ -198,6 +198,22 @@ def _leg_shift(trial: Pressed, size: float) -> FloatArray:
     return np.asarray(trial.force - 0.05 * size * trial.force.max() * bump)
 
 
+def _rig_bends(trial: Pressed, size: float) -> FloatArray:
+    """Return the force where the rig gives way the more easily the harder it is pressed."""
+    pressed = np.linspace(0.0, trial.depth, 600)
+    force = trial.elastic(pressed)
+    way = pressed + 0.12 * size * force * (1.0 + force / force.max())
+    whole = np.maximum(trial.elastic(trial.displacement), 1e-9)
+    less = np.interp(trial.displacement, way, force)
+    return np.asarray(trial.force * np.where(trial.displacement > 0, less / whole, 1.0))
+
+
+def _twitch(trial: Pressed, size: float) -> FloatArray:
+    """Return the force of a muscle that tenses and lets go in the second trial."""
+    since = (trial.time / trial.time[-1] - 0.45) / 0.08
+    return np.asarray(trial.force * (1.0 + 0.15 * size * np.exp(-(since**2)) * (trial.trial == 1)))
+
+
 def _frame(trial: Pressed, size: float) -> FloatArray:
     beyond = np.maximum(trial.displacement - 14.0, 0.0) / (trial.depth - 14.0)
     return np.asarray(trial.force - 0.08 * size * trial.force.max() * beyond)
@@ -209,4 +225,6 @@ OUTSIDE_ON_COURSE: Mapping[str, Callable[[Pressed, float], FloatArray]] = {
     "clipping": _clipping,
     "leg-shift": _leg_shift,
     "frame": _frame,
+    "rig-bends": _rig_bends,
+    "twitch": _twitch,
 }
