@@ -46,8 +46,7 @@ def sealed(
             waiting = [case for case in cases if store.get(case) is None]
             if waiting:
                 for programme in dict.fromkeys(programme for programme, _ in SUBSETS.values()):
-                    first = next(r for case in waiting if (r := lab.recordings(case, programme)) is not None)
-                    lab.library(waiting[0], programme, first, processes, progress)
+                    lab.library(cases[0], programme, progress)
             with Workers(_said, lab, processes) as workers:
                 for found in finish(workers, cases, store, progress, f"diagnosing cases of leg {leg + 1}", _line):
                     every += found
@@ -57,16 +56,8 @@ def sealed(
 
 def _said(lab: Lab, case: SealedCase) -> list[Said]:
     """Return what is said of a case, by every subset of channels; nothing where a solution stopped."""
-    found = []
-    recorded = {}
-    for subset in subsets_of(case):
-        programme = SUBSETS[subset][0]
-        if programme not in recorded:
-            recorded[programme] = lab.recordings(case, programme)
-        recordings = recorded[programme]
-        if recordings is not None:
-            found.append(lab.said(case, subset, recordings, lab.library(case, programme, recordings)))
-    return found
+    found = (lab.said(case, subset) for subset in subsets_of(case))
+    return [one for one in found if one is not None]
 
 
 def _line(case: SealedCase, found: list[Said]) -> str:

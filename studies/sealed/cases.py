@@ -42,7 +42,9 @@ SUBSETS: dict[str, tuple[str, tuple[str, ...]]] = {
     "force, holds": ("holds", FORCE_ALONE),
     "all, holds": ("holds", (*LATERAL, *THICKNESSES, *RISES, INSIDE, PRESSURE)),
 }
-"""Programme and further channels that each case is diagnosed by."""
+"""Programme and further channels that each case is diagnosed by, ..."""
+_IN_TURN = (("lateral force", "inside the section"), ("skin's profile", "contact pressure"))
+"""... but these: every other case by one pair of them."""
 C10_KPA = (0.6, 1.2)
 REGISTRATIONS = 3
 """Ways in which an image lies beside where it is said to, of each leg; cases have them in turn."""
@@ -153,9 +155,10 @@ def truths_of(case: SealedCase) -> tuple[str, ...]:
 
 
 def subsets_of(case: SealedCase) -> list[str]:
-    """Return what a case is diagnosed by: another code's friction is solved for a loading alone."""
+    """Return what a case is diagnosed by; another code's friction is solved for a loading alone."""
     slides = case.code == "felupe" and "contact-slip" in dict(case.effects)
-    return [name for name, (programme, _) in SUBSETS.items() if not (slides and programme == "holds")]
+    left_out = _IN_TURN[1 - case.number % 2]
+    return [n for n, (programme, _) in SUBSETS.items() if n not in left_out and not (slides and programme == "holds")]
 
 
 def points_of(leg: int, seed: int) -> FloatArray:

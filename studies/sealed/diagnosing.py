@@ -13,20 +13,35 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.library import Library
+from legfem.inverse.library_build import build_library, middle_of
+from legfem.inverse.mechanism import Mechanism, TissueMechanism
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction
-from legfem.legs.diagnosis import Diagnoser, accuracy_of, diagnose_body, ruled_out_of, with_correction
+from legfem.legs.diagnosis import (
+    STIFFENING,
+    Diagnoser,
+    accuracy_of,
+    diagnose_body,
+    ruled_out_of,
+    shown_mechanisms,
+    with_correction,
+)
 from legfem.legs.mechanisms import mechanisms
 from legfem.legs.occurrence import OCCURRENCES
 from legfem.legs.subject import Subject
+from legfem.legs.variants import solved_responses
 from legfem.report.diagnosis_headline import headline
-from studies.concealed.cases import SealedCase, sealed_leg
+from studies.concealed.cases import DEPTH_MM, SealedCase, sealed_leg
 from studies.concealed.truth import Truths
 from studies.lab.recording import INSTRUMENT
 from studies.sealed.cases import PROGRAMMES, SUBSETS, true_sights, truths_of
 from studies.sealed.instruments import recorded
 
+DEEPEST_MM = DEPTH_MM + 1.6
+"""Of a library: with an error of first contact."""
+AIR_MM, AT_TOUCH_MM = 4.0, 0.04
+"""Greatest travel before first touch of loadings alone, and of tests that are stated to begin at touch."""
 WRONG = 0.15
 """Of C10: a "yes" beside a value that is further off is what may not be."""
 SURE = 0.8
@@ -158,12 +173,14 @@ class Lab:
     folder: Path
     correction: TabulatedCorrection
     seed: int
-    _libraries: dict[tuple[int, str], Library] = field(default_factory=dict, repr=False)
+    _libraries: dict[str, Library] = field(default_factory=dict, repr=False)
+    _middles: dict[int, float] = field(default_factory=dict, repr=False)
+    _recorded: dict[tuple[int, str], list[Recording] | None] = field(default_factory=dict, repr=False)
     _truths: dict[int, Truths] = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave libraries and models out: every process has its own."""
-        return {**self.__dict__, "_libraries": {}, "_truths": {}}
+        return {**self.__dict__, "_libraries": {}, "_recorded": {}, "_truths": {}}
 
     def recordings(self, case: SealedCase, programme: str) -> list[Recording] | None:
         """Return a case's recordings with all channels; None where a solution stopped."""
@@ -171,34 +188,50 @@ class Lab:
             true, sights = sealed_leg(case.leg, self.seed).true, true_sights(case.leg, self.seed)
             self._truths = {case.leg: Truths(true, self.folder / "truth", self.correction, sights)}
         truth = self._truths[case.leg].of(case, PROGRAMMES[programme])
-        return None if truth is None else recorded(case, self.seed, truth.trials)
+        if truth is None:
+            return None
+        return recorded(case, self.seed, truth.trials, AIR_MM if programme == "loading" else AT_TOUCH_MM)
 
-    def stated(self, case: SealedCase, recordings: Sequence[Recording]) -> Subject:
-        """Return the leg as the lab states it."""
+    def subject(self, case: SealedCase, programme: str, names: Sequence[str]) -> Subject | None:
+        """Return the leg as the lab states it, with some channels of its recordings; None where a solution stopped."""
+        key = case.number, programme
+        if key not in self._recorded:
+            # Of one case at a time, in its two programmes.
+            self._recorded = {one: kept for one, kept in self._recorded.items() if one[0] == case.number}
+            self._recorded[key] = self.recordings(case, programme)
+        recordings = self._recorded[key]
+        if recordings is None:
+            return None
         return replace(
             sealed_leg(case.leg, self.seed).stated,
-            recordings=tuple(recordings),
+            recordings=tuple(replace(r, channels=tuple(c for c in r.channels if c.name in names)) for r in recordings),
             instrument=INSTRUMENT,
-            starts_at_contact=False,
+            starts_at_contact=programme == "holds",
             plane_strain=True,
             plane_strain_stated=True,
         )
 
-    def library(
-        self, case: SealedCase, programme: str, recordings: Sequence[Recording], jobs: int = 1, progress: Progress | None = None
-    ) -> Library:
-        """Return a leg's library for a programme, as the first recordings of it have it made."""
-        key = case.leg, programme
+    def library(self, case: SealedCase, programme: str, progress: Progress) -> Library | None:
+        """Return a leg's library for a case's recordings: about one stiffness and to one depth, whatever the case."""
+        subject = self.subject(case, programme, SUBSETS["all"][1])
+        if subject is None:
+            return None
+        diagnoser, law = Diagnoser(self.folder, self.correction), subject.tissues["deep"].law
+        observed = diagnoser.observations(subject)
+        able, _ = shown_mechanisms(observed, self.correction)
+        keys = [stations.key for stations in observed.protocols] if any(_follows_path(one) for one in able) else []
+        key = repr((case.leg, sorted(keys)))
         if key not in self._libraries:
-            subject, diagnoser = self.stated(case, recordings), Diagnoser(self.folder, self.correction, jobs)
-            observed = diagnoser.observations(subject)
-            self._libraries[key] = diagnoser.library(subject, observed, progress or Silent())[0]
+            deeper = replace(observed, depths=(*observed.depths, DEEPEST_MM))
+            fine, coarse = solved_responses(subject, deeper, self.folder)
+            if case.leg not in self._middles:
+                self._middles[case.leg] = middle_of(observed, coarse, STIFFENING[law])
+            middle = self._middles[case.leg]
+            self._libraries[key] = build_library(fine, coarse, observed, able, 1, progress, STIFFENING[law], middle)
         return self._libraries[key]
 
-    def diagnose(self, case: SealedCase, recordings: Sequence[Recording], names: Sequence[str], library: Library) -> Diagnosis:
-        """Diagnose recordings with some of their channels."""
-        kept = [replace(r, channels=tuple(c for c in r.channels if c.name in names)) for r in recordings]
-        subject = self.stated(case, kept)
+    def diagnose(self, subject: Subject, library: Library) -> Diagnosis:
+        """Diagnose recordings by a library alone."""
         observed = Diagnoser(self.folder, self.correction).observations(subject).with_channels(library.beside.names)
         ends = choose_correction("auto", subject)
         return diagnose_body(
@@ -216,8 +249,16 @@ class Lab:
             OCCURRENCES,
         )
 
-    def said(self, case: SealedCase, subset: str, recordings: Sequence[Recording], library: Library) -> Said:
-        """Return what a diagnosis of some of a recording's channels says."""
+    def said(self, case: SealedCase, subset: str) -> Said | None:
+        """Return what a diagnosis of some of a recording's channels says; None where a solution stopped."""
+        programme, names = SUBSETS[subset]
+        subject, library = self.subject(case, programme, names), self.library(case, programme, Silent())
+        if subject is None or library is None:
+            return None
         begun = time.process_time()
-        found = self.diagnose(case, recordings, SUBSETS[subset][1], library)
+        found = self.diagnose(subject, library)
         return say(found, case, subset, time.process_time() - begun)
+
+
+def _follows_path(mechanism: Mechanism) -> bool:
+    return isinstance(mechanism, TissueMechanism) and mechanism.along_path

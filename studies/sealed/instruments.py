@@ -28,10 +28,10 @@ _HEAVY = 5
 """Degrees of freedom of Student's distribution, of a reading."""
 
 
-def recorded(case: SealedCase, seed: int, courses: Sequence[Course]) -> list[Recording]:
-    """Return what a lab records of a case's trials, further channels with it."""
+def recorded(case: SealedCase, seed: int, courses: Sequence[Course], air_mm: float) -> list[Recording]:
+    """Return what a lab records of a case's trials, further channels with it, with up to so much air before."""
     generator = np.random.default_rng(case.noise_seed)
-    errors = replace(drawn_errors(generator), same_travel=False)
+    errors = replace(drawn_errors(generator), same_travel=False, air=air_mm)
     # The same draws as the recordings begin with.
     air = np.random.default_rng(case.noise_seed)
     drawn_errors(air)
