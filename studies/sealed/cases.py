@@ -43,8 +43,8 @@ SUBSETS: dict[str, tuple[str, tuple[str, ...]]] = {
     "all, holds": ("holds", (*LATERAL, *THICKNESSES, *RISES, INSIDE, PRESSURE)),
 }
 """Programme and further channels that each case is diagnosed by, ..."""
-_IN_TURN = (("lateral force", "inside the section"), ("skin's profile", "contact pressure"))
-"""... but these: every other case by one pair of them."""
+_IN_TURN = ("lateral force", "skin's profile", "inside the section", "contact pressure")
+"""... but these, one of which each case has."""
 C10_KPA = (0.6, 1.2)
 REGISTRATIONS = 3
 """Ways in which an image lies beside where it is said to, of each leg; cases have them in turn."""
@@ -138,7 +138,8 @@ def channel_cases(legs: int, seed: int) -> list[SealedCase]:
         middle = float(np.exp(generator.uniform(*np.log(C10_KPA))))
         people = [middle * float(np.exp(generator.uniform(-0.3, 0.3))) for _ in range(2)]
         ratios = [0.0 if law == "neo-hookean" else float(generator.uniform(0.4, 2.0)) for _ in people]
-        own = [group[(leg * count + k) % len(group)] for group, count in _EACH for k in range(count)]
+        every = [group[(leg * count + k) % len(group)] for group, count in _EACH for k in range(count)]
+        own = [every[k] for k in generator.permutation(len(every))]
         for turn, (kind, code, names, outside) in enumerate(own):
             c10, ratio = people[turn % 2], ratios[turn % 2]
             effects = tuple((name, drawn_values(name, code, law, c10, generator)) for name in names)
@@ -157,7 +158,7 @@ def truths_of(case: SealedCase) -> tuple[str, ...]:
 def subsets_of(case: SealedCase) -> list[str]:
     """Return what a case is diagnosed by; another code's friction is solved for a loading alone."""
     slides = case.code == "felupe" and "contact-slip" in dict(case.effects)
-    left_out = _IN_TURN[1 - case.number % 2]
+    left_out = set(_IN_TURN) - {_IN_TURN[case.number % len(_IN_TURN)]}
     return [n for n, (programme, _) in SUBSETS.items() if n not in left_out and not (slides and programme == "holds")]
 
 
