@@ -47,7 +47,9 @@ FORMS: Mapping[str, Form] = {
         (0.05, 0.4), "four branches, their shares a power of time", "ratio", True, {"power": (0.0, 0.3)}
     ),
     "superficial-viscoelasticity": Form((0.2, 0.8), "the same of the fat", "ratio", True, {"power": (0.0, 0.3)}),
-    "poroelastic-drainage": Form((4.0, 40.0), "the diagnosis' form", "permeability, mm4/(N s)", True),
+    "poroelastic-drainage": Form(
+        (50.0, 1500.0), "the diagnosis' form", "permeability, mm4/(N s)", True, {"skeleton": (0.01, 0.1)}
+    ),
     "strain-stiffening": Form(
         (0.6, 2.5),
         "the law's next coefficient (the diagnosis' form); felupe: exponential",

@@ -218,7 +218,8 @@ class Truths:
                 own = _branches(mechanism.region, mechanism.variant, v)  # type: ignore[attr-defined]
                 solution = _joined(solution, own)
             else:
-                solution = _joined(solution, mechanism.solution({first: v["strength"]}))
+                rest = {key: value for key, value in v.items() if key != "strength"}
+                solution = _joined(solution, mechanism.solution({first: v["strength"], **rest}))
         variants = self._variants.setdefault(repr(settings.contact), self._made(settings))
         path = variants.follow(protocol, deep, solution)
         if isinstance(path, Stopped):

@@ -58,10 +58,7 @@ SENSELS_MM = tuple((float(a), float(a) + 6.0) for a in range(-24, 24, 6))
 
 type Concealed = tuple[Kind, Code, tuple[str, ...], tuple[tuple[str, float], ...]]
 
-NULLS: tuple[Concealed, ...] = (
-    ("none", "felupe", (), ()),
-    ("none", "legfem", (), ()),
-)
+NULLS: tuple[Concealed, ...] = (("none", "felupe", (), ()), ("none", "legfem", (), ()))
 SINGLES: tuple[Concealed, ...] = (
     ("single", "felupe", ("superficial-stiffness",), ()),
     ("single", "legfem", ("indenter-tilt",), ()),
@@ -96,7 +93,7 @@ OUTSIDE: tuple[Concealed, ...] = (
     ("outside", "legfem", ("muscle-contraction",), ()),
     ("outside", "legfem", (), (("drop", 1.0),)),
 )
-"""Kind, code that solves it, effects by their mechanisms' names, and effects by names of their own, with their sizes."""
+"""Kind, code that solves it, effects by mechanisms' names, and effects by names of their own, with their sizes."""
 _EACH = ((NULLS, 3), (SINGLES, 7), (PAIRS, 4), (OUTSIDE, 7))
 """How many of each a leg has, taken in turn from leg to leg."""
 _LIKE = {

@@ -106,7 +106,7 @@ class Said:
 
     @property
     def sure(self) -> bool | None:
-        """Whether what is said with `SURE` or more is right; None where nothing is, or where it is that nothing shows."""
+        """Whether what is said with `SURE` or more is right; None where nothing is, or that nothing shows."""
         if self.probability < SURE or (self.verdict == "consistent" and self.kind != "none"):
             return None
         if self.verdict == "consistent":

@@ -26,7 +26,7 @@ def names_f1(said: Sequence[Said]) -> float:
 
 _COUNTED = (
     "| n | named first | listed | unknown | consistent | told | C10 held | half-width, median "
-    f"| said with {SURE:g} or more, and right | \"yes\" beside a C10 over {100 * WRONG:.0f} % off |"
+    f'| said with {SURE:g} or more, and right | "yes" beside a C10 over {100 * WRONG:.0f} % off |'
 )
 _RULE = "|---" * 10 + "|"
 
