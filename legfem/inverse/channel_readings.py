@@ -23,7 +23,7 @@ from legfem.data.smoothing import sample_noise
 from legfem.inverse.data import Channel
 from legfem.inverse.stations import Stations
 
-_MOST = {LOADING: 8, HOLD: 4}
+_MOST = {LOADING: 12, HOLD: 4}
 _MOST_UNLOADING = 6
 """Readings of a segment."""
 _MOST_AT_PLACES = {LOADING: 4, HOLD: 1}
