@@ -24,7 +24,7 @@ from legfem.report.estimates import comparison
 from legfem.report.fit_figures import confidence_ellipse, cost_figure, fit_figure, linear_cost
 from legfem.report.folder import keep_another, made_in_place
 from legfem.report.identification import write_report
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 from legfem.report.render.text import brief, plain_page
 from legfem.report.style import save
 from legfem.report.words import number

@@ -85,7 +85,7 @@ def _identified(options: Options, member: Member, folder: Path) -> list[Row]:
     from legfem.api.identification import identify
     from legfem.legs.identification import as_leg
     from legfem.report.estimates import preferred
-    from legfem.report.identification import kind_of
+    from legfem.report.kinds import kind_of
     from legfem.specimens.folder import SpecimenFolder
 
     given = opened(member.folder)

@@ -85,7 +85,7 @@ class Cohort(Result):
 
     def plot(self) -> Figure:
         """Return the first parameter of all members, sorted, with 95 % intervals."""
-        from legfem.report.cohort import forest_figure
+        from legfem.report.cohort_statistics import forest_figure
 
         return forest_figure(self.members.every, self.rows)
 

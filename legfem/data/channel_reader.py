@@ -20,8 +20,7 @@ from legfem.common.input_files import FileTable, NotNegative, Positive, Text, re
 from legfem.common.units import FloatArray
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import Column, Quantity, measures, unit_named
-from legfem.data.reader import channel_of
-from legfem.data.recording import RecordedChannel, Recording, backwards, not_increasing
+from legfem.data.recording import RecordedChannel, Recording, backwards, channel_of, not_increasing
 
 TRIAL, SITE = "{trial}", "{site}"
 """In the name of a file: the name of the trial that it belongs to, and of the leg's site."""

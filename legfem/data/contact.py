@@ -58,6 +58,8 @@ class Scales:
 
 
 LEG = Scales()
+LEAST_OF_A_LEG_MM = 0.5 * LEG.depth
+"""A recording that moves less is a specimen's."""
 
 
 @dataclass(frozen=True)

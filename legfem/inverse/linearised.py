@@ -106,6 +106,8 @@ class LinearisedFit:
     """(k,): the fitted part's residual over its errors' Cholesky factor."""
     jacobian: FloatArray
     """(k, p): ``change`` of the fitted part, whitened."""
+    converged: bool = True
+    """Whether the search ended by itself."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -373,6 +375,7 @@ def _fit_from(
         change,
         np.asarray(found.fun[:count]),
         problem.whitened(change),
+        found.status > 0,
     )
 
 
