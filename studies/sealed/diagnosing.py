@@ -28,10 +28,10 @@ from legfem.legs.diagnosis import (
     with_correction,
 )
 from legfem.legs.mechanisms import mechanisms
-from legfem.legs.occurrence import OCCURRENCES
+from legfem.legs.mechanisms.occurrence import OCCURRENCES
 from legfem.legs.subject import Subject
 from legfem.legs.variants import solved_responses
-from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_sentences import headline
 from studies.concealed.cases import DEPTH_MM, SealedCase, sealed_leg
 from studies.concealed.truth import Truths
 from studies.lab.recording import INSTRUMENT
