@@ -90,8 +90,8 @@ class ChannelKind:
 
     @property
     def follows_force(self) -> bool:
-        """Whether it is a force or a pressure on the cylinder: what acts on the force by a factor acts on it."""
-        return self.unit in ("N", "kPa")
+        """Whether it is a force, moment or pressure on the cylinder: what acts on the force by a factor acts on it."""
+        return self.unit in ("N", "Nmm", "kPa")
 
     def courses(self, places: int) -> tuple[str, ...]:
         """Return the names of its courses along a test: one, or one for each of a number of places."""
