@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making import write_subject
-from making_diagnosed import diagnosed, diagnosed_of
+from making_diagnosed import diagnosed, diagnosed_anew, diagnosed_of
 from making_diagnosis import problem_of, ramps
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
@@ -241,7 +241,7 @@ def test_nothing_is_written_when_drawing_fails(found, subject, tmp_path, monkeyp
 
 def test_the_same_recordings_get_the_same_diagnosis(found, subject):
     effects, _, asked = CASES["ambiguous"]
-    again = diagnosed(effects, asked=asked)
+    again = diagnosed_anew(effects, ramps(), 0.0, asked, 1)
     one, other = (document(d, subject, 0, 1.0) for d in (found["ambiguous"], again))
     assert one == other
     noisier = diagnosed(effects, asked=asked, seed=2)
