@@ -60,7 +60,7 @@ def checked(page, *said: str):
 def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
     page = pages.planned(tmp_path)
     best = pages.ranked()[0]
-    checked(page, "80 % or more, if it is there: fascia stiffness", "96 %", "40 %")
+    checked(page, "with a chance of 80 % or more: fascia stiffness", "96 %", "40 %")
     assert page.headline.sentence == f"Do this test first: {best.design.name}."
     assert page.warnings == ["No test shows gain with a chance of 20 % or more."]
     assert page.headline.tone == "caution"
@@ -108,7 +108,7 @@ def test_a_study_says_what_a_press_shows_and_what_to_measure(study):
     checked(page, "C20 of the deep tissue", "Poisson's ratio is", "slope 20-30 mm", "R2 predicted")
     assert not study.failed and len(to_measure(study)) >= 3
     # F/L grows with C20 d^2 before all, and C10 of fat and muscle hardly count.
-    assert page.headline.sentence.startswith("A press 30 mm deep shows C20 of the deep tissue")
+    assert page.headline.sentence.startswith("The force of a press 30 mm deep depends most on C20 of the deep tissue")
     assert not_seen(study) == ["C10 fat", "C10 deep"]
 
 

@@ -171,7 +171,7 @@ def _headline(result: StudyResult) -> web.Headline:
     unseen = not_seen(result)
     return web.Headline(
         "caution" if _warnings(result) else "sound",
-        f"A press {result.definition.depth:g} mm deep depends most on {in_words(factor)}: it causes "
+        f"The force of a press {result.definition.depth:g} mm deep depends most on {in_words(factor)}, which causes "
         f"{100 * share:.0f} % of the variation in the {metric.label} over the ranges.",
         [
             (
