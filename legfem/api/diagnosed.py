@@ -81,7 +81,7 @@ class DiagnosedLeg(Result):
         from legfem.report.folder import keep_another
         from legfem.report.page import command_line
 
-        keep_another(Path(folder), command_line())
+        keep_another(Path(folder), command_line(), DIAGNOSIS)
         write_document(Path(folder) / DIAGNOSIS, self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
 

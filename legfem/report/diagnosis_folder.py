@@ -153,7 +153,7 @@ def write_specimen_diagnoses(
             where = out if alone else out / _folder_name(one.id)
             content = document(one.diagnosis, one, seed, one.seconds)
             content["recordings_not_used"] = _not_used(one, folder)
-            keep_another(where, command)
+            keep_another(where, command, DOCUMENT)
             write_document(where / DOCUMENT, content)
             write_diagnosis_report(one.diagnosis, one, where, command=command)
     problems = [one.problem for one in made if one.problem is not None]
