@@ -68,10 +68,11 @@ from legfem.specimens.folder import load_specimen
 from legfem.specimens.misfit import LawMisfit
 from legfem.specimens.sizes import LeftOut
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.identification import StockingSettings, run_leg
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.result import StockingResult, StockingSettings, run_leg
+from legfem.stockings.result import StockingResult
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.page import correction_web_page
