@@ -38,7 +38,8 @@ from studies.other_code.plane_leg import Lump, OtherCase, OtherCode
 from studies.planted.truths import TRUTH_SETTINGS
 
 app = new_app()
-SHAPES, DEPTH_MM, RATE_MM_PER_S, TRIALS = 8, 15.0, 0.5, 3
+SHAPES, DEPTH_MM, RATE_MM_PER_S, TRIALS = 8, 14.0, 0.5, 3
+BEYOND_MM = 15.0
 GRID_KPA = tuple(float(c) for c in np.geomspace(0.25, 2.6, 7).round(4))
 LAB = LabErrors(gain_sd=0.01, air=3.0)
 DIRECTION_DEG = 90.0
@@ -156,11 +157,11 @@ def pressed(bare: Path, task: tuple[int, float, bool]) -> list[float]:
     shape, c10, lumpy = task
     leg = load_subject(bare / f"shape-{shape}", need_recordings=False)
     if by_felupe(shape) or lumpy:
-        found = OtherCode(leg, OtherCase(c10, lump=LUMP if lumpy else None)).solve(DEPTH_MM)
-        if not found.reached:
+        found = OtherCode(leg, OtherCase(c10, lump=LUMP if lumpy else None)).solve(BEYOND_MM)
+        if found.displacement[-1] < DEPTH_MM:
             raise UnsolvedError(f"shape {shape}, {c10:g} kPa: felupe stops at {found.displacement[-1]:g} mm")
         return [float(f) for f in CubicSpline(found.displacement, found.force)(depths())]
-    solved = plane_strain_test(leg, TRUTH_SETTINGS).solve({"deep.C10": kpa_to_mpa(c10)}, DEPTH_MM)
+    solved = plane_strain_test(leg, TRUTH_SETTINGS).solve({"deep.C10": kpa_to_mpa(c10)}, BEYOND_MM)
     if not solved.report.complete:
         raise UnsolvedError(f"shape {shape}, {c10:g} kPa: {solved.report.reason}")
     return [float(f) for f in solved.curve(depths())]
@@ -168,7 +169,7 @@ def pressed(bare: Path, task: tuple[int, float, bool]) -> list[float]:
 
 def depths() -> FloatArray:
     """Return where curves are kept, mm."""
-    return np.linspace(0.0, DEPTH_MM, 151)
+    return np.linspace(0.0, DEPTH_MM, 141)
 
 
 def between(curves: FloatArray, c10: float) -> FloatArray:
@@ -252,7 +253,7 @@ def simulated(
             made = finish(
                 workers, asked, store, progress, "pressing", lambda task, _: f"shape {task[0]}, {task[1]:g} kPa"
             )
-        *curves, hard = (np.array(one) for one in made)
+        *curves, hard = (np.array(one)[:141] for one in made)
         grids = np.array(curves).reshape(SHAPES, len(GRID_KPA), -1)
         # What the fourth of seven stiffnesses is off by where it is read between the others.
         study = folder / "study"
