@@ -20,13 +20,12 @@ COMMANDS = {
     "geometry": "a subject folder from cross-sections",
     "meshing": "a leg's mesh for gmsh, ParaView, Abaqus, CalculiX or FEBio Studio",
 }
-_ELSEWHERE = {"app": "legfem.app.command"}
 
 
 def command(name: str) -> Any:
     """Return a command's typer application; where a package is missing, end with a line that says how to get it."""
     try:
-        return import_module(_ELSEWHERE.get(name, f"legfem.commands.{name}")).app
+        return import_module(f"legfem.commands.{name}").app
     except ModuleNotFoundError as error:
         print(f"legfem: {missing_module(error)}", file=sys.stderr)
         sys.exit(1)

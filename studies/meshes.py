@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from legfem.commands.leg_meshes import MadeMesh, idealised_mesh, section_mesh, stocking_mesh
+from legfem.commands.meshing import MadeMesh, idealised_mesh, section_mesh, stocking_mesh
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank
 from legfem.common.documents import json_types, versions_of, write_atomically, write_document
 from legfem.common.progress import progress_on

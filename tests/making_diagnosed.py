@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, observations, ramps
@@ -53,7 +54,29 @@ def diagnosed(
     law
         Of the base model; without C20 the recordings have none either.
     """
-    observed, predictor = observations(list(recordings or ramps()))
+    if recordings is None:
+        return _of_ramps(tuple(effects.items()), bump, None if asked is None else tuple(asked), seed, law)
+    return diagnosed_anew(effects, recordings, bump, asked, seed, law)
+
+
+@cache
+def _of_ramps(
+    effects: tuple[tuple[str, float], ...], bump: float, asked: tuple[str, ...] | None, seed: int, law: LawName
+) -> Diagnosis:
+    """Several files look at the same ones."""
+    return diagnosed_anew(dict(effects), ramps(), bump, asked, seed, law)
+
+
+def diagnosed_anew(
+    effects: Mapping[str, float],
+    recordings: Sequence[Recording],
+    bump: float,
+    asked: Sequence[str] | None,
+    seed: int,
+    law: LawName = "reduced-polynomial",
+) -> Diagnosis:
+    """Return the same, computed again if it is asked for again."""
+    observed, predictor = observations(list(recordings))
     base = BASE if law == "reduced-polynomial" else {DEEP_C10: BASE[DEEP_C10], DEEP_C20: 0.0}
     force = predictor({**base, **effects}, mechanisms_in(effects))
     place = (observed.displacement - 12.0) / 0.9

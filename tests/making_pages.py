@@ -27,7 +27,8 @@ from legfem.common.progress import Silent
 from legfem.data import segment
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
-from legfem.data.reader import propose, recording_of
+from legfem.data.reader import propose
+from legfem.data.recording import recording_of
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.indenter_pose import Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
@@ -53,13 +54,13 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
+from legfem.report.kinds.specimens import specimen_page
 from legfem.report.look import Looked, look_web_page, recordings_toml
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.plan import plan_web_page
 from legfem.report.render.html import rendered
 from legfem.report.section import Film, pressed_section
-from legfem.report.specimens import specimen_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails
@@ -75,7 +76,7 @@ from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.design import read_definition
-from legfem.study.doe.report import study_web_page
+from legfem.study.doe.page import study_web_page
 from legfem.study.doe.runs import Record, Workshop, simulate
 from legfem.study.doe.study import StudyResult, study
 from studies.legs.shapes import round_leg

@@ -15,7 +15,7 @@ from making_stocking import COARSEST
 from typer.testing import CliRunner
 
 import legfem as lf
-from legfem.api.cohorts import ExpectedRun
+from legfem.cohort.known import ExpectedRun
 from legfem.cohort.members import find_members
 from legfem.cohort.rows import Judged, Row, cohort_frame, cohort_model, models_of, units_frame
 from legfem.commands.cohort import app
@@ -181,7 +181,7 @@ def test_a_leg_in_its_stocking_is_a_row(tmp_path: Path, monkeypatch: pytest.Monk
     leg.mkdir(parents=True)
     (leg / "leg.toml").write_text("")
     found = lf.LegInStocking(dressed_leg(COARSEST))
-    monkeypatch.setattr("legfem.api.cohort_member.load_leg", lambda folder: found.result.leg)
+    monkeypatch.setattr("legfem.api.cohorts.load_leg", lambda folder: found.result.leg)
     monkeypatch.setattr("legfem.api.leg_in_stocking.stocking", lambda given, out, cells: found)
     (row,) = lf.cohort(tmp_path / "study", do="stocking", cells=20_000, out=tmp_path / "out").rows
     assert row.done, row.problem

@@ -15,7 +15,7 @@ from making_cohort import Truth, fabricated
 from reading_page import read
 
 import legfem as lf
-from legfem.api.cohort_member import Options
+from legfem.cohort.known import Options
 from legfem.cohort.rows import Row, Shape
 from legfem.cohort.suspicions import largest_step, missing, suspicions
 from legfem.report.cohort import _kind_of, cohort_web_page

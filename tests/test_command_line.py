@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from legfem.__main__ import COMMANDS
 from legfem.__main__ import command as application
+from legfem.api.arguments import in_python_words
 from legfem.common.command_line import BAD_INPUT, FAILED, command_context
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, parse_toml
@@ -82,6 +83,8 @@ def test_a_package_that_is_missing_is_one_line_that_says_how_to_get_it(capsys):
         said = capsys.readouterr().err
         assert left.value.exit_code == FAILED
         assert words in said and "scripts/in-env" in said and said.count("\n") == 1
+        with pytest.raises(ModuleNotFoundError, match=words), in_python_words():
+            raise ModuleNotFoundError(name=name)
     with pytest.raises(ModuleNotFoundError), command_context():
         raise ModuleNotFoundError(name="legfem.none")
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making import write_subject
-from making_diagnosed import diagnosed, diagnosed_of
+from making_diagnosed import diagnosed, diagnosed_anew, diagnosed_of
 from making_diagnosis import problem_of, ramps
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
@@ -22,9 +22,9 @@ from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_of
 from legfem.report.diagnosis_document import document
 from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
-from legfem.report.diagnosis_sentences import next_experiments, percent, verdict_sentence
+from legfem.report.diagnosis_sentences import next_experiments, verdict_sentence
 from legfem.report.render.text import plain_page
-from legfem.report.words import number, probability
+from legfem.report.words import number, percent, probability
 from legfem.report.write import PAGE_FILES
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")
@@ -241,7 +241,7 @@ def test_nothing_is_written_when_drawing_fails(found, subject, tmp_path, monkeyp
 
 def test_the_same_recordings_get_the_same_diagnosis(found, subject):
     effects, _, asked = CASES["ambiguous"]
-    again = diagnosed(effects, asked=asked)
+    again = diagnosed_anew(effects, ramps(), 0.0, asked, 1)
     one, other = (document(d, subject, 0, 1.0) for d in (found["ambiguous"], again))
     assert one == other
     noisier = diagnosed(effects, asked=asked, seed=2)

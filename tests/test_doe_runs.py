@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -24,9 +25,9 @@ from typer.testing import CliRunner
 from legfem.commands.study import app
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.study.doe import report as command
-from legfem.study.doe.report import run
+from legfem.study import doe_command as command
 from legfem.study.doe.runs import PlaneStrainSimulator, Record, Request, failed, simulate
+from legfem.study.doe_command import run
 
 SHALLOW = """\
 depth_mm = 2.0
@@ -45,6 +46,14 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out what takes longest."""
     for name in ("response", "half_normal", "normality", "sobol", "information"):
         monkeypatch.setattr(command, f"draw_{name}", lambda *_: [])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_samples() -> Iterator[None]:
+    """Fewer samples of the emulator: its indices are looked at in test_doe."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("legfem.study.doe.study._BASE_SAMPLES", 256)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -240,7 +249,6 @@ def test_runs_that_gave_nothing_are_tried_again(tmp_path: Path) -> None:
     assert not json.loads((tmp_path / "out" / "result.json").read_text())["failed_runs"]
 
 
-@pytest.mark.usefixtures("no_figures")
 @pytest.mark.usefixtures("no_figures")
 def test_two_processes_give_the_same_table(tmp_path: Path) -> None:
     run(options(tmp_path, "one", beyond=False), MPI.COMM_SELF, SpringLeg())

@@ -61,10 +61,10 @@ def here(task: int) -> int:
 def test_dask_gives_the_same_and_loses_only_who_always_dies(tmp_path: Path) -> None:
     work = functools.partial(doubled, tmp_path, (2,), (5,))
     with (
-        LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
         engine_named("dask", 1, cluster.scheduler_address) as engine,
     ):
-        assert engine.workers == 3
+        assert engine.workers == 2
         found = of(engine, work)
     assert isinstance(found[2], Died) and "one after another" in found[2].problem
     assert [one for place, one in enumerate(found) if place != 2] == [0, 2, 6, 8, 10, 12, 14]

@@ -8,7 +8,7 @@ from making_identification import identify, pressed_leg
 
 from legfem.inverse.comparison import main_source, shares_of_error, total_of
 from legfem.legs.correction import TabulatedCorrection
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 
 DEEPER, LONGER = "press deeper", "use a longer cylinder, or solve this leg in 3D (--model 3d)"
 

@@ -26,7 +26,7 @@ from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.solver_3d import fibre_errors
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 from legfem.report.render.text import plain_page
 from legfem.solve.path import ForceCurve
 

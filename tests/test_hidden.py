@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from making_diagnosed import diagnosed
-from making_diagnosis import INSTRUMENT, TRUTH, ClosedForm, force_at, noisy, observations, problem_of, ramps, two_rates
+from making_diagnosis import INSTRUMENT, TRUTH, ClosedForm, force_at, noisy, observations, problem_of, ramps
 
 from legfem.common.progress import Silent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
@@ -21,9 +20,8 @@ from legfem.inverse.mechanism import MeasuredStrength, Occurrence
 from legfem.inverse.verdict import TRUSTED, shift_of
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import mechanism_named
-from legfem.legs.occurrence import OCCURRENCES
-from legfem.report.diagnosis_headline import headline
-from legfem.report.diagnosis_sentences import hidden_sentence
+from legfem.legs.mechanisms.occurrence import OCCURRENCES
+from legfem.report.diagnosis_sentences import headline, hidden_sentence
 
 DRIFT = "force-drift.rate"
 
@@ -142,13 +140,6 @@ def test_the_interval_holds_what_a_lump_hides_for_great_strengths_are_common():
     usual, found = lump(4.0, possible={}), lump(4.0)
     assert found.base.value(DEEP_C10) > 1.3e-3
     assert found.intervals[DEEP_C10][0] < 1e-3 < usual.intervals[DEEP_C10][0]
-
-
-def test_a_null_of_several_phases_is_trusted_and_nothing_that_matters_is_open():
-    found = diagnosed({}, recordings=two_rates())
-    assert found.verdict == "consistent" and found.may_be_off < TRUSTED
-    assert headline(found, ()).heading == "Yes."
-    assert not found.hidden
 
 
 def test_a_lump_whose_form_is_not_the_librarys_is_not_contradicted_by_its_form():

@@ -27,7 +27,7 @@ from legfem.inverse.parse_parameters import Written, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
 from legfem.report.fit_figures import fit_figure
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 from legfem.report.render.text import plain_page
 
 NOMINAL = AnalyticLeg().nominal

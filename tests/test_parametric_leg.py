@@ -17,7 +17,7 @@ LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.tom
 
 @pytest.fixture(scope="module")
 def legs() -> dict[str, tuple[ParametricLeg, LegShape]]:
-    return {name: (leg, parametric_leg(leg, 120)) for name, leg in read_legs(LEGS).items()}
+    return {name: (leg, parametric_leg(leg, 72)) for name, leg in read_legs(LEGS).items()}
 
 
 def test_the_six_legs_have_the_girths_and_fat_they_ask_for(legs):

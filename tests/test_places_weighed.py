@@ -19,7 +19,6 @@ from legfem.common.units import FloatArray
 from legfem.data import quality_of, segment_all
 from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import parameter_of
-from legfem.inverse.comparison import total_of
 from legfem.inverse.emulator import At
 from legfem.inverse.errors import error_model
 from legfem.inverse.observations import Observations, observe
@@ -27,12 +26,9 @@ from legfem.inverse.outcome import Outcome
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import channels_of, derivative_of
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values
-from legfem.legs.problem import measured_curve
-from legfem.legs.site_channels import site_channels
-from legfem.legs.site_test import SiteTest
 from legfem.legs.subject import LegAccuracy, Subject
 from legfem.report.diagnosis_channels import channel_chapter
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 from legfem.report.look import draw_look
 from legfem.report.render.html import rendered
 
@@ -127,11 +123,19 @@ def fitted(subject: Subject):
     return fit
 
 
-def test_identification_takes_displacements_inside_as_they_come(tmp_path):
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory):
+    return recorded(tmp_path_factory.mktemp("leg"), list(PLACES))
+
+
+@pytest.fixture(scope="module")
+def both(subject):
+    return fitted(subject)
+
+
+def test_identification_takes_displacements_inside_as_they_come(subject, both):
     """They say most about the fat, and both layers are held, where the force alone leaves the fat open."""
-    subject = recorded(tmp_path / "leg", [INSIDE.name])
     alone = fitted(replace(subject, recordings=tuple(replace(one, channels=()) for one in subject.recordings)))
-    both = fitted(subject)
     for name, truth in TRUTH.items():
         low, high = both.estimates[name].ci95
         assert low < truth < high
@@ -139,26 +143,6 @@ def test_identification_takes_displacements_inside_as_they_come(tmp_path):
     assert fat.standard_error < 0.8 * before.standard_error
     assert fat.information_shares[INSIDE.name] > 0.2
     assert both.goodness.fits
-
-
-def test_predictions_at_places_have_the_derivatives_of_differences(tmp_path):
-    subject = recorded(tmp_path / "leg", list(PLACES))
-    curve = measured_curve(subject)
-    test = SiteTest(subject, curve, beside=site_channels(subject, curve))
-    leg, instrument = PlacedLeg(depth=DEPTH), np.array([1.0, 0.0, 0.0])
-    exact = test.predict(leg.solve(TRUTH, BOTH).curve, TRUTH, instrument)
-    assert len(exact.values) == len(test.data.values) == len(test.if_deeper)
-    assert len(exact.model_values) == test.model_size == len(test.linear_scale)
-    np.testing.assert_allclose(test.read(exact.model_values, instrument), exact.values, rtol=1e-12, atol=1e-12)
-    np.linalg.cholesky(total_of(test.own_errors))
-    for name in BOTH:
-        step = 1e-5 * TRUTH[name]
-        ahead, behind = (
-            test.predict(leg.solve(at, ()).curve, at, instrument).values
-            for at in ({**TRUTH, name: TRUTH[name] + by} for by in (step, -step))
-        )
-        difference = (ahead - behind) / (2 * step)
-        np.testing.assert_allclose(exact.sensitivities[name], difference, atol=1e-4 * np.abs(difference).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,11 +229,9 @@ def test_a_solution_s_derivatives_are_no_channels():
     assert set(channels_of(columns)) == set(own[2:])
 
 
-def test_pages_and_looks_draw_what_is_read_at_places(tmp_path):
+def test_pages_and_looks_draw_what_is_read_at_places(subject, both, tmp_path):
     """The page of a fit has the channel's panel, and a look at a trial its readings."""
-    subject = recorded(tmp_path / "leg", list(PLACES))
-    fit = fitted(subject)
-    page = rendered(leg_page([fit]))
+    page = rendered(leg_page([both]))
     assert "section displacement (mm)" in page and "contact pressure (kPa)" in page
     trial = subject.trials[0]
     (one, _) = trial.recording.channels

@@ -17,7 +17,6 @@ from legfem.common.command_line import command_context
 from legfem.common.progress import Silent
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from studies.solvers.case import run_apart
 
 HERE = Path(__file__).parent
 
@@ -208,6 +207,8 @@ def test_commands_apart_end_with_the_one_that_started_them(tmp_path: Path, sent:
 
 
 def test_a_command_apart_tells_how_it_ended() -> None:
+    from studies.solvers.case import run_apart  # brings DOLFINx, which no worker here needs
+
     ended = [sys.executable, "-c", "raise SystemExit(3)"]
     assert run_apart(ended, os.environ) == 3
 

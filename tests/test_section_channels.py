@@ -42,7 +42,8 @@ def solved(test) -> Solved:
 
 def test_every_channel_is_a_known_kind(solved):
     assert set(solved.path.channels) <= set(CHANNELS)
-    assert {"lateral_force", "contact_width", *THICKNESSES, *(kind.name for kind in RISES.values())} == set(
+    forces = {"lateral_force", "axis_moment", "contact_width"}
+    assert forces | {*THICKNESSES, "tissue_thickness", *(one.name for one in RISES.values())} == set(
         solved.curve.channels
     )
 

@@ -36,7 +36,7 @@ from legfem.legs.elastography import FibreRatio
 from legfem.legs.fit_in_3d import fit_in_3d, ways_of_pressing
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.subject import SitedLeg
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 from legfem.report.render.html import rendered
 
 NEO_HOOKEAN = ("neo-hookean",)

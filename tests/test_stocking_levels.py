@@ -10,7 +10,8 @@ from making_stocking import short_leg
 
 from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.stockings.fabric import MESH_SHARE, MakersLevels, PressureAlong, Stocking, stocking_load
+from legfem.stockings.fabric import Stocking, stocking_load
+from legfem.stockings.levels import MESH_SHARE, MakersLevels, PressureAlong, pressures_at_levels
 from legfem.stockings.misfit import ContourAccuracy
 
 
@@ -59,3 +60,24 @@ def test_the_pressure_along_round_rings_is_laplaces_and_errs_by_fabric_and_mesh(
     wider = PressureAlong.of(CALF, load, on_bare, accuracy)
     assert wider.sd == pytest.approx(np.hypot(0.05, 0.2 * MESH_SHARE) * expected, rel=1e-6)
     assert along.at(25.0)[0] == pytest.approx(np.mean(expected[2:4]), rel=1e-6)
+
+
+def test_a_level_is_judged_by_its_interval_beside_the_limits():
+    fabric = Stocking(0.3, CALF.levels[:1], np.array([180.0]))
+    load = stocking_load(CALF, fabric)
+    along = PressureAlong.of(CALF, load, load, replace(ContourAccuracy(), tension_sd=0.05, pressure_sd=1e-9))
+
+    def judged(limits_of_c: tuple[float, float]) -> dict[str, str]:
+        makers = MakersLevels("RAL-GZ 387", "4", shares={"C": limits_of_c})
+        return {one.level: one.verdict for one in pressures_at_levels(along, makers, CALF)}
+
+    at = {one.level: one for one in pressures_at_levels(along, MakersLevels(), CALF)}
+    share = 100 * at["C"].over_ankle
+    assert at["C"].verdict == "no limits" and at["B"].over_ankle == 1.0
+    low, high = at["C"].ci95
+    assert high - at["C"].mean == pytest.approx(at["C"].mean - low)
+    assert 1.96 < (high - at["C"].mean) / along.at(60.0)[1] < 2.5
+    assert judged((0.8 * share, 1.2 * share))["C"] == "within"
+    assert judged((1.2 * share, 2.0 * share))["C"] == "too low"
+    assert judged((0.1 * share, 0.8 * share))["C"] == "too high"
+    assert judged((share, 1.2 * share))["C"] == "not certain"

@@ -92,7 +92,7 @@ def test_where_springs_stop_the_frame_is_left(variants, solved, monkeypatch):
 
     monkeypatch.setattr(LegVariants, "follow", stops)
     observed, _ = observations(ramps(1))
-    shallow = SolvedResponses(variants, 2.0, None, {"test": 2})
+    shallow = SolvedResponses(variants, 1.0, None, {"test": 2})
     library = build_library(shallow, shallow, observed, [SUPPORT], 1, Silent(), 0.8, rounded(SOFT[0]))
     assert library.missing == {}
     values = {"compliance": 0.3, "at_bones": 0.7}

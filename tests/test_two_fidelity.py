@@ -27,7 +27,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import Subject
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 from legfem.report.render.text import plain_page
 
 GRID = np.linspace(0.0, DEPTH, 41)

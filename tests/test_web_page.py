@@ -21,13 +21,14 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.fem.fields import FieldReader, fields_of
 from legfem.inverse.averaging import POWER
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.verdict import Diagnosis
+from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.diagnosis_sentences import headline
 from legfem.report.estimates import QUESTION, high_or_low
-from legfem.report.leg import leg_page
+from legfem.report.kinds.leg import leg_page
 from legfem.report.leg_figure import DrawnSection
 from legfem.report.page import Curves, Line, ways
 from legfem.report.render.html import rendered
@@ -131,6 +132,12 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
 def sound() -> Diagnosis:
     """Holds and two rates are there: nothing of the tissue's behaviour in time is left to be tested."""
     return diagnosed({}, recordings=two_rates())
+
+
+def test_a_null_of_several_phases_is_trusted_and_nothing_that_matters_is_open(sound):
+    assert sound.verdict == "consistent" and sound.may_be_off < TRUSTED
+    assert headline(sound, ()).heading == "Yes."
+    assert not sound.hidden
 
 
 def test_a_test_that_asks_for_nothing_more_says_so(subject, sound):

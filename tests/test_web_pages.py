@@ -22,15 +22,16 @@ import legfem as lf
 from legfem.commands.plan import app
 from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.geometry.leg_shape_motion import inward, stretch_round
+from legfem.report.kinds.specimens import specimen_page
 from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render.html import embed, rendered
-from legfem.report.specimens import specimen_page
-from legfem.report.stocking_pressures import by_height, inward, stretch_round
+from legfem.report.stocking_pressures import by_height
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.write import PAGE_FILES
 from legfem.study.correction.page import correction_web_page
-from legfem.study.doe.report import not_seen, study_web_page, to_measure
+from legfem.study.doe.page import not_seen, study_web_page, to_measure
 from studies.legs.shapes import round_leg
 
 MOST_BYTES = 700_000
@@ -296,7 +297,13 @@ def test_files_that_were_looked_at_say_their_grades_and_how_they_were_read(tmp_p
     (warning,) = page.warnings
     assert warning.startswith("saturated.csv: ") and "saturated" in warning
     assert words.index(page.headline.sentence) < words.index(warning) < words.index("To repeat it")
-    for said in ("displacement from 'displacement' (mm)", "good.csv", "after air", "[recordings.force]", pages.COMMAND):
+    for said in (
+        "displacement from 'displacement' (mm)",
+        "good.csv",
+        "after a part without load",
+        "[recordings.force]",
+        pages.COMMAND,
+    ):
         assert said in words, said
 
 

@@ -15,7 +15,7 @@ from numbers import Integral, Real
 from pathlib import Path
 
 from legfem.common.command_line import check_out_folder
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, missing_module
 
 _REMEDIES = (
     (r"legfem identify takes it", "load the folder with lf.load_subject"),
@@ -32,9 +32,11 @@ _REMEDIES = (
 
 @contextmanager
 def in_python_words() -> Iterator[None]:
-    """Name a call's keywords where an InputError names a command's options."""
+    """Name a call's keywords where an InputError names a command's options, and say how to get a missing package."""
     try:
         yield
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(missing_module(error), name=error.name) from None
     except InputError as error:
         source, field = (_keyword(text) for text in (error.source, error.field))
         remedy = error.remedy

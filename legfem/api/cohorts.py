@@ -4,42 +4,39 @@ from __future__ import annotations
 
 import functools
 import logging
+import resource
+import sys
 import time
-import tomllib
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from operator import itemgetter
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from legfem.api.arguments import check_folder, check_one_of, check_seed, check_whole
-from legfem.api.cohort_member import Options, done_with
-from legfem.api.loading import Given
+from legfem.api.loading import Given, load_leg, opened
 from legfem.api.results import Result
+from legfem.cohort.known import ExpectedRun, KnownRows, Options
 from legfem.cohort.members import Member, Members, Task, find_members
-from legfem.cohort.rows import Row, cohort_frame, units_frame, write_tables
-from legfem.common.errors import InputError
+from legfem.cohort.rows import Judged, Row, Shape, cohort_frame, models_of, units_frame, write_tables
+from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, duration, progress_on
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
-from legfem.jobs.key import Contents
-from legfem.jobs.store import Store
+from legfem.jobs.key import key_of
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
     from legfem.cohort.population_model import PopulationFit
+    from legfem.legs.subject import SitedLeg, Subject
     from legfem.report.page import WebPage
+    from legfem.specimens.folder import SpecimenFolder
 
 _log = logging.getLogger(__name__)
 DOCUMENT = "cohort.json"
 POPULATION = "population.json"
-_CODE: Mapping[str, tuple[str, ...]] = {
-    "identify": ("legfem.legs.identification", "legfem.specimens.problem", "legfem.cohort.rows"),
-    "diagnose": ("legfem.legs.diagnosis", "legfem.specimens.diagnosis", "legfem.cohort.rows"),
-    "stocking": ("legfem.stockings.result", "legfem.cohort.rows"),
-}
-"""Modules that compute a member's numbers: with another code they are computed again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +82,7 @@ class Cohort(Result):
 
     def plot(self) -> Figure:
         """Return the first parameter of all members, sorted, with 95 % intervals."""
-        from legfem.report.cohort import forest_figure
+        from legfem.report.cohort_statistics import forest_figure
 
         return forest_figure(self.members.every, self.rows)
 
@@ -115,45 +112,6 @@ class Cohort(Result):
         from legfem.report.page import command_line
 
         return cohort_web_page(self.members, self.rows, self.options.task, command_line(), self.population)
-
-
-@dataclass(frozen=True)
-class ExpectedRun:
-    """What a run would do, and what it would take."""
-
-    members: Members
-    states: tuple[Literal["known", "new", "changed", "missing"], ...]
-    """Of the members: the result is there; there is none; files, options or code are others; no such folder."""
-    workers: int
-    seconds_each: float
-    """Of one processor."""
-    peak_mb: float
-    """Of one process."""
-    basis: str
-    """Where time and memory come from."""
-
-    @property
-    def waiting(self) -> int:
-        """How many members are to be done."""
-        return sum(state in ("new", "changed") for state in self.states)
-
-    def summary(self) -> str:
-        """Return a line a member, and time and memory of all."""
-        lines = [f"{state:8} {one.name}" for state, one in zip(self.states, self.members.every, strict=True)]
-        seconds = -(-self.waiting // self.workers) * self.seconds_each
-        memory = min(self.workers, self.waiting) * self.peak_mb / 1000
-        each = f"{self.seconds_each:.0f} s and {self.peak_mb:.0f} MB each, {self.basis}"
-        todo = f"{self.waiting} of {len(self.states)} to do, {self.workers} at once"
-        last = f"{todo}: about {duration(seconds)} and {memory:.1f} GB of memory ({each})"
-        return "\n".join([*lines, *self.members.notes, last]) + "\n"
-
-
-_TYPICAL: Mapping[str, tuple[float, float]] = {
-    "identify": (25.0, 500.0),
-    "diagnose": (200.0, 900.0),
-    "stocking": (60.0, 900.0),
-}
-"""Seconds of a processor and MB of the members that come with legfem (``legfem cohort`` writes both)."""
 
 
 def cohort(
@@ -245,7 +203,7 @@ def cohort(
     with engine_named(on, jobs, scheduler) as engine:
         if engine is not None:
             members = find_members(Path(folder), do, layout, None if table is None else Path(table))
-            known = _Known(Path(out), members, options)
+            known = KnownRows(Path(out), members, options)
             if dry_run:
                 return known.expected(engine.workers)
             with progress_on(quiet=not progress) as shown:
@@ -279,75 +237,7 @@ def _options(task: Task, given: Mapping[str, Any], library: Given | None) -> Opt
     return Options(task, given, "" if library is None else str(library))
 
 
-def _files(member: Member) -> object:
-    """All files of a member's folder, and those elsewhere that its TOML names."""
-    named: list[str] = []
-    for path in sorted(member.folder.glob("*.toml")):
-        try:
-            named += _texts(tomllib.loads(path.read_text(encoding="utf-8")))
-        except (OSError, ValueError):
-            continue
-    elsewhere = []
-    for text in named:
-        path = member.folder / text
-        if (
-            len(text) < 500
-            and "\0" not in text
-            and path.is_file()
-            and not path.resolve().is_relative_to(member.folder.resolve())
-        ):
-            elsewhere.append(Contents(path))
-    return [Contents(member.folder), elsewhere, member.problem]
-
-
-def _texts(value: Any) -> list[str]:
-    if isinstance(value, str):
-        return [value]
-    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return [text for part in parts for text in _texts(part)]
-
-
-class _Known:
-    """What is there of a cohort, and what isn't."""
-
-    def __init__(self, out: Path, members: Members, options: Options) -> None:
-        self.out, self.members, self.options = out, members, options
-        priors = (Path(text.partition("=")[2].strip()) for text in options.given.get("prior", ()))
-        depends = [options.task, options.given, [Contents(path) for path in priors if path.suffix == ".json"]]
-        place = itemgetter("place")
-        self._store = Store(out / "rows", list[Row], depends, _CODE[options.task], named=place)
-        self._asked = {one.name: {"place": one.place.replace("/", "__"), "files": _files(one)} for one in members.every}
-        self.rows: dict[str, list[Row]] = {}
-        for one in members.every:
-            rows = [Row(one.name, problem=one.problem)] if one.problem else self._store.get(self._asked[one.name])
-            # A report that was removed is written again.
-            if rows is not None and all((out / row.report).is_file() for row in rows if row.report):
-                self.rows[one.name] = rows
-
-    def keep(self, name: str, rows: list[Row]) -> None:
-        """Keep a member's rows."""
-        self._store.put(self._asked[name], rows)
-
-    def expected(self, workers: int) -> ExpectedRun:
-        """What a run would do."""
-        done = [row for rows in self.rows.values() for row in rows if row.done and row.seconds > 0]
-        seconds, peak = _TYPICAL[self.options.task]
-        basis = "as of legs that come with legfem"
-        if done:
-            seconds = sum(row.seconds for row in done) / len(done)
-            peak = max(row.peak_mb for row in done)
-            basis = f"as of the {len(done)} done here"
-        return ExpectedRun(self.members, tuple(map(self._state, self.members.every)), workers, seconds, peak, basis)
-
-    def _state(self, one: Member) -> Literal["known", "new", "changed", "missing"]:
-        if one.problem:
-            return "missing"
-        if one.name in self.rows:
-            return "known"
-        return "changed" if self._store.path(self._asked[one.name]).is_file() else "new"
-
-
-def _run(known: _Known, engine: Engine, progress: Progress) -> list[Row]:
+def _run(known: KnownRows, engine: Engine, progress: Progress) -> list[Row]:
     members, found = known.members.every, dict(known.rows)
     for one in members:
         if one.problem:
@@ -367,3 +257,158 @@ def _run(known: _Known, engine: Engine, progress: Progress) -> list[Row]:
         problem = next((row.problem for row in rows if row.problem), "")
         progress.advance(f"{member.name}: {problem or f'{rows[0].seconds:.0f} s'}{after}")
     return [row for one in members for row in found[one.name]]
+
+
+MEMBERS = "members"
+"""Folder of the members' own reports, below that of results."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """What came of one member."""
+
+    rows: list[Row]
+    worth: bool = True
+    """Whether it would come out the same the next time."""
+
+
+def done_with(options: Options, out: Path, member: Member) -> Made:
+    """Do one member as its own command would, and write its report; what goes wrong is a row too."""
+    started = time.perf_counter()
+    folder = out / MEMBERS / member.place
+    try:
+        with _unheard():
+            rows = _DOES[options.task](options, member, folder)
+    except (InputError, UnsolvedError) as error:
+        return Made([Row(member.name, problem=" ".join(str(error).split()))])
+    except Exception as error:  # a fault of legfem's own costs this row alone, too
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")
+        said = " ".join(str(error).split())[:200]
+        problem = f"unexpected {type(error).__name__}: {said}; please report {folder / 'error.txt'}"
+        return Made([Row(member.name, problem=problem)], worth=False)
+    unit = 1e6 if sys.platform == "darwin" else 1e3
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+    seconds = (time.perf_counter() - started) / len(rows)
+    return Made([replace(row, seconds=seconds, peak_mb=peak) for row in rows])
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Keep to itself what is logged: warnings stand in the member's report and row."""
+    log = logging.getLogger("legfem")
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+
+
+def _identified(options: Options, member: Member, folder: Path) -> list[Row]:
+    from legfem.api.identification import identify
+    from legfem.legs.identification import as_leg
+    from legfem.report.estimates import preferred
+    from legfem.report.kinds import kind_of
+    from legfem.specimens.folder import SpecimenFolder
+
+    given = opened(member.folder)
+    found = identify(given, out=folder, **options.given)
+    report = found.write(folder, every_rank=True)
+    content = found.document()
+    page = kind_of(found.fits).page(found.fits, None, "", "")
+    best = preferred(found.fits)
+    shape = Shape() if isinstance(given, SpecimenFolder) else _shape(as_leg(given).sites[0])
+    row = _row(member, content, page, best.law, given.origin, report, shape)
+    settings = content["laws"][best.law]["settings"]
+    return [replace(row, recordings=_recordings(given), settings=settings)]
+
+
+def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
+    from legfem.api.diagnosed import DiagnosedLeg, diagnose
+    from legfem.report.diagnosis import diagnosis_web_page
+    from legfem.report.diagnosis_document import document
+    from legfem.specimens.folder import SpecimenFolder
+
+    given = opened(member.folder)
+    found = diagnose(given, library=options.library or None, out=folder, **options.given)
+    report = found.write(folder)
+    if isinstance(found, DiagnosedLeg):
+        page = diagnosis_web_page(found.diagnosis, found.subject)
+        row = _row(member, found.document(), page, "after repair", given.origin, report, _shape(found.subject))
+        return [replace(row, recordings=_recordings(given))]
+    assert isinstance(given, SpecimenFolder)
+    rows = []
+    alone = len(given.specimens) == 1
+    for one in found.specimens:
+        part = "" if alone else one.id
+        if one.diagnosis is None:
+            rows.append(Row(member.name, part, problem=str(one.problem)))
+            continue
+        content = document(one.diagnosis, one, found.seed, one.seconds)
+        page = diagnosis_web_page(one.diagnosis, one)
+        row = _row(member, content, page, "after repair", given.origin, report, Shape())
+        rows.append(replace(row, part=part))
+    return rows
+
+
+def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
+    from legfem.api.leg_in_stocking import stocking
+    from legfem.report.stocking_page import stocking_web_page
+
+    leg = load_leg(member.folder)
+    found = stocking(leg, out=folder, **options.given)
+    report = found.write(folder)
+    page = stocking_web_page(found.result)
+    return [_row(member, found.document(), page, "", leg.origin, report, Shape())]
+
+
+_DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}
+
+
+def _row(
+    member: Member, content: Mapping[str, Any], page: WebPage, preferred: str, origin: str, report: Path, shape: Shape
+) -> Row:
+    from legfem.report.page import PAGE
+
+    shown = report.with_name(PAGE) if report.with_name(PAGE).is_file() else report
+    return Row(
+        member.name,
+        judged=Judged(page.headline.tone, page.headline.sentence, tuple(page.warnings), preferred),
+        models=models_of(content),
+        verdict=content.get("verdict", ""),
+        origin=origin,
+        shape=shape,
+        report=(Path(MEMBERS) / member.place / shown.name).as_posix(),
+        versions=content["versions"],
+    )
+
+
+def _shape(leg: Subject) -> Shape:
+    """What a leg's section says without a fit."""
+    import numpy as np
+
+    from legfem.geometry.section import fat_thickness, girth
+
+    try:
+        fat = fat_thickness(leg.section, leg.indenter.aim, leg.indenter.direction)
+    except ValueError:
+        fat = None
+    way = leg.indenter.direction
+    centres = {name: np.array(leg.section.polygon(name).centroid.coords[0]) for name in ("tibia", "fibula")}
+    apart = centres["fibula"] - centres["tibia"]
+    beside = float(way[1] * apart[0] - way[0] * apart[1])
+    return Shape(fat, girth(leg.section), beside)
+
+
+def _recordings(given: Subject | SitedLeg | SpecimenFolder) -> dict[str, str]:
+    from legfem.legs.identification import as_leg
+    from legfem.specimens.folder import SpecimenFolder
+
+    if isinstance(given, SpecimenFolder):
+        return {one.name: key_of(one.recording.displacement, one.recording.force) for one in given.recordings}
+    return {
+        f"{site.site}/{one.trial}".strip("/"): key_of(one.displacement, one.force)
+        for site in as_leg(given).sites
+        for one in site.recordings
+    }

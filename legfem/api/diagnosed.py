@@ -18,6 +18,7 @@ from legfem.legs.subject import SitedLeg, Subject
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from legfem.inverse.fit import Fit
     from legfem.inverse.plan import DesignValue
     from legfem.inverse.verdict import Diagnosis
     from legfem.report.page import WebPage
@@ -43,6 +44,13 @@ class DiagnosedLeg(Result):
     def verdict(self) -> str:
         """Return ``consistent``, ``named``, ``ambiguous`` or ``unexplained``."""
         return self.diagnosis.verdict
+
+    @property
+    def base(self) -> Fit[None]:
+        """Return the base model's fit to all recordings, as an identification's, each recording a test."""
+        from legfem.report.diagnosis_document import base_fit_of
+
+        return base_fit_of(self.diagnosis, self.subject, self.seed)
 
     def summary(self) -> str:
         """Return the report's text."""
@@ -73,7 +81,7 @@ class DiagnosedLeg(Result):
         from legfem.report.folder import keep_another
         from legfem.report.page import command_line
 
-        keep_another(Path(folder), command_line())
+        keep_another(Path(folder), command_line(), DIAGNOSIS)
         write_document(Path(folder) / DIAGNOSIS, self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
 

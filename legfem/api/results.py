@@ -98,7 +98,7 @@ class Identification(Result):
 
     def summary(self) -> str:
         """Values, intervals, which law fits better, whether sites agree, how well the rest is predicted, warnings."""
-        from legfem.report.identification import kind_of
+        from legfem.report.kinds import kind_of
         from legfem.report.render.text import brief
 
         return brief(kind_of(self.fits).page(self.fits, None, "", ""))
@@ -106,13 +106,13 @@ class Identification(Result):
     def document(self) -> dict[str, Any]:
         """What ``result.json`` holds; its laws are members."""
         from legfem.inverse.document import fit_document
-        from legfem.report.identification import kind_of
+        from legfem.report.kinds import kind_of
 
         return fit_document(self.fits, kind_of(self.fits).document)
 
     def plot(self) -> Figure:
         """Recordings, model and their difference, for each law."""
-        from legfem.report.identification import kind_of
+        from legfem.report.kinds import kind_of
 
         return kind_of(self.fits).figure(self.fits)
 
@@ -142,7 +142,8 @@ class Identification(Result):
         yield from self.to_frame().to_dict("records")
 
     def _page(self) -> WebPage:
-        from legfem.report.identification import kind_of, pressed_section_of
+        from legfem.report.identification import pressed_section_of
+        from legfem.report.kinds import kind_of
 
         experiment = self._experiment
         pressed = None if experiment is None else pressed_section_of(self.fits, experiment)

@@ -1,4 +1,4 @@
-"""``legfem app``: see `legfem.app.command`."""
+"""``legfem app``: see `legfem.commands.app`."""
 
 from legfem.__main__ import command
 

@@ -21,7 +21,8 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, checked
 from legfem.data import seen_instrument
 from legfem.data.formats import recording_files
-from legfem.data.reader import SourceColumns, read_samples
+from legfem.data.reader import read_samples
+from legfem.data.recording import SourceColumns
 from legfem.geometry.indenter import IndenterShape
 from legfem.legs.folder import plain_id, subject_text
 from legfem.legs.schema import SUBJECTS, SubjectFile, site_names, subject_entry

@@ -22,12 +22,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from legfem.app.supervise import started
 from legfem.app.workspace import Workspace
 from legfem.common.command_line import BAD_INPUT, INTERRUPTED
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Reached, reached
+from legfem.jobs.supervise import started
 
 EVERY = "all legs"
 """What a run of a cohort is about."""

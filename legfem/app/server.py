@@ -10,10 +10,11 @@ from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Res
 from nicegui import ui
 from starlette.requests import ClientDisconnect
 
-from legfem.app.input_page import input_page
 from legfem.app.outcomes import answers_of, as_csv, as_xlsx
-from legfem.app.overview_page import compare_page, home_page
-from legfem.app.run_page import run_page
+from legfem.app.pages.input import input_page
+from legfem.app.pages.overview import compare_page, home_page
+from legfem.app.pages.run import run_page
+from legfem.app.pages.wizard import describe_page
 from legfem.app.runs import runs_of
 from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
@@ -105,7 +106,7 @@ def _add_pages(workspace: Workspace) -> None:
 
     @ui.page("/input/{name}")
     def one_input(name: str) -> None:
-        input_page(workspace, name)
+        input_page(workspace, name, describe_page)
 
     @ui.page("/run/{name}")
     def one_run(name: str) -> None:

@@ -72,6 +72,8 @@ class ChannelKind:
     model_share: float = 0.0
     models: frozenset[str] = frozenset({"2d"})
     """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
+    at_rest: float = 0.0
+    """Value that is read as it is whatever the instrument's gain: what readings are shares of."""
 
     @property
     def column(self) -> str:
@@ -90,8 +92,8 @@ class ChannelKind:
 
     @property
     def follows_force(self) -> bool:
-        """Whether it is a force or a pressure on the cylinder: what acts on the force by a factor acts on it."""
-        return self.unit in ("N", "kPa")
+        """Whether it is a force, moment or pressure on the cylinder: what acts on the force by a factor acts on it."""
+        return self.unit in ("N", "Nmm", "kPa")
 
     def courses(self, places: int) -> tuple[str, ...]:
         """Return the names of its courses along a test: one, or one for each of a number of places."""

@@ -106,7 +106,14 @@ class ChannelLog:
             nodal_rates = np.tensordot(chain.T, tracker.nodal_force_rates, axes=1)
         read = self._reader.read(
             ReadState(
-                unknown, rates, whole * contact_force, whole * force_rates, nodal, nodal_rates, system.displacement
+                unknown,
+                rates,
+                whole * contact_force,
+                whole * force_rates,
+                nodal,
+                nodal_rates,
+                system.displacement,
+                whole,
             )
         )
         for name, values in self.values.items():

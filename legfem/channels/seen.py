@@ -37,6 +37,8 @@ class ReadState:
         Its derivatives.
     displacement
         Of the cylinder, mm.
+    whole
+        Length of the cylinder over a section that forces at nodes are of, mm; 1 in a leg in 3D.
     """
 
     unknown: FloatArray
@@ -46,6 +48,7 @@ class ReadState:
     nodal_force: FloatArray
     nodal_force_rates: FloatArray
     displacement: float = 0.0
+    whole: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,13 +159,18 @@ class Seen:
         return np.asarray(system.start + self.state.displacement * system.direction)
 
     @cached_property
+    def _skin_from_axis(self) -> tuple[FloatArray, FloatArray]:
+        """The rank's nodes of a section's skin from the cylinder's axis, (k, 2), mm, and derivatives (p, k, 2)."""
+        spaces, state = self.model.system.spaces, self.state
+        places = spaces.skin_space.tabulate_dof_coordinates()[:, :2]
+        away = places + state.unknown[spaces.trace].reshape(-1, 2) - self.centre
+        return away, state.unknown_rates[:, spaces.trace].reshape(-1, *away.shape)
+
+    @cached_property
     def face(self) -> SkinOnFace:
         """The rank's nodes of a section's skin as the cylinder's face sees them."""
         system, state = self.model.system, self.state
-        trace = system.spaces.trace
-        places = system.spaces.skin_space.tabulate_dof_coordinates()[:, :2]
-        away = places + state.unknown[trace].reshape(-1, 2) - self.centre
-        moving = state.unknown_rates[:, trace].reshape(-1, *away.shape)
+        away, moving = self._skin_from_axis
         ahead, beside = away @ system.direction, away @ self.left
         squared = ahead**2 + beside**2
         turning = (ahead * (moving @ self.left) - beside * (moving @ system.direction)) / squared
@@ -179,6 +187,14 @@ class Seen:
         """Return the contact's force along a unit vector (N), and its derivatives (p,)."""
         return float(self.state.contact_force @ way), self.state.contact_force_rates @ way
 
+    def moment(self) -> tuple[float, FloatArray]:
+        """Return the contact's moment about the cylinder's axis in a section (N mm), and its derivatives (p,)."""
+        (away, moving), state, comm = self._skin_from_axis, self.state, self.model.system.comm
+        local = float(np.sum(_cross(away, state.nodal_force)))
+        rates = _cross(moving, state.nodal_force) + _cross(away, state.nodal_force_rates)
+        total = np.asarray(comm.allreduce(rates.sum(axis=-1)))
+        return state.whole * float(comm.allreduce(local)), state.whole * total
+
     def line(self, name: str) -> CrossedOutline:
         """Return one of a section's outlines as the line of travel crosses it; see `SeenModel.outlines`."""
         return self._lines[name]
@@ -194,6 +210,11 @@ class Seen:
             places = outline.places
             found[name] = CrossedOutline(places, places + moved[0], moved[1:], system.start, system.direction)
         return found
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the products (...) of vectors (..., 2)."""
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
 
 
 @dataclass(frozen=True, eq=False)

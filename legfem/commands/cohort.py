@@ -84,8 +84,9 @@ def cohort(
     resume = "run the same command again to go on; members that are done are kept"
     alone = command_context(resume, quiet) if on == "mpi" else parallel_context(jobs, resume, quiet)
     with alone as processes:
-        from legfem.api.cohorts import DOCUMENT, ExpectedRun
+        from legfem.api.cohorts import DOCUMENT
         from legfem.api.cohorts import cohort as cohort_in_full
+        from legfem.cohort.known import ExpectedRun
         from legfem.cohort.rows import CSV
         from legfem.commands.options import print_outcome
         from legfem.report.cohort import PAGE

@@ -27,7 +27,7 @@ def look(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="CSV, text, xlsx, xls, TDMS, LVM, MAT, HDF5, or one of them zipped; one trial each.",
+            help="CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or one of them zipped; one trial each.",
             show_default=False,
         ),
     ] = None,
@@ -51,15 +51,18 @@ def look(
     Example: legfem data look trial1.tdms trial2.tdms
     """
     with command_context(quiet=quiet):
+        import numpy as np
+
         from legfem.common.documents import write_atomically, write_document
         from legfem.common.errors import doubt_lines
         from legfem.data import Scales, among_repeats, segment
-        from legfem.data.contact import LEG
+        from legfem.data.contact import LEAST_OF_A_LEG_MM, LEG
         from legfem.data.formats import read_sheets
         from legfem.data.formats.sheet import Quantity
         from legfem.data.plausibility import trial_doubts
         from legfem.data.quality import quality_of
-        from legfem.data.reader import OWN_COLUMNS, Proposal, propose, read_own, recording_of
+        from legfem.data.reader import Proposal, propose
+        from legfem.data.recording import OWN_COLUMNS, read_own, recording_of
         from legfem.report.look import (
             LOOK,
             Looked,
@@ -102,6 +105,11 @@ def look(
                 proposal = propose(path, sheets, named, sheet)
                 recording = recording_of(path, sheets, proposal.channels)
                 layout = recordings_toml(proposal.channels)
+            small = float(np.ptp(recording.displacement)) < LEAST_OF_A_LEG_MM
+            if small and not specimens:
+                why = f"displacement changes by {np.ptp(recording.displacement):.3g} mm in all: judged as a specimen's"
+                proposal = Proposal(proposal.channels, (*proposal.reasons, why))
+            specimens = specimens or small
             scales = Scales.of_specimen(recording) if specimens else LEG
             read.append((proposal, segment(recording, scales=scales)))
             tomls[path] = layout + channels_toml(recording.channels)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -61,6 +62,78 @@ def export(
             print(line)
 
 
+@dataclass(frozen=True, eq=False)
+class MadeMesh:
+    """A mesh, and what it was made from."""
+
+    mesh: NamedMesh
+    definition: Mapping[str, Any]
+    """Shape and sizes, as JSON types; lengths in mm."""
+
+
+def section_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
+    """Mesh the section of a subject's folder, as `legfem.identify` does."""
+    from legfem.legs.loading import load_subject
+    from legfem.meshing.exchange import named_mesh
+    from legfem.meshing.section import REGIONS, SectionMeshSettings, mesh_section
+
+    subject = load_subject(folder, need_recordings=False, need_instrument=False)
+    section, indenter = subject.section, subject.indenter
+    sizes = SectionMeshSettings().refined(finer)
+    made = mesh_section(section, indenter.radius, indenter.aim, indenter.direction, sizes)
+    return MadeMesh(
+        named_mesh(made.mesh, made.cell_tags, made.facet_tags, REGIONS),
+        {
+            "shape": "section",
+            "subject": subject.id,
+            "origin": subject.origin,
+            "fascia_thickness": section.fascia_thickness,
+            "indenter": {
+                "radius": indenter.radius,
+                "aim": indenter.aim.tolist(),
+                "direction_deg": indenter.direction_deg,
+            },
+            "sizes": asdict(sizes),
+        },
+    )
+
+
+def stocking_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
+    """Mesh the bare leg of a folder, as `legfem.stocking` does."""
+    from legfem.meshing.exchange import named_mesh
+    from legfem.meshing.solid_leg import mesh_solid_leg, settings_for_cells
+    from legfem.stockings.loading import load_leg
+    from legfem.stockings.result import StockingSettings
+
+    leg = load_leg(folder)
+    sizes = settings_for_cells(leg.bare, round(StockingSettings().cells * finer**3))
+    made = mesh_solid_leg(leg.bare, sizes)
+    return MadeMesh(
+        named_mesh(made.mesh, made.cell_tags, made.facet_tags, made.regions),
+        {
+            "shape": "solid",
+            "subject": leg.id,
+            "origin": leg.origin,
+            "levels": leg.bare.levels.tolist(),
+            "sizes": asdict(sizes),
+        },
+    )
+
+
+def idealised_mesh(finer: float = 1.0) -> MadeMesh:
+    """Mesh a quarter of the reference leg of the 3D correction."""
+    from legfem.experiments.indentation_3d import Cylinder
+    from legfem.meshing.exchange import named_mesh
+    from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
+
+    leg, cylinder, sizes = IdealisedLeg(), Cylinder(), LegMeshSettings().refined(finer)
+    made = mesh_leg(leg, cylinder.radius, cylinder.length, sizes)
+    return MadeMesh(
+        named_mesh(made.mesh, made.cell_tags, made.facet_tags, made.regions),
+        {"shape": "quarter", "leg": asdict(leg), "cylinder": asdict(cylinder), "sizes": asdict(sizes)},
+    )
+
+
 def mesh_document(mesh: NamedMesh, files: Sequence[Path]) -> dict[str, Any]:
     """Return what a mesh holds as JSON types."""
     unit = "area_mm2" if mesh.dimension == 2 else "volume_mm3"
@@ -99,7 +172,6 @@ def _asked(subject: str | None, folder: Path | None, stocking: str | None, ideal
             f"{'none' if not any(given) else 'more than one'} is given",
             "give one of --subject, --subject-dir, --stocking and --idealised",
         )
-    from legfem.commands.leg_meshes import idealised_mesh, section_mesh, stocking_mesh
     from legfem.legs.schema import SUBJECTS
     from legfem.stockings.loading import LEGS
 

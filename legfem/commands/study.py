@@ -137,7 +137,7 @@ def doe(
         from mpi4py import MPI
 
         from legfem.study.doe.design import IDENTIFIED, PAPER
-        from legfem.study.doe.report import DoeOptions, run
+        from legfem.study.doe_command import DoeOptions, run
 
         folder = out or Path("results") / "doe"
         check_out_folder(folder)

@@ -20,8 +20,7 @@ from legfem.common.input_files import FileTable, NotNegative, Positive, Text, re
 from legfem.common.units import FloatArray
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import Column, Quantity, measures, unit_named
-from legfem.data.reader import channel_of
-from legfem.data.recording import RecordedChannel, Recording, backwards, not_increasing
+from legfem.data.recording import RecordedChannel, Recording, backwards, channel_of, not_increasing
 
 TRIAL, SITE = "{trial}", "{site}"
 """In the name of a file: the name of the trial that it belongs to, and of the leg's site."""
@@ -37,6 +36,16 @@ _OF_IMAGES_AND_FILMS = {
 """Keys that few channels have, and what of their accuracy each is."""
 
 
+_ERRORS = {"sd": "reading", "bias": "bias", "slow": "slow"}
+"""Keys of standard deviations in a channel's unit, and what of its accuracy each is: of a single reading, of a constant
+error, and of one that changes slowly within a trial."""
+
+
+def _key(error: str, unit: str) -> str:
+    """Return the key of one of these, for a channel in a unit."""
+    return error if unit == "-" else f"{error}_{unit}"
+
+
 class RecordedChannelEntry(FileTable):
     """``[channels.NAME]``: where a channel is found, and how accurate it is; what isn't given is usual."""
 
@@ -45,18 +54,6 @@ class RecordedChannelEntry(FileTable):
     channel is a column of the recordings."""
     column: Text | None = None
     """Column of that table, where its name isn't the channel's."""
-    sd_mm: Positive | None = None
-    """Standard deviation of a reading, for a channel in mm."""
-    sd_N: Positive | None = None
-    """Standard deviation of a reading, for a channel in N."""
-    bias_mm: NotNegative | None = None
-    """Standard deviation of a constant error, for a channel in mm."""
-    bias_N: NotNegative | None = None
-    """Standard deviation of a constant error, for a channel in N."""
-    slow_mm: NotNegative | None = None
-    """Standard deviation of an error that changes slowly within a trial, for a channel in mm."""
-    slow_N: NotNegative | None = None
-    """Standard deviation of an error that changes slowly within a trial, for a channel in N."""
     gain_percent: NotNegative | None = None
     """Standard deviation of the channel's scale."""
     lag_s: NotNegative | None = None
@@ -67,12 +64,6 @@ class RecordedChannelEntry(FileTable):
     """Standard deviation of how an image is turned against the section."""
     apart_mm: NotNegative | None = None
     """Distance over which errors of an image's readings are alike."""
-    sd_kPa: Positive | None = None
-    """Standard deviation of a reading, for a channel in kPa."""
-    bias_kPa: NotNegative | None = None
-    """Standard deviation of a constant error, for a channel in kPa."""
-    slow_kPa: NotNegative | None = None
-    """Standard deviation of an error that changes slowly within a trial, for a channel in kPa."""
     creep_percent: NotNegative | None = None
     """Standard deviation of what a film reads more for every tenfold of the time under load."""
     threshold_kPa: NotNegative | None = None
@@ -86,6 +77,11 @@ class RecordedChannelEntry(FileTable):
             raise trouble("column", "is given without a file", "name the file, or call the recording's column as usual")
         return self
 
+    def error(self, of: str, unit: str) -> float | None:
+        """Return what is stated of one of `_ERRORS`, for a channel in a unit."""
+        stated: float | None = getattr(self, _key(of, unit))
+        return stated
+
     def accuracy(self, kind: ChannelKind, source: Path) -> ChannelAccuracy:
         """Return what is stated of a kind's accuracy, and what is usual of the rest.
 
@@ -95,10 +91,11 @@ class RecordedChannelEntry(FileTable):
             If an error is given in another unit, or clocks that are a second apart.
         """
         usual, field = kind.usual, f"channels.{kind.name}"
-        for name, other in product(("sd", "bias", "slow"), UNITS):
-            if other != kind.unit and getattr(self, f"{name}_{other}") is not None:
+        for name, other in product(_ERRORS, UNITS):
+            if other != kind.unit and self.error(name, other) is not None:
+                given_in = "has no unit" if kind.unit == "-" else f"is in {kind.unit}"
                 raise InputError(
-                    source, f"{field}.{name}_{other}", f"the channel is in {kind.unit}", f"give {name}_{kind.unit}"
+                    source, f"{field}.{_key(name, other)}", f"the channel {given_in}", f"give {_key(name, kind.unit)}"
                 )
         if self.lag_s is not None and self.lag_s >= LONGEST_LAG_S:
             raise InputError(
@@ -111,9 +108,7 @@ class RecordedChannelEntry(FileTable):
             if getattr(self, stated) is not None and not getattr(usual, of):
                 raise InputError(source, f"{field}.{stated}", f"the channel has no such {of}", "leave it out")
         given = {
-            "reading": getattr(self, f"sd_{kind.unit}"),
-            "bias": getattr(self, f"bias_{kind.unit}"),
-            "slow": getattr(self, f"slow_{kind.unit}"),
+            **{of: self.error(name, kind.unit) for name, of in _ERRORS.items()},
             "gain": None if self.gain_percent is None else self.gain_percent / 100,
             "lag": self.lag_s,
             "shift": self.shift_mm,
@@ -125,9 +120,13 @@ class RecordedChannelEntry(FileTable):
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
-_FIELDS: dict[str, Any] = dict.fromkeys(
-    (*(kind.name for kind in OF_LEGS), *OF_FRAMES), (RecordedChannelEntry | None, None)
-)
+_BY_UNIT: dict[str, Any] = {
+    _key(name, unit): ((Positive if name == "sd" else NotNegative) | None, None)
+    for name, unit in product(_ERRORS, UNITS)
+}
+_ENTRY = create_model("ChannelEntry", __base__=RecordedChannelEntry, __module__=__name__, **_BY_UNIT)
+"""With the errors of channels of every unit."""
+_FIELDS: dict[str, Any] = dict.fromkeys((*(kind.name for kind in OF_LEGS), *OF_FRAMES), (_ENTRY | None, None))
 
 
 class _SomeChannels(FileTable):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,8 @@ _DEPTH_FITTED, _AIR_FITTED = 3.0, 6.0
 _MAX_POINTS = 200
 # Drop in cost, in units of the errors' variance, below which air isn't believed.
 _LEAST_GAIN = 10.0
+_BY_NOISE = 2.0
+"""Likewise, of each further trial."""
 _MOST_STIFFENING = 0.4
 """By which the force's slope may grow, relative, over one way of `Scales`."""
 _SHAPE_ERROR = 0.03
@@ -55,6 +58,8 @@ class Scales:
 
 
 LEG = Scales()
+LEAST_OF_A_LEG_MM = 0.5 * LEG.depth
+"""A recording that moves less is a specimen's."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,8 @@ class Contact:
 
     known: bool = False
     """Whether it is stated to be at the start."""
+    gain: float = 0.0
+    """By how many variances of the errors air before it fits better than contact at the start."""
 
     @property
     def expected(self) -> tuple[float, float]:
@@ -90,6 +97,15 @@ class Contact:
         """
         apart = 0.0 if self.in_air or self.known else self.estimate - self.displacement
         return self.displacement + apart / 2, float(np.hypot(self.displacement_error, apart / 2))
+
+
+def air_is_shown(contacts: Sequence[Contact]) -> bool:
+    """Tell whether trials begin in air: one by itself, or all together, a lab's habit being the same in each.
+
+    Noise alone gains about one variance a trial.
+    """
+    together = sum(one.gain for one in contacts) > _LEAST_GAIN + _BY_NOISE * (len(contacts) - 1)
+    return together or any(one.in_air for one in contacts)
 
 
 def contact_at_start() -> Contact:
@@ -171,7 +187,7 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
     gain = (without - cost) / max(1.0, cost / max(len(x) - 4, 1))
     significant = best - start > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
     if not significant:
-        return _at_start(d, force, start, noise, displacement_sd, best, error)
+        return replace(_at_start(d, force, start, noise, displacement_sd, best, error), gain=gain)
     in_air = near & (d < best - 2 * error)
     if in_air.sum() < 4:
         in_air = near & (d < best)
@@ -184,6 +200,7 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
         baseline_error=max(spread, noise / np.sqrt(in_air.sum())),
         estimate=best,
         in_air=True,
+        gain=gain,
     )
 
 

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, checked, read_toml, trouble
-from legfem.data.reader import SourceColumn, SourceColumns
+from legfem.data.recording import SourceColumn, SourceColumns
 from legfem.geometry.indenter import IndenterShape
 
 # Half-width of a uniform distribution to its standard deviation.

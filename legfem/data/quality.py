@@ -188,7 +188,7 @@ def _check_motion(trial: Segmentation) -> None:
         raise InputError(
             trial.source,
             "displacement_mm",
-            f"the cylinder moves {travel:.3g} mm in all",
+            f"changes by {travel:.3g} mm in all",
             "give displacement in mm (multiply metres by 1000), or record a deeper press",
         )
     first = np.flatnonzero(np.abs(away) > max(0.5 * way, 5.0 * trial.displacement_noise))
@@ -210,8 +210,8 @@ def _check_touch(trial: Segmentation) -> None:
         raise InputError(
             trial.source,
             "force_N",
-            f"falls by {-rise:.3g} N as the cylinder presses (tension)",
-            "change its sign: force is positive in compression",
+            f"falls by {-rise:.3g} N as the displacement grows",
+            "change its sign: force is positive as the test loads",
         )
     if rise <= max(5.0 * spread, least):
         hint = " or give force in N (multiply kN by 1000)" if 0 < rise < least else ""

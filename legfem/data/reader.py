@@ -3,64 +3,44 @@
 from __future__ import annotations
 
 import json
-import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from legfem.channels.kind import ChannelKind
-from legfem.channels.registry import CHANNELS, IN_COLUMNS
+from legfem.channels.registry import CHANNELS
 from legfem.common.errors import InputError
-from legfem.common.input_files import read_table
-from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import (
     FEWEST_ROWS,
     OWN,
-    WORDS,
     Column,
     Quantity,
     Sheet,
     Unit,
     measured_by,
     measures,
+    names_quantity,
     unit_named,
 )
-from legfem.data.recording import MOST, RecordedChannel, Recording, backwards, not_increasing, since_start
+from legfem.data.recording import (
+    QUANTITIES,
+    Recording,
+    SourceColumn,
+    SourceColumns,
+    channel_of,
+    read_own_table,
+    recording_of,
+)
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
 # How sure the force has to follow the displacement for their directions to be told.
 _LEAST_CORRELATION = 0.6
-
-
-@dataclass(frozen=True)
-class SourceColumn:
-    """Where a quantity is found, and how it becomes legfem's: s, mm and N."""
-
-    column: str
-    unit: str
-    sign: int = 1
-    """-1 where displacement falls as the indenter goes towards the leg, or compression is
-    negative."""
-
-
-@dataclass(frozen=True)
-class SourceColumns:
-    """Where a recording's three quantities are found."""
-
-    time: SourceColumn
-    displacement: SourceColumn
-    force: SourceColumn
-    sheet: str | None = None
-    """Sheet of a workbook or group of a file, where there are several."""
+# What a test of soft tissue lasts, and how far apart its readings are.
+_LEAST_TEST_S, _LONGEST_TEST_S = 0.5, 10_000.0
+_LEAST_STEP_S, _LONGEST_STEP_S = 1e-4, 5.0
 
 
 @dataclass(frozen=True)
@@ -69,54 +49,6 @@ class Proposal:
 
     channels: SourceColumns
     reasons: tuple[str, ...]
-
-
-def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, area: float | None = None) -> Recording:
-    """Return the recording in a file's tables.
-
-    With an area (mm2) the force's channel is of a pressure on it.
-
-    Raises
-    ------
-    InputError
-        If a sheet, column or unit isn't there, or time doesn't increase.
-    """
-    sheet = _sheet_named(path, sheets, channels.sheet)
-    values = {q: _converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES}
-    values["time"] = since_start(values["time"])
-    if _first_is_doubled(values["time"]):
-        values = {q: v[1:] for q, v in values.items()}
-    time = values["time"]
-    _check_sizes(path, values.values())
-    rows = not_increasing(time)
-    if rows:
-        raise InputError(
-            path,
-            f"'{channels.time.column}', row {rows[0] + 1} of {len(time)}",
-            f"{backwards(time, rows[0])}; {len(rows)} such rows)",
-            "keep one trial a file, and record time finely enough to tell samples apart",
-        )
-    used = {getattr(channels, q).column for q in QUANTITIES}
-    left = tuple(column for column in sheet.columns if column.name not in used)
-    beside = tuple(_dense(left, kind, values["time"]) for kind in IN_COLUMNS if _columns_of(left, kind))
-    return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
-
-
-def channel_of(column: Column) -> ChannelKind | None:
-    """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
-    name = column.name.lower()
-    named = (kind for kind in IN_COLUMNS if all(word in name for word in kind.name.split("_")))
-    return next((kind for kind in named if measures(column, "force" if kind.is_force else "displacement")), None)
-
-
-def _columns_of(columns: Sequence[Column], kind: ChannelKind) -> list[Column]:
-    return [column for column in columns if channel_of(column) == kind]
-
-
-def _dense(columns: Sequence[Column], kind: ChannelKind, time: FloatArray) -> RecordedChannel:
-    column = _columns_of(columns, kind)[0]
-    factor = (unit_named(column.unit or "") or Unit(None, 1.0)).factor
-    return RecordedChannel(kind.name, time, factor * column.values[-len(time) :], kind.usual)
 
 
 def propose(
@@ -198,6 +130,14 @@ def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             f"give in subject.toml, beside the recordings: [channels.{kind.name}] file = {json.dumps(path.name)} "
             "(or a file a trial, with {trial} for the trial's name)",
         )
+    strained = next((pair for sheet in sheets if (pair := stretch_and_stress(sheet, timed=True))), None)
+    if strained is not None and has["time"] and not has["displacement"] and not has["force"]:
+        raise InputError(
+            path,
+            "columns",
+            f"holds strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
+            "export displacement in mm and force in N, which are strain times length and stress times area",
+        )
     pressures = [c for c in columns if measures(c, "pressure")]
     if pressures and has["time"] and has["displacement"] and not has["force"]:
         raise InputError(
@@ -225,8 +165,10 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
         try:
             _found(path, sheet, quantity, given.get(quantity))
         except InputError:
-            named = [c for c in sheet.columns if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
-            column = next((c for c in named if measured_by(c) in (quantity, None)), None)
+            named = [c for c in sheet.columns if names_quantity(c.name, quantity)]
+            able = [c for c in named if measured_by(c) in (quantity, None)]
+            # Of several axes the one that is moved along, or pressed along, changes most.
+            column = max(able, key=lambda c: float(np.ptp(c.values)), default=None)
             stated = unit_named(column.unit) if column is not None and column.unit else None
             if column is None:
                 options[quantity] = "NAME:UNIT"
@@ -255,51 +197,6 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
     return f"name {' and '.join(missing)}{among}: {_look(path, options)}"
 
 
-def _first_is_doubled(time: FloatArray) -> bool:
-    """Tell whether the first sample was written twice, as some programs do; later ones are no such thing."""
-    return len(time) > 2 and time[0] == time[1] and bool((np.diff(time[1:]) > 0).all())
-
-
-def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet:
-    if name is None and len(sheets) == 1:
-        return sheets[0]
-    found = [sheet for sheet in sheets if sheet.name == name]
-    if len(found) == 1:
-        return found[0]
-    names = ", ".join(f"'{sheet.name}'" for sheet in sheets)
-    raise InputError(path, "recordings.sheet", f"there is no one table {name!r}", f"name of {names}")
-
-
-def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColumn, area: float | None) -> FloatArray:
-    unit = unit_named(channel.unit)
-    field = f"recordings.{quantity}"
-    measured: Quantity = "pressure" if quantity == "force" and area is not None else quantity
-    if unit is None or unit.quantity != measured:
-        raise InputError(
-            path,
-            f"{field}.unit",
-            f"'{channel.unit}' is no unit of {measured}",
-            f"give {OWN[measured]} or a multiple of it",
-        )
-    columns = [c for c in sheet.columns if c.name == channel.column]
-    if len(columns) != 1:
-        names = ", ".join(f"'{c.name}'" for c in sheet.columns)
-        many = f"{len(columns)} columns '{channel.column}'" if columns else "there is no column "
-        raise InputError(
-            path, f"{field}.column", many if columns else f"{many}'{channel.column}'", f"give one of {names}"
-        )
-    stated = unit_named(columns[0].unit) if columns[0].unit else None
-    if stated is not None and stated != unit:
-        raise InputError(
-            path,
-            f"{field}.unit",
-            f"'{channel.unit}', but the file says '{columns[0].unit}'",
-            "give the file's unit, or correct the file",
-        )
-    size = area if measured == "pressure" and area is not None else 1.0
-    return columns[0].values * size * unit.factor * channel.sign
-
-
 def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
     if given is not None:
         name, _, unit = given.partition(":")
@@ -316,14 +213,23 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
     candidates = candidates or [c for c in able if channel_of(c) == CHANNELS["axial_force"]]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     if not candidates:
-        alike = [c for c in sheet.columns if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
+        alike = [c for c in sheet.columns if names_quantity(c.name, quantity)]
         why = f"no column is named, or has a unit, like it (of {names})"
         if alike:
             why = f"'{alike[0].unit}' of '{alike[0].name}' is no unit of {quantity}"
         raise InputError(path, f"recordings.{quantity}", why, f"name it with --{quantity} NAME:UNIT")
-    named = [c for c in candidates if re.search(WORDS[quantity], c.name, re.IGNORECASE)]
-    chosen, others = (named or candidates)[0], (named or candidates)[1:]
+    named = [c for c in candidates if names_quantity(c.name, quantity)]
+    able = named or candidates
+    going = [c for c in able if _goes_on(c, quantity)] or able
+    chosen, others = going[0], going[1:]
     differing = [c.name for c in others if not _same_signal(c, chosen)]
+    if differing == [chosen.name] * len(differing) and differing and _side_by_side(sheet):
+        raise InputError(
+            path,
+            "columns",
+            f"{len(differing) + 1} trials stand side by side: '{chosen.name}' is the name of as many columns",
+            "keep one trial a file",
+        )
     if differing:
         told = ", ".join(f"'{n}'" for n in (chosen.name, *differing))
         raise InputError(
@@ -332,6 +238,11 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
             f"may be any of {told}, which differ",
             f"name it with --{quantity} NAME:UNIT",
         )
+    still = "doesn't increase" if quantity == "time" else "doesn't change"
+    same = "".join(f"; '{c.name}' {still}" for c in able if not _goes_on(c, quantity) and c is not chosen)
+    if not chosen.unit and quantity == "time" and (of_time := _unit_of_time(chosen)):
+        unit, reason = of_time
+        return SourceColumn(chosen.name, unit), f"time: '{chosen.name}' in {unit}, since {reason}{same}"
     if not chosen.unit:
         raise InputError(
             path,
@@ -346,7 +257,7 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
             f"'{chosen.unit}' of '{chosen.name}' isn't known",
             f"give it with --{quantity} '{chosen.name}:UNIT' in multiples of {OWN[quantity]}",
         )
-    same = f"; {len(others)} more say the same" if others else ""
+    same += f"; {len(others)} more say the same" if others else ""
     why = "name and unit" if named else "unit"
     passed = [c.name for c in candidates if named and c not in named]
     if passed:
@@ -354,12 +265,42 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
     return SourceColumn(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
 
 
+def _side_by_side(sheet: Sheet) -> bool:
+    """Tell whether each quantity has several columns of one name."""
+    names = [c.name for c in sheet.columns]
+    twice = [c for c in sheet.columns if names.count(c.name) > 1]
+    return all(any(_may_be(c, quantity) for c in twice) for quantity in QUANTITIES)
+
+
+def _goes_on(column: Column, quantity: Quantity) -> bool:
+    """Tell whether a column can be a test's: a time that increases, another that changes."""
+    if quantity == "time":
+        return bool((np.diff(column.values[1:]) > 0).all())
+    return bool(np.ptp(column.values) > 0)
+
+
+def _unit_of_time(column: Column) -> tuple[str, str] | None:
+    """Return the one unit of s and ms in which a time without a unit is a test's, and why; None where both may be."""
+    whole = float(np.ptp(column.values))
+    step = whole / max(len(column.values) - 1, 1)
+    fits = {
+        unit: _LEAST_TEST_S <= factor * whole <= _LONGEST_TEST_S and _LEAST_STEP_S <= factor * step <= _LONGEST_STEP_S
+        for unit, factor in (("s", 1.0), ("ms", 1e-3))
+    }
+    if not _goes_on(column, "time") or sum(fits.values()) != 1:
+        return None
+    unit, other = ("s", "ms") if fits["s"] else ("ms", "s")
+    factor = 1.0 if other == "s" else 1e-3
+    would = f"the test would last {factor * whole:.3g} s, with a reading every {factor * step:.2g} s"
+    return unit, f"it states no unit, and in {other} {would}"
+
+
 def _may_be(column: Column, quantity: Quantity) -> bool:
     """Tell whether a column may be a quantity, by its unit; by its name where that says nothing."""
     unit: Unit | None = unit_named(column.unit) if column.unit else None
     if unit is not None:
         return unit.quantity == quantity
-    return re.search(WORDS[quantity], column.name, re.IGNORECASE) is not None
+    return names_quantity(column.name, quantity)
 
 
 def _same_signal(a: Column, b: Column) -> bool:
@@ -398,13 +339,10 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
         d_sign,
         f_sign,
         (
-            f"directions: {moves} as {reads}, and the test is a press: "
+            f"directions: {moves} as {reads}, and both are to grow as the test loads: "
             f"sign {d_sign:+d} of displacement, {f_sign:+d} of force"
         ),
     )
-
-
-HEADER = ("time_s", "displacement_mm", "force_N")
 
 
 def read_samples(path: Path, channels: SourceColumns | None = None, area: float | None = None) -> Recording:
@@ -430,7 +368,7 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
     if channels is not None:
         return recording_of(path, read_sheets(path), channels, area)
     try:
-        return _own_table(path, area)
+        return read_own_table(path, area)
     except InputError as error:
         if error.field in ("file", "rows"):
             raise
@@ -441,67 +379,6 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
             remedy = f"{error.remedy}; or run {_look(path, {})}, whose recordings.toml reads {seen}"
             raise InputError(path, error.field, error.problem, remedy) from None
         raise
-
-
-def _check_sizes(path: Path, values: Iterable[FloatArray]) -> None:
-    for one in values:
-        wrong = one[~(np.abs(one) < MOST)]
-        if len(wrong):
-            problem = f"{len(wrong)} numbers are no readings, as {wrong[0]:g}"
-            raise InputError(path, "rows", problem, "remove those rows, or export the file again")
-
-
-def _own_table(path: Path, area: float | None) -> Recording:
-    column, factor = HEADER[2], 1.0
-    if area is not None:
-        column, factor = _pressure_column(path)
-        factor *= area
-    further = _channel_columns(path)
-    table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
-    if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
-        table = table.iloc[1:]
-    time = since_start(table["time_s"].to_numpy(dtype=np.float64))
-    _check_sizes(path, (time, *(table[name].to_numpy(dtype=np.float64) for name in (HEADER[1], column))))
-    rows = not_increasing(time)
-    if rows:
-        raise InputError(
-            path,
-            f"time_s, line {table.index[rows[0]]}",
-            f"{backwards(time, rows[0])})",
-            "sort the rows by time, remove repeated ones, and keep one trial a file",
-        )
-    return Recording(
-        time=time,
-        displacement=table["displacement_mm"].to_numpy(dtype=np.float64),
-        force=factor * table[column].to_numpy(dtype=np.float64),
-        trial=path.stem,
-        source=path,
-        channels=tuple(_sparse(kind, time, table[name]) for name, kind in further.items()),
-    )
-
-
-OWN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("force", "N"))
-"""Of legfem's own CSV."""
-
-
-def read_own(path: Path) -> Recording | None:
-    """Return what legfem's own CSV with further channels holds, whose cells may be empty; None for any other file."""
-    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8-sig", "replace") if path.is_file() else ""
-    if not first.startswith(",".join(HEADER)) or not _channel_columns(path):
-        return None
-    return _own_table(path, None)
-
-
-def _channel_columns(path: Path) -> dict[str, ChannelKind]:
-    """Return the columns of further channels in a table's first line."""
-    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
-    known = {kind.column: kind for kind in IN_COLUMNS}
-    return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
-
-
-def _sparse(kind: ChannelKind, time: FloatArray, values: pd.Series[float]) -> RecordedChannel:
-    read = values.notna().to_numpy()
-    return RecordedChannel(kind.name, time[read], values.to_numpy()[read], kind.usual)
 
 
 def _other_dialect(path: Path, area: float | None) -> Recording | None:
@@ -525,7 +402,8 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
         found = propose(path, sheets).channels
     except InputError:
         return None
-    if found.displacement.sign < 0 or found.force.sign < 0:
+    stated = all(c.unit for sheet in sheets for c in sheet.columns if c.name == found.time.column)
+    if found.displacement.sign < 0 or found.force.sign < 0 or not stated:
         return None
     return recording_of(path, sheets, found)
 
@@ -542,11 +420,3 @@ def _seen(path: Path) -> str:
 def _look(path: Path, options: Mapping[str, str]) -> str:
     words = ["legfem data look", shlex.quote(str(path))]
     return " ".join([*words, *(f"--{key} {shlex.quote(value)}" for key, value in options.items())])
-
-
-def _pressure_column(path: Path) -> tuple[str, float]:
-    """Return the name of the column of pressures, and the factor to MPa."""
-    factors = {"kPa": MPA_PER_KPA, "mbar": 0.1 * MPA_PER_KPA, "mmHg": MPA_PER_MMHG}
-    first = path.read_bytes()[:200].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
-    unit = next((unit for unit in factors if f"pressure_{unit}" in first), "kPa")
-    return f"pressure_{unit}", factors[unit]

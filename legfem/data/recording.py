@@ -1,18 +1,24 @@
-"""One trial as it was recorded, and writing it as the reader wants it."""
+"""One trial as it was recorded: read from named columns of a file or from legfem's own CSV, and written as that."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind
-from legfem.channels.registry import CHANNELS
-from legfem.common.units import FloatArray, frozen_array
+from legfem.channels.registry import CHANNELS, IN_COLUMNS
+from legfem.common.errors import InputError
+from legfem.common.input_files import read_table
+from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
+from legfem.data.formats.sheet import OWN, Column, Quantity, Sheet, Unit, measures, unit_named
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +142,203 @@ def backwards(time: FloatArray, row: int) -> str:
     """Return what time does at such a row, its bracket open for more."""
     word = "repeats" if time[row] == time[row - 1] else "runs backwards"
     return f"time {word} ({time[row - 1]:g} s, then {time[row]:g} s"
+
+
+QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
+
+
+@dataclass(frozen=True)
+class SourceColumn:
+    """Where a quantity is found, and how it becomes legfem's: s, mm and N."""
+
+    column: str
+    unit: str
+    sign: int = 1
+    """-1 where displacement falls as the indenter goes towards the leg, or compression is
+    negative."""
+
+
+@dataclass(frozen=True)
+class SourceColumns:
+    """Where a recording's three quantities are found."""
+
+    time: SourceColumn
+    displacement: SourceColumn
+    force: SourceColumn
+    sheet: str | None = None
+    """Sheet of a workbook or group of a file, where there are several."""
+
+
+def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, area: float | None = None) -> Recording:
+    """Return the recording in a file's tables.
+
+    With an area (mm2) the force's channel is of a pressure on it.
+
+    Raises
+    ------
+    InputError
+        If a sheet, column or unit isn't there, or time doesn't increase.
+    """
+    sheet = _sheet_named(path, sheets, channels.sheet)
+    values = {q: _converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES}
+    values["time"] = since_start(values["time"])
+    if _first_is_doubled(values["time"]):
+        values = {q: v[1:] for q, v in values.items()}
+    time = values["time"]
+    _check_sizes(path, values.values())
+    rows = not_increasing(time)
+    if rows:
+        raise InputError(
+            path,
+            f"'{channels.time.column}', row {rows[0] + 1} of {len(time)}",
+            f"{backwards(time, rows[0])}; {len(rows)} such rows)",
+            "keep one trial a file, and record time finely enough to tell samples apart",
+        )
+    used = {getattr(channels, q).column for q in QUANTITIES}
+    left = tuple(column for column in sheet.columns if column.name not in used)
+    beside = tuple(_dense(left, kind, values["time"]) for kind in IN_COLUMNS if _columns_of(left, kind))
+    return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
+
+
+def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet:
+    if name is None and len(sheets) == 1:
+        return sheets[0]
+    found = [sheet for sheet in sheets if sheet.name == name]
+    if len(found) == 1:
+        return found[0]
+    names = ", ".join(f"'{sheet.name}'" for sheet in sheets)
+    raise InputError(path, "recordings.sheet", f"there is no one table {name!r}", f"name of {names}")
+
+
+def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColumn, area: float | None) -> FloatArray:
+    unit = unit_named(channel.unit)
+    field = f"recordings.{quantity}"
+    measured: Quantity = "pressure" if quantity == "force" and area is not None else quantity
+    if unit is None or unit.quantity != measured:
+        raise InputError(
+            path,
+            f"{field}.unit",
+            f"'{channel.unit}' is no unit of {measured}",
+            f"give {OWN[measured]} or a multiple of it",
+        )
+    columns = [c for c in sheet.columns if c.name == channel.column]
+    if len(columns) != 1:
+        names = ", ".join(f"'{c.name}'" for c in sheet.columns)
+        many = f"{len(columns)} columns '{channel.column}'" if columns else "there is no column "
+        raise InputError(
+            path, f"{field}.column", many if columns else f"{many}'{channel.column}'", f"give one of {names}"
+        )
+    stated = unit_named(columns[0].unit) if columns[0].unit else None
+    if stated is not None and stated != unit:
+        raise InputError(
+            path,
+            f"{field}.unit",
+            f"'{channel.unit}', but the file says '{columns[0].unit}'",
+            "give the file's unit, or correct the file",
+        )
+    size = area if measured == "pressure" and area is not None else 1.0
+    return columns[0].values * size * unit.factor * channel.sign
+
+
+def _first_is_doubled(time: FloatArray) -> bool:
+    """Tell whether the first sample was written twice, as some programs do; later ones are no such thing."""
+    return len(time) > 2 and time[0] == time[1] and bool((np.diff(time[1:]) > 0).all())
+
+
+def _check_sizes(path: Path, values: Iterable[FloatArray]) -> None:
+    for one in values:
+        wrong = one[~(np.abs(one) < MOST)]
+        if len(wrong):
+            problem = f"{len(wrong)} numbers are no readings, as {wrong[0]:g}"
+            raise InputError(path, "rows", problem, "remove those rows, or export the file again")
+
+
+def channel_of(column: Column) -> ChannelKind | None:
+    """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
+    name = column.name.lower()
+    named = (kind for kind in IN_COLUMNS if all(word in name for word in kind.name.split("_")))
+    return next((kind for kind in named if measures(column, "force" if kind.is_force else "displacement")), None)
+
+
+def _columns_of(columns: Sequence[Column], kind: ChannelKind) -> list[Column]:
+    return [column for column in columns if channel_of(column) == kind]
+
+
+def _dense(columns: Sequence[Column], kind: ChannelKind, time: FloatArray) -> RecordedChannel:
+    column = _columns_of(columns, kind)[0]
+    factor = (unit_named(column.unit or "") or Unit(None, 1.0)).factor
+    return RecordedChannel(kind.name, time, factor * column.values[-len(time) :], kind.usual)
+
+
+HEADER = ("time_s", "displacement_mm", "force_N")
+
+
+OWN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("force", "N"))
+"""Of legfem's own CSV."""
+
+
+def read_own(path: Path) -> Recording | None:
+    """Return what legfem's own CSV with further channels holds, whose cells may be empty; None for any other file."""
+    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8-sig", "replace") if path.is_file() else ""
+    if not first.startswith(",".join(HEADER)) or not _channel_columns(path):
+        return None
+    return read_own_table(path, None)
+
+
+def read_own_table(path: Path, area: float | None) -> Recording:
+    """Read legfem's own CSV; with an area (mm2) a pressure on it in the force's place.
+
+    Raises
+    ------
+    InputError
+        If it is none, or time doesn't increase.
+    """
+    column, factor = HEADER[2], 1.0
+    if area is not None:
+        column, factor = _pressure_column(path)
+        factor *= area
+    further = _channel_columns(path)
+    table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
+    if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
+        table = table.iloc[1:]
+    time = since_start(table["time_s"].to_numpy(dtype=np.float64))
+    _check_sizes(path, (time, *(table[name].to_numpy(dtype=np.float64) for name in (HEADER[1], column))))
+    rows = not_increasing(time)
+    if rows:
+        raise InputError(
+            path,
+            f"time_s, line {table.index[rows[0]]}",
+            f"{backwards(time, rows[0])})",
+            "sort the rows by time, remove repeated ones, and keep one trial a file",
+        )
+    return Recording(
+        time=time,
+        displacement=table["displacement_mm"].to_numpy(dtype=np.float64),
+        force=factor * table[column].to_numpy(dtype=np.float64),
+        trial=path.stem,
+        source=path,
+        channels=tuple(_sparse(kind, time, table[name]) for name, kind in further.items()),
+    )
+
+
+def _channel_columns(path: Path) -> dict[str, ChannelKind]:
+    """Return the columns of further channels in a table's first line."""
+    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
+    known = {kind.column: kind for kind in IN_COLUMNS}
+    return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
+
+
+def _sparse(kind: ChannelKind, time: FloatArray, values: pd.Series[float]) -> RecordedChannel:
+    read = values.notna().to_numpy()
+    return RecordedChannel(kind.name, time[read], values.to_numpy()[read], kind.usual)
+
+
+def _pressure_column(path: Path) -> tuple[str, float]:
+    """Return the name of the column of pressures, and the factor to MPa."""
+    factors = {"kPa": MPA_PER_KPA, "mbar": 0.1 * MPA_PER_KPA, "mmHg": MPA_PER_MMHG}
+    first = path.read_bytes()[:200].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
+    unit = next((unit for unit in factors if f"pressure_{unit}" in first), "kPa")
+    return f"pressure_{unit}", factors[unit]
 
 
 def write_recording(recording: Recording, path: Path) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats import Column, Sheet, read_sheets
-from legfem.data.formats.sheet import OWN, WORDS, measured_by, measures, unit_named
+from legfem.data.formats.sheet import OWN, measured_by, measures, names_quantity, unit_named
 
 _STRETCH = r"stretch|lambda|^λ|élongation"
 _STRAIN = r"strain|dehnung|^eps(ilon)?|^ε|shear|^gamma|^γ"
@@ -54,8 +54,8 @@ class StressTable:
     sheet: str | None = None
 
 
-def stretch_and_stress(sheet: Sheet) -> tuple[Column, Column] | None:
-    """Return the columns of a table of stretch (or strain) and stress without a time; None for any other."""
+def stretch_and_stress(sheet: Sheet, timed: bool = False) -> tuple[Column, Column] | None:
+    """Return the columns of a table of stretch (or strain) and stress with or without a time; None for any other."""
     stretch = [
         c
         for c in sheet.columns
@@ -69,8 +69,8 @@ def stretch_and_stress(sheet: Sheet) -> tuple[Column, Column] | None:
         if measures(c, "pressure") or (re.search(_STRESS, c.name, re.IGNORECASE) and not measured_by(c))
     ]
     stress = [c for c in stress if c not in stretch]
-    timed = any(measures(c, "time") or re.search(WORDS["time"], c.name, re.IGNORECASE) for c in sheet.columns)
-    return (stretch[0], stress[0]) if stretch and stress and not timed else None
+    has_time = any(measures(c, "time") or names_quantity(c.name, "time") for c in sheet.columns)
+    return (stretch[0], stress[0]) if stretch and stress and has_time == timed else None
 
 
 def table_line(stretch: Column, stress: Column) -> tuple[str, str]:

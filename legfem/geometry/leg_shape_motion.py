@@ -122,3 +122,20 @@ def _cut(points: FloatArray, levels: FloatArray, part: str) -> FloatArray:
 
 def _folds_back(part: str) -> InputError:
     return InputError("shape", part, "its lines along the leg fold back", "check the motion given")
+
+
+def inward(bare: LegShape, moved: FloatArray) -> FloatArray:
+    """Return how far the skin moved inwards (mm), (n_levels, n_points)."""
+    normals = outward_normals(bare.contours[SKIN])
+    return -np.einsum("lpd,lpd->lp", normals, moved[..., :2])
+
+
+def stretch_round(bare: LegShape, moved: FloatArray) -> FloatArray:
+    """Return the skin's elongation round the leg (%), of the ways to both neighbours."""
+    points = bare.points(SKIN)
+
+    def ways(at: FloatArray) -> FloatArray:
+        ahead = np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2)
+        return np.asarray(ahead + np.roll(ahead, 1, axis=1))
+
+    return 100 * (ways(points + moved) / ways(points) - 1)

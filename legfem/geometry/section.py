@@ -91,9 +91,9 @@ def fat_thickness(section: LegSection, point: FloatArray, direction: FloatArray 
 
 
 def layer_thicknesses(section: LegSection, point: FloatArray, direction: FloatArray) -> dict[str, float]:
-    """Return the thicknesses of fat and deep tissue along a line of travel, mm, as channels have them.
+    """Return the thicknesses of fat, deep tissue and all along a line of travel, mm, as channels have them.
 
-    Without ``muscle_thickness`` where the line meets no bone.
+    Without ``muscle_thickness`` and ``tissue_thickness`` where the line meets no bone.
 
     Raises
     ------
@@ -110,6 +110,7 @@ def layer_thicknesses(section: LegSection, point: FloatArray, direction: FloatAr
             continue
     if met:
         found["muscle_thickness"] = min(met) - first_crossing(deep.boundary, point, direction)
+        found["tissue_thickness"] = min(met) - first_crossing(section.polygon("skin").boundary, point, direction)
     return found
 
 

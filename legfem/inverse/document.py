@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Protocol
 
@@ -54,26 +54,10 @@ def fit_document(fits: Sequence[Fit[Any]], kind: KindDocument) -> dict[str, Any]
 
 
 def _law(fit: Fit[Any], kind: KindDocument) -> dict[str, Any]:
-    keys = [key_of(name) for name in fit.estimates]
-    verdict, why = fit.identifiability
     log = fit.log
-    tests = [_test(fit, number, kind) for number in range(len(fit.tests))]
+    tests = [{**_test(fit, number), **kind.of_test(fit, number)} for number in range(len(fit.tests))]
     return {
-        "law": fit.law,
-        "parameters": estimates_document(fit.estimates),
-        "correlations": {
-            key: dict(zip(keys, map(float, row), strict=True)) for key, row in zip(keys, fit.correlations, strict=True)
-        },
-        "identifiability": verdict,
-        "identifiability_why": why,
-        "assumed": with_units(fit.assumed),
-        "warnings": list(fit.warnings),
-        "doubts": doubt_documents(fit.doubts),
-        "goodness": _goodness(fit.goodness),
-        "agreement": {**_goodness(fit.agreement), "intervals_widened_by": fit.agreement.birge_ratio},
-        "cost": _cost(fit.cost),
-        "weighting": fit.weighting,
-        "neo_hookean_limit": fit.neo_hookean_limit,
+        **fitted_document(fit),
         "tests": tests,
         # Of one test its curve stands beside the parameters too.
         **({"curve": tests[0]["curve"]} if len(tests) == 1 else {}),
@@ -91,7 +75,39 @@ def _law(fit: Fit[Any], kind: KindDocument) -> dict[str, Any]:
     }
 
 
-def _test(fit: Fit[Any], number: int, kind: KindDocument) -> dict[str, Any]:
+def fitted_document(fit: Fit[Any], key: Callable[[str], str] = key_of) -> dict[str, Any]:
+    """What was found of a law and how it meets every test, whichever way it was searched for.
+
+    Parameters
+    ----------
+    fit
+        Of one law.
+    key
+        How a parameter of a full name is called.
+    """
+    keys = [key(name) for name in fit.estimates]
+    verdict, why = fit.identifiability
+    return {
+        "law": fit.law,
+        "parameters": dict(zip(keys, map(estimate_document, fit.estimates.values()), strict=True)),
+        "correlations": {
+            key: dict(zip(keys, map(float, row), strict=True)) for key, row in zip(keys, fit.correlations, strict=True)
+        },
+        "identifiability": verdict,
+        "identifiability_why": why,
+        "assumed": with_units(fit.assumed),
+        "warnings": list(fit.warnings),
+        "doubts": doubt_documents(fit.doubts),
+        "goodness": _goodness(fit.goodness),
+        "agreement": {**_goodness(fit.agreement), "intervals_widened_by": fit.agreement.birge_ratio},
+        "cost": _cost(fit.cost),
+        "weighting": fit.weighting,
+        "neo_hookean_limit": fit.neo_hookean_limit,
+        "tests": [_test(fit, number) for number in range(len(fit.tests))],
+    }
+
+
+def _test(fit: Fit[Any], number: int) -> dict[str, Any]:
     one: TestFit = fit.tests[number]
     others = one.channels[1:]
     return {
@@ -103,7 +119,6 @@ def _test(fit: Fit[Any], number: int, kind: KindDocument) -> dict[str, Any]:
         "by_itself": {key_of(name): _own(name, own) for name, own in one.by_itself.items()},
         "curve": _curve(one.force),
         **({"channels": {beside.channel.name: _beside(beside) for beside in others}} if others else {}),
-        **kind.of_test(fit, number),
     }
 
 
@@ -150,11 +165,6 @@ def _own(name: str, found: OwnEstimate) -> dict[str, Any]:
         "unit": unit,
         "departure_in_standard_errors": found.departure,
     }
-
-
-def estimates_document(found: Mapping[str, Estimate]) -> dict[str, Any]:
-    """Estimates by key (``c10_deep``), in the units in which people read them."""
-    return {key_of(name): estimate_document(one) for name, one in found.items()}
 
 
 def estimate_document(found: Estimate) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""."""
+"""Estimates of a fit's parameters: values, intervals, what causes their errors, and whether they can be relied on."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +106,8 @@ class LinearisedFit:
     """(k,): the fitted part's residual over its errors' Cholesky factor."""
     jacobian: FloatArray
     """(k, p): ``change`` of the fitted part, whitened."""
+    converged: bool = True
+    """Whether the search ended by itself."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -341,12 +343,25 @@ def _fit_from(
     def misfit(z: FloatArray) -> FloatArray:
         return np.concatenate([problem.whitened(predictor.observed.values - predicted(tuple(z))), z])
 
-    def slopes(z: FloatArray) -> FloatArray:
-        return np.vstack([-problem.whitened(change_at(tuple(z))), np.eye(len(z))])
+    def slopes_by(known: _Secants, z: FloatArray) -> FloatArray:
+        return np.vstack([-problem.whitened(known.at(z, predicted(tuple(z)))), np.eye(len(z))])
 
-    found = least_squares(
-        misfit, at, jac=slopes, bounds=(ends[:, 0], ends[:, 1]), xtol=1e-7, ftol=1e-8, gtol=1e-9, max_nfev=evaluations
-    )
+    for _ in range(_SEARCHES):
+        begun = _Secants(at, predicted(tuple(at)), change_at(tuple(at)))
+        found = least_squares(
+            misfit,
+            at,
+            jac=partial(slopes_by, begun),
+            bounds=(ends[:, 0], ends[:, 1]),
+            xtol=1e-7,
+            ftol=1e-8,
+            gtol=1e-9,
+            max_nfev=evaluations,
+        )
+        at = found.x
+        there = slopes_by(_Secants(at, predicted(tuple(at)), change_at(tuple(at))), at)
+        if evaluations < _MANY or _still_falls(found.fun, there, at, ends) < _LEAST_FALL:
+            break
     values = values_at(found.x)
     prediction, change = predicted(tuple(found.x)), change_at(tuple(found.x))
     count = len(found.fun) - len(free)
@@ -360,7 +375,40 @@ def _fit_from(
         change,
         np.asarray(found.fun[:count]),
         problem.whitened(change),
+        found.status > 0,
     )
+
+
+class _Secants:
+    """Derivatives (n, p) along a search: by differences where it begins, then by Broyden's update of the last ones.
+
+    C. G. Broyden, Math. Comput. 19 (1965) 577. Differences cost a prediction for each parameter.
+    """
+
+    def __init__(self, z: FloatArray, prediction: FloatArray, slopes: FloatArray) -> None:
+        self._z, self._prediction, self._slopes = z, prediction, slopes
+
+    def at(self, z: FloatArray, prediction: FloatArray) -> FloatArray:
+        """Return the derivatives where a search has come to."""
+        step = z - self._z
+        if step @ step > 0.0:
+            missed = prediction - self._prediction - self._slopes @ step
+            self._slopes = self._slopes + np.outer(missed, step) / (step @ step)
+            self._z, self._prediction = z.copy(), prediction
+        return self._slopes
+
+
+_SEARCHES = 4
+_LEAST_FALL = 1e-2
+"""Of a cost: what a search may leave, which begins anew with derivatives by differences elsewhere."""
+
+
+def _still_falls(misfit: FloatArray, slopes: FloatArray, z: FloatArray, ends: FloatArray) -> float:
+    """Return by how much a step of Gauss and Newton would make the cost less; none beyond the bounds."""
+    gradient, close = slopes.T @ misfit, 1e-6 * (ends[:, 1] - ends[:, 0])
+    held = ((z < ends[:, 0] + close) & (gradient > 0)) | ((z > ends[:, 1] - close) & (gradient < 0))
+    own = slopes[:, ~held]
+    return float(gradient[~held] @ np.linalg.solve(own.T @ own, gradient[~held]))
 
 
 def _change(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
-from legfem.data.contact import Contact, contact_at_start
+from legfem.data.contact import Contact, air_is_shown, contact_at_start
 from legfem.data.noise import slowest_error
 from legfem.data.segmentation import HOLD, LOADING, UNLOADING, Segmentation
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel, channel_readings, planned_readings
@@ -170,8 +170,8 @@ class Observations:
 
     @property
     def shows_air(self) -> bool:
-        """Whether a trial begins above the skin, though none is stated to begin at it."""
-        return not self.starts_at_contact and any(c.in_air for c in self.contacts)
+        """Whether trials begin above the skin, though none is stated to begin at it."""
+        return not self.starts_at_contact and air_is_shown(self.contacts)
 
     @property
     def repeated(self) -> list[list[int]]:

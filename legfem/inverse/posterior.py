@@ -13,8 +13,7 @@ from typing import Self
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import log_ndtr
-from scipy.stats import t as student_t
+from scipy.special import log_ndtr, ndtr, stdtr
 
 from legfem.common.units import FloatArray
 
@@ -99,6 +98,12 @@ def _averaged(weights: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
 
 _FAR = 99.0
 """Standard deviations beyond which no quantile lies."""
+_AS_NORMAL = 1e4
+"""Degrees of freedom from which Student's distribution is the normal one."""
+_CLOSE_TO = 1e-6
+"""Of a quantile, in standard deviations of what was known beforehand."""
+_TRIFLE = 1e-7
+"""Of the greatest weight: what no quantile depends on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,14 +142,19 @@ class Mixture:
 
     def below(self, value: float) -> float:
         """Return the probability that the parameter lies below a value."""
-        each = student_t.cdf((value - self.means) / self.sds, self.degrees)
+        at, normal = (value - self.means) / self.sds, self.degrees > _AS_NORMAL
+        each = np.where(normal, ndtr(at), 0.0)
+        each[~normal] = stdtr(self.degrees[~normal], at[~normal])
         return float(self.weights @ each)
 
     def quantile(self, probability: float) -> float:
         """Return the value below which the parameter lies with a probability."""
-        low = float((self.means - _FAR * self.sds).min())
-        high = float((self.means + _FAR * self.sds).max())
-        return float(brentq(lambda value: self.below(value) - probability, low, high))
+        kept = self.weights > _TRIFLE * self.weights.max()
+        share = self.weights[kept] / self.weights[kept].sum()
+        most = Mixture(share, self.means[kept], self.sds[kept], self.degrees[kept])
+        low = float((most.means - _FAR * most.sds).min())
+        high = float((most.means + _FAR * most.sds).max())
+        return float(brentq(lambda value: most.below(value) - probability, low, high, xtol=_CLOSE_TO))
 
 
 _ROUNDS, _CLOSE = 30, 1e-6

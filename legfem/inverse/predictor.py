@@ -77,7 +77,7 @@ class Ends(Protocol):
         ...
 
 
-ONSET_SDS_MM = 0.15, 0.3
+ONSET_SDS_MM = 0.15, 1.0
 """Between which the standard deviation of first contact lies where all trials seem to begin at the skin."""
 IN_AIR_SD_MM = 1.0
 """Where some trials begin in air: all may, by any way. The detection is where the fit begins, and no second reading
@@ -205,14 +205,19 @@ class Predictor:
             return force + self.offset
         names = self._names
         at = self._grid.at(pressed)
-        courses = self._courses(names, c10, c20, factor, at)
         if np.isnan(force).any():
             return np.full(len(observed.values), np.nan)
-        for changed, its in tissue:
-            courses = courses + self.responses.channel_changes(names, changed, its, (c10, c20), observed, at)
+        changed: FloatArray = np.zeros((len(self.responses.grid) + 1, len(names)))
+        along: FloatArray = np.zeros((len(force), len(names)))
+        for mechanism, its in tissue:
+            # What is known at the grid is evaluated once, all together.
+            read = at if mechanism.along_path else _as_it_is
+            change = self.responses.channel_changes(names, mechanism, its, (c10, c20), observed, read)
+            along, changed = (along + change, changed) if mechanism.along_path else (along, changed + change)
         for k, name in enumerate(names):
             if name in beyond:
-                courses[:, k] += at(beyond[name][:, None])[:, 0]
+                changed[:, k] += beyond[name]
+        courses = self._courses(names, c10, c20, factor, changed, at) + along
         if self._follows.any():
             courses[:, self._follows] *= factors[:, None]
         places, weights = self._read
@@ -254,10 +259,12 @@ class Predictor:
             known, weights = [_unknown], None
         return _Elastic(known, weights, self.observed.half_width)
 
-    def _courses(self, names: tuple[str, ...], c10: float, c20: float, factor: FloatArray, at: At) -> FloatArray:
-        """Return elastic channels (n, k) at factors on the deep stiffness."""
+    def _courses(
+        self, names: tuple[str, ...], c10: float, c20: float, factor: FloatArray, changed: FloatArray, at: At
+    ) -> FloatArray:
+        """Return elastic channels (n, k) at factors on the deep stiffness, with changes (m + 1, k) at the grid."""
         nodes, weights = _nodes_of(factor)
-        each = [at(self._beside(names, c10 * n, c20 * n)) for n in nodes]
+        each = [at(self._beside(names, c10 * n, c20 * n) + changed) for n in nodes]
         return each[0] if weights is None else np.einsum("ij,ijk->jk", weights, np.array(each))
 
     @cached_property
@@ -285,6 +292,10 @@ class Predictor:
                 kept.clear()
             kept[key] = make()
         return kept[key]
+
+
+def _as_it_is(courses: FloatArray) -> FloatArray:
+    return courses
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,17 +168,24 @@ class Diagnosis:
             return 0.0
         return max(abs(end / self.best.value(DEEP_C10) - 1.0) for end in self.intervals[DEEP_C10])
 
-    @property
-    def estimates(self) -> dict[str, Estimate]:
-        """What was fitted in the best model, by full name: the stiffness with its interval over all explanations."""
-        found, fits = self.best, not self.withheld
-        return {name: found.estimate(name, self.intervals.get(name), fits) for name in _fitted_names(found)}
+    def estimates_of(self, model: Explanation, over_all: bool) -> dict[str, Estimate]:
+        """Return what was fitted in a model, by full name.
+
+        Parameters
+        ----------
+        model
+            One of the explanations.
+        over_all
+            Whether the stiffness has its interval over all explanations, in place of this one's.
+        """
+        ends = self.intervals if over_all else {}
+        fits = not self.withheld if over_all else self.verdict == "consistent" or model is not self.base
+        return {name: model.estimate(name, ends.get(name), fits) for name in _fitted_names(model)}
 
     @property
-    def base_estimates(self) -> dict[str, Estimate]:
-        """The same of the base model, by itself."""
-        fits = self.verdict == "consistent"
-        return {name: self.base.estimate(name, None, fits) for name in _fitted_names(self.base)}
+    def estimates(self) -> dict[str, Estimate]:
+        """What was fitted in the best model: the stiffness with its interval over all explanations."""
+        return self.estimates_of(self.best, True)
 
     @property
     def hidden(self) -> tuple[tuple[Limit, HiddenEnd], ...]:

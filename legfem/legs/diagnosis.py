@@ -26,8 +26,8 @@ from legfem.legs.elastography import elastography_priors
 from legfem.legs.mechanisms import Mechanism, mechanisms
 from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
+from legfem.legs.mechanisms.occurrence import OCCURRENCES
 from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
-from legfem.legs.occurrence import OCCURRENCES
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness

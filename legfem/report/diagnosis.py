@@ -9,6 +9,7 @@ from legfem.common.errors import doubt_lines
 from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
+from legfem.inverse.fit import Fit
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
 from legfem.legs.diagnosis import doubts_of
@@ -16,17 +17,24 @@ from legfem.legs.elastography import elastography_priors
 from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_numbers as tables
+from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.diagnosis_channels import channel_chapter, misfit_in_section
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
-from legfem.report.diagnosis_document import Recorded, kind_of, r_squared_of, versions
-from legfem.report.diagnosis_headline import TITLE, capital, headline, to_do
+from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_numbers import known_of
-from legfem.report.diagnosis_sentences import hidden_sentence, next_experiments, percent, verdict_sentence
+from legfem.report.diagnosis_sentences import (
+    TITLE,
+    headline,
+    hidden_sentence,
+    next_experiments,
+    to_do,
+    verdict_sentence,
+)
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import ORIGINS
+from legfem.report.words import ORIGINS, capital, percent
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
@@ -100,13 +108,14 @@ def diagnosis_web_page(
         The section for the reader to press; as it is unpressed without it.
     """
     located = misfit_in_section(found, subject) if isinstance(subject, Subject) else []
+    each = _each_recording(base_fit_of(found, subject))
     chapters = [
         web.Chapter(
             "Recordings and model",
             [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)],
         ),
         *channel_chapter(found),
-        web.Chapter("Where the model is wrong", [*_where(found), *located]),
+        web.Chapter("Where the model is wrong", [*_where(found), *located, *each]),
         web.Chapter("Which physics, and how sure", _physics(found)),
         web.Chapter("What was tested", _tested(found)),
         web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
@@ -182,6 +191,24 @@ def _where(found: Diagnosis) -> list[web.Block]:
         web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
         *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
     ]
+
+
+def _each_recording(base: Fit[None]) -> list[web.Block]:
+    """Return what each recording gives by itself; nothing where there is one."""
+    names = list(base.tests[0].by_itself)
+    if not names:
+        return []
+    agreed = base.agreement
+    said = f"With the base model the recordings' own values of {symbol_of(names[0])} differ by chi-square "
+    said += f"{estimates.chance(agreed)}"
+    said += "." if agreed.p_value > _DIFFER else ": by more than usual errors of readings, gain and zero cause."
+    rows = [[one.name, *(estimates.own_value(one, name) for name in names)] for one in base.tests]
+    columns = ["recording", *(f"{symbol_of(name)} ± standard error" for name in names)]
+    return [web.Prose(said), web.WebTable("What each recording gives by itself", columns, rows, folded=True)]
+
+
+_DIFFER = 0.01
+"""Probability of so large differences below which recordings are said to differ."""
 
 
 def _physics(found: Diagnosis) -> list[web.Block]:

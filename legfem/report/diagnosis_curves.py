@@ -201,3 +201,8 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
         [place.time if axis else place.displacement for place in places],
         "where the base model is wrong" if places else "",
     )
+
+
+def relative_change(before: float, after: float) -> str:
+    """Return a change in per cent; where there was nothing before, that."""
+    return f"{100 * (after / before - 1):+.0f} %" if before > 1e-6 else "from 0"

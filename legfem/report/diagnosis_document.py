@@ -13,10 +13,11 @@ from legfem.common.errors import doubt_documents
 from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of, symbol_of
-from legfem.inverse.document import estimate_document
+from legfem.inverse.diagnosed_fit import base_fit, best_fit
+from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.fit import r_squared
+from legfem.inverse.fit import Fit, Identity, r_squared
 from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
 from legfem.inverse.predictive import HeldOut, checks_by_phase
@@ -26,7 +27,7 @@ from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report.diagnosis_channels import channel_misfits, channel_sentences
 from legfem.report.diagnosis_sentences import next_experiments
 
-SCHEMA = "legfem.diagnose/4"
+SCHEMA = "legfem.diagnose/5"
 
 
 class Recorded(Protocol):
@@ -53,6 +54,16 @@ def kind_of(subject: Recorded) -> str:
     return "Subject" if isinstance(subject, Subject) else "Specimen"
 
 
+def base_fit_of(found: Diagnosis, subject: Recorded, seed: int = 0) -> Fit[None]:
+    """Return the base model's fit, of whoever was recorded."""
+    return base_fit(found, *_identity_of(subject), seed)
+
+
+def _identity_of(subject: Recorded) -> tuple[Identity, str]:
+    kind = "leg" if isinstance(subject, Subject) else "specimens"
+    return Identity(subject.id, subject.title, subject.origin), kind
+
+
 def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
     """Return the effects that were measured by themselves: of a leg's folder."""
     return subject.measured if isinstance(subject, Subject) else ()
@@ -60,15 +71,16 @@ def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
 
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
-    base, posterior = found.base, found.base.posterior
+    posterior, (identity, kind) = found.base.posterior, _identity_of(subject)
+    base, best = base_fit(found, identity, kind, seed), best_fit(found, identity, kind, seed)
     return json_types(
         {
             "schema": SCHEMA,
-            "kind": "leg" if isinstance(subject, Subject) else "specimens",
+            "kind": kind,
             "subject": subject.id,
             "title": subject.title,
             "origin": subject.origin,
-            "laws": laws_of(found),
+            "laws": {found.law: {**_law(best), "verdict": found.verdict}},
             "doubts": doubt_documents(doubts_of(found, subject)),
             "verdict": found.verdict,
             "probability_that_nothing_shows": found.explained.adequacy,
@@ -99,15 +111,15 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             },
             "first_contact": [_contact(found, k) for k in range(len(found.observed.trials))],
             "base_model": {
+                **_law(base),
                 "cylinder_ends": found.with_ends,
                 "p_value": found.assessment.p_value,
                 "lack_of_fit_p_value": found.assessment.lack_of_fit,
-                "r_squared": r_squared_of(base.fit, found),
+                "r_squared": base.cost.r_squared,
                 "held_out_rmse_N": found.base_held_out.rmse,
                 "held_out_noise_N": found.base_held_out.noise,
                 "held_out": found.base_held_out.how,
                 "emulator_error": found.emulator_error,
-                "parameters": diagnosed_parameters(found.base_estimates),
             },
             "not_known_exactly": [
                 {"what": name, "departure_in_sd": float(z)}
@@ -258,23 +270,32 @@ def indistinguishable(models: Sequence[Explanation]) -> list[list[str]]:
 
 def diagnosed_parameters(found: Mapping[str, Estimate]) -> dict[str, Any]:
     """Return estimates by key: ``c10_deep``, a mechanism's by its full name."""
-    return {key_of(n) if n in (DEEP_C10, DEEP_C20) else n: estimate_document(one) for n, one in found.items()}
+    return {_key(name): estimate_document(one) for name, one in found.items()}
 
 
 def parameter_rows(found: Diagnosis) -> Iterator[dict[str, Any]]:
     """Yield a row a parameter of the base model and of the repaired one."""
-    for when, model in (("before repair", found.base_estimates), ("after repair", found.estimates)):
+    for when, model in (("before repair", found.estimates_of(found.base, False)), ("after repair", found.estimates)):
         for name, one in diagnosed_parameters(model).items():
             low, high = one["ci95"]
             numbers = {key: one[key] for key in ("value", "unit", "identifiability")}
             yield {"model": when, "parameter": name, "low": low, "high": high, **numbers}
 
 
-def laws_of(found: Diagnosis) -> dict[str, Any]:
-    """Return the best model's parameters as ``result.json`` of an identification has them, by the law."""
+def summary_of_law(found: Diagnosis) -> dict[str, Any]:
+    """Return the best model's parameters and how well the base model fits, by the law."""
     verdict, fits = found.verdict, found.assessment.lack_of_fit
     parameters = diagnosed_parameters(found.estimates)
     return {found.law: {"law": found.law, "verdict": verdict, "parameters": parameters, "goodness": {"p_value": fits}}}
+
+
+def _law(fit: Fit[None]) -> dict[str, Any]:
+    """Return a model's fit as ``result.json`` of an identification has it, a mechanism's parameters by full name."""
+    return fitted_document(fit, _key)
+
+
+def _key(name: str) -> str:
+    return key_of(name) if name in (DEEP_C10, DEEP_C20) else name
 
 
 def _parameter(model: Explanation, name: str) -> dict[str, Any]:

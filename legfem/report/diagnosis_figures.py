@@ -29,9 +29,8 @@ from legfem.report.diagnosis_curves import (
     shown_models,
     statement_name,
 )
-from legfem.report.diagnosis_sentences import percent
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
-from legfem.report.words import number, probability
+from legfem.report.words import number, percent, probability
 
 MOST_STATEMENTS = 14
 _LEAST = 1e-4

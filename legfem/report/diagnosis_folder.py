@@ -17,7 +17,14 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import model_name
-from legfem.report.diagnosis_document import SCHEMA, Recorded, diagnosed_parameters, document, laws_of, parameter_rows
+from legfem.report.diagnosis_document import (
+    SCHEMA,
+    Recorded,
+    diagnosed_parameters,
+    document,
+    parameter_rows,
+    summary_of_law,
+)
 from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
@@ -147,7 +154,7 @@ def write_specimen_diagnoses(
             where = out if alone else out / _folder_name(one.id)
             content = document(one.diagnosis, one, seed, one.seconds)
             content["recordings_not_used"] = _not_used(one, folder)
-            keep_another(where, command)
+            keep_another(where, command, DOCUMENT)
             write_document(where / DOCUMENT, content)
             write_diagnosis_report(one.diagnosis, one, where, command=command)
     problems = [one.problem for one in made if one.problem is not None]
@@ -194,8 +201,8 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
         "specimen": one.id,
         "verdict": found.verdict,
         "explanations": [{"mechanisms": list(model.names), "probability": model.probability} for model in found.models],
-        "laws": laws_of(found),
-        "parameters_of_base_model": diagnosed_parameters(found.base_estimates),
+        "laws": summary_of_law(found),
+        "parameters_of_base_model": diagnosed_parameters(found.estimates_of(found.base, False)),
         "recordings_not_used": [asdict(each) for each in one.left_out],
     }
 

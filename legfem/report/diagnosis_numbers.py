@@ -13,7 +13,6 @@ from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.subject import MeasuredEffect, Subject
-from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis_curves import (
     BASE_NAME,
     Place,
@@ -21,14 +20,14 @@ from legfem.report.diagnosis_curves import (
     model_name,
     places_of,
     plain,
+    relative_change,
     shown_models,
     statement_name,
 )
 from legfem.report.diagnosis_document import Recorded
-from legfem.report.diagnosis_sentences import percent
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Known, Provenance
-from legfem.report.words import moduli_text, number, short_probability
+from legfem.report.words import moduli_text, number, percent, short_probability
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
@@ -44,39 +43,37 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
         shown = [(found.base, BASE_NAME)]
         shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in shown_models(found)]
         for model, which in shown:
-            change = tables.relative_change(found.base.value(name), model.value(name))
-            flag = tables.flag(model, name, 0.0)
+            change = relative_change(found.base.value(name), model.value(name))
             shown_c10 = model.shown(name)
             error = (shown_c10.ci95[1] - shown_c10.ci95[0]) / 4
             moduli = moduli_text(shown_c10.value, error) if model is found.base and name == DEEP_C10 else ""
-            remark = [wrong, flag, moduli if model is found.base else change]
+            remark = [wrong, flag(model, name, 0.0), moduli if model is found.base else change]
             rows.append(
                 Known(
                     f"{symbol_of(name)}, {which}",
-                    f"{tables.estimate(model, name)} kPa",
+                    f"{estimate(model, name)} kPa",
                     "estimated",
                     recordings,
-                    tables.interval(model, name),
+                    interval(model, name),
                     "; ".join(filter(None, remark)),
                 )
             )
-        if over := tables.averaged(found, name):
-            row = Known(f"{symbol_of(name)}, {tables.OVER_ALL}", "", "estimated", recordings, over, wrong)
+        if over := averaged(found, name):
+            row = Known(f"{symbol_of(name)}, {OVER_ALL}", "", "estimated", recordings, over, wrong)
             rows.append(row)
     for model in found.models:
         for mechanism in model.fit.mechanisms:
             for k, p in enumerate(mechanism.parameters):
                 full = f"{mechanism.name}.{p.name}"
                 unit = "" if p.unit == "-" else f" {p.unit}"
-                flag = tables.flag(model, full, null_of(p) if k == 0 else None)
-                remark = [flag, f"model with {model_name(model)}"]
+                remark = [flag(model, full, null_of(p) if k == 0 else None), f"model with {model_name(model)}"]
                 rows.append(
                     Known(
                         f"{plain(mechanism.name)}: {p.statement or plain(p.name)}",
-                        tables.estimate(model, full) + unit,
+                        estimate(model, full) + unit,
                         "estimated",
                         recordings,
-                        tables.interval(model, full),
+                        interval(model, full),
                         "; ".join(filter(None, remark)),
                     )
                 )
@@ -278,11 +275,6 @@ def held_out_note(held: HeldOut) -> str:
         f"The held-out error is that of predicting {held.how}, from a fit to the others. The noise of a "
         f"trial alone accounts for {held.noise:.3f} N."
     )
-
-
-def relative_change(before: float, after: float) -> str:
-    """Return a change in per cent; where there was nothing before, that."""
-    return f"{100 * (after / before - 1):+.0f} %" if before > 1e-6 else "from 0"
 
 
 def estimate(model: Explanation, name: str) -> str:

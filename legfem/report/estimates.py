@@ -16,7 +16,7 @@ from legfem.data.recording import Origin
 from legfem.inverse.catalogue import parameter_of, symbol_of, unit_of
 from legfem.inverse.comparison import ErrorSource, main_source
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
-from legfem.inverse.fit import Fit
+from legfem.inverse.fit import Fit, Goodness, TestFit
 from legfem.inverse.parameter import Parameter
 from legfem.legs.elastography import ShearModulus
 from legfem.legs.subject import Subject
@@ -373,3 +373,18 @@ def modulus_rows(moduli: Iterable[ShearModulus], origin: Origin) -> list[Known]:
         )
         for one in moduli
     ]
+
+
+def own_value(one: TestFit, name: str) -> str:
+    """A parameter as one test has it by itself."""
+    unit, factor = readable_unit(unit_of(name))
+    found = one.by_itself[name]
+    return f"{symbol_of(name)} {factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
+
+
+def chance(goodness: Goodness) -> str:
+    """A sum of squares over its errors, in words."""
+    return (
+        f"{goodness.chi_square:.3g} for {goodness.degrees_of_freedom} degrees of freedom "
+        f"({fit_probability(goodness.p_value)})"
+    )

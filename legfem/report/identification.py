@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.inverse.document import KindDocument, fit_document
+from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.jobs.pool import in_background
 from legfem.legs.details import LegDetails
-from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
-from legfem.report.channels import SHOWS, beside_force, channels_figure
 from legfem.report.estimates import preferred
-from legfem.report.fit_figures import cost_figure, fit_figure
 from legfem.report.folder import REPORT, RESULT, ReportFile, keep_another, made_in_place
-from legfem.report.leg import leg_page
-from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
-from legfem.report.page import PressedSection, WebPage
+from legfem.report.kinds import kind_of
+from legfem.report.leg_figure import leg_figure
+from legfem.report.page import PressedSection
 from legfem.report.paraview import write_fields
-from legfem.report.recording_figures import specimen_figure
 from legfem.report.render.table import estimates_frame
 from legfem.report.section import filmed
-from legfem.report.specimens import specimen_page
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.write import write_page
-from legfem.specimens.details import SpecimenDetails, SpecimenDocument
 
 type LegFits = Sequence[Fit[LegDetails]]
 type Drawn = list[ReportFile]
@@ -45,24 +38,6 @@ class _Solved:
     note: str = ""
     files: Drawn = field(default_factory=list)
     pressed: PressedSection | None = None
-
-
-@dataclass(frozen=True)
-class ReportKind:
-    """What a kind of problem has of its own to show."""
-
-    document: KindDocument
-    page: Callable[[Sequence[Fit[Any]], PressedSection | None, str, str], WebPage]
-    """Page of fits, with the section pressed, the command, and a note on the solve that pressed it."""
-    figure: Callable[[Sequence[Fit[Any]]], Figure]
-    """Figure that shows most."""
-    files: Callable[[Sequence[Fit[Any]], Path], Drawn]
-    """Writes the figures into a folder."""
-
-
-def kind_of(fits: Sequence[Fit[Any]]) -> ReportKind:
-    """How fits are shown, by their kind."""
-    return _KINDS[fits[0].kind]
 
 
 def write_report(
@@ -96,7 +71,7 @@ def write_report(
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0 and not every_rank:
         return out / REPORT
     if comm.rank == 0:
-        keep_another(out, command)
+        keep_another(out, command, "result.json")
         write_document(out / "result.json", fit_document(fits, kind.document))
     apart = jobs > 1 and experiment is not None and comm.size == 1
     with made_in_place(out, comm) as folder, in_background(lambda: kind.files(fits, folder), apart) as drawn:
@@ -112,51 +87,6 @@ def pressed_section_of(fits: LegFits, experiment: PlaneStrainIndentation) -> Pre
     best = preferred(fits)
     shot = filmed(experiment, best.model_values, float(curve_of(best.tests[0]).displacement[-1]))
     return shot.section(f"the {LAW_NAMES[best.law]} law")
-
-
-def _leg_figures(fits: LegFits, folder: Path) -> Drawn:
-    entries = [
-        ReportFile(
-            save(fit_figure(fits), folder, "fit", svg=True),
-            "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
-        )
-    ]
-    if beside_force(fits[0]):
-        entries.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
-    for fit in fits:
-        if len(fit.estimates) > 2 or len(fit.tests) > 1:
-            continue
-        two = len(fit.estimates) == 2
-        shows = f"cost of the {LAW_NAMES[fit.law]} law over its parameters, and the search"
-        if two:
-            shows += (
-                ". The 95 % region follows the noise, which is correlated along the curve, "
-                "so its axes need not be those of the cost's contours"
-            )
-        entries.append(ReportFile(save(cost_figure(fit), folder, f"cost-{fit.law}", svg=not two), shows))
-    leg = fits[0].details.leg
-    for site in leg.sites:
-        several = len(leg.sites) > 1
-        name = f"section-{site.site}" if several else "section"
-        shows = f"{site.site}: {SECTION_SHOWS}" if several else SECTION_SHOWS
-        entries.append(ReportFile(save(placement_figure(site), folder, name), shows))
-    return entries
-
-
-def _specimen_figures(fits: Sequence[Fit[SpecimenDetails]], folder: Path) -> Drawn:
-    shows = "every recording beside the model over displacement and time, and their differences"
-    return [ReportFile(save(specimen_figure(fits), folder, "fit", svg=True), shows)]
-
-
-_KINDS: Mapping[str, ReportKind] = {
-    "leg": ReportKind(LegDocument(), leg_page, fit_figure, _leg_figures),
-    "specimens": ReportKind(
-        SpecimenDocument(),
-        lambda fits, pressed, command, note: specimen_page(fits, command),
-        specimen_figure,
-        _specimen_figures,
-    ),
-}
 
 
 def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: Path) -> _Solved:

@@ -15,8 +15,8 @@ from legfem.channels.registry import OF_LEGS
 from legfem.common.documents import markdown_table, versions_of
 from legfem.data import Recording, SourceColumns
 from legfem.data.quality import GRADES, Quality
-from legfem.data.reader import QUANTITIES, Proposal
-from legfem.data.recording import RecordedChannel
+from legfem.data.reader import Proposal
+from legfem.data.recording import QUANTITIES, RecordedChannel
 from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.report.page import Bullets, Chapter, Curves, Headline, Line, Repeat, Tone, Verbatim, WebPage, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
@@ -78,13 +78,18 @@ def recording_name(recording: Recording) -> str:
 
 
 def contact_text(quality: Quality) -> str:
-    """Return where first contact is seen, in words."""
+    """Return where loading begins, in words that fit a press and a pull."""
     contact, digits = quality.trial.contact, _digits(quality)
     if contact.known:
         return "at the start, as the folder states"
     if contact.in_air:
-        return f"at {contact.displacement:.{digits}f} ± {contact.displacement_error:.{digits}f} mm, after air"
-    return f"at the start ({contact.displacement:.{digits}f} mm): no air is seen"
+        known = f"{contact.displacement:.{digits}f} ± {contact.displacement_error:.{digits}f}"
+        return f"at {known} mm, after a part without load"
+    return f"at the start ({contact.displacement:.{digits}f} mm): no part without load is seen"
+
+
+def _phase(phase: str) -> str:
+    return "unloaded" if phase == AIR else phase
 
 
 def _digits(quality: Quality) -> int:
@@ -98,7 +103,7 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
     rows = [
         ("samples", f"{len(recording)} in {recording.time[-1] - recording.time[0]:.4g} s"),
         ("sampling", f"{quality.sampling:.4g} Hz, {quality.dropped} samples dropped"),
-        ("first contact", contact_text(quality)),
+        ("loading begins", contact_text(quality)),
         ("force", f"steps of {quality.force_step:.2g} N, noise {quality.trial.force_noise:.2g} N"),
         (
             "displacement",
@@ -110,7 +115,7 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
     ]
     phases = [
         (
-            p.phase,
+            _phase(p.phase),
             f"{p.start:.4g}",
             f"{p.end:.4g}",
             f"{p.first:.{digits}f}",
@@ -212,7 +217,7 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
     lowest.set_xlabel("time (s)")
     moved.legend(ncols=3, loc="upper right", bbox_to_anchor=(1.0, 1.2), fontsize=8)
     curve.plot(recording.displacement, recording.force, color=DATA_COLOUR, lw=0.8)
-    curve.axvline(quality.trial.contact.displacement, color=FAINT, ls=":", label="first contact")
+    curve.axvline(quality.trial.contact.displacement, color=FAINT, ls=":", label="loading begins")
     curve.set_xlabel("displacement (mm)")
     curve.set_ylabel("force (N)")
     curve.legend(loc="lower right", fontsize=8)
@@ -350,7 +355,7 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
         ),
         Curves(
             f"curve-{number}",
-            f"{name}: force over displacement; first contact {contact_text(quality)}.",
+            f"{name}: force over displacement; loading begins {contact_text(quality)}.",
             moved,
             "displacement (mm)",
             "force (N)",
@@ -380,7 +385,7 @@ def _table(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
             contact_text(one.quality),
             f"{one.quality.trial.force_noise:.2g}",
             f"{one.quality.trial.displacement_noise:.2g}",
-            ", ".join(part.phase for part in one.quality.trial.parts[:8]),
+            ", ".join(_phase(part.phase) for part in one.quality.trial.parts[:8]),
         )
         for name, one in zip(names, seen, strict=True)
     ]
@@ -388,6 +393,6 @@ def _table(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
         "Noise is from sample to sample. Grades: "
         + ", ".join(f"{grade} {words}" for grade, words in GRADES.items())
         + ".",
-        ("file", "grade", "samples", "Hz", "first contact", "force noise (N)", "displacement noise (mm)", "phases"),
+        ("file", "grade", "samples", "Hz", "loading begins", "force noise (N)", "displacement noise (mm)", "phases"),
         rows,
     )

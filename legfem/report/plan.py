@@ -12,11 +12,10 @@ from legfem.legs.plan import Expected
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import plain
-from legfem.report.diagnosis_sentences import percent
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import options_of
+from legfem.report.words import options_of, percent
 
 SCHEMA = 1
 NOTHING = "nothing"

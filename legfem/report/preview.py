@@ -13,7 +13,8 @@ from legfem.data.channel_reader import is_channel_file
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
-from legfem.data.reader import OWN_COLUMNS, Proposal, SourceColumns, propose, recording_of
+from legfem.data.reader import Proposal, propose
+from legfem.data.recording import OWN_COLUMNS, SourceColumns, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
 from legfem.legs.loading import load_sites, load_subject

@@ -10,16 +10,18 @@ from legfem.common.errors import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
 from legfem.report.estimates import modulus_rows
-from legfem.report.stocking_levels import ALONG, level_blocks, sentence_at_ankle
 from legfem.report.stocking_pressures import (
+    ALONG,
     ORIGINS,
     PRESSURES,
     both_units,
     dressed_leg,
+    level_blocks,
     low_in_fat,
     place_in_fat,
     pressure_blocks,
     sensor_rows,
+    sentence_at_ankle,
     share_of,
     stiffness_interval,
     tension_text,

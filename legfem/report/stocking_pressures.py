@@ -7,18 +7,23 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
-from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
+from legfem.geometry.leg_shape_motion import inward, stretch_round
 from legfem.inverse.intervals import quantile
-from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
+from legfem.report.page import Bars, Block, Curves, LabelledBar, Line, Prose, Slider, TurnedLeg, View, WebTable
+from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
+from legfem.stockings.document import levels_of, pressure_along
+from legfem.stockings.fabric import CALF_SHARE
+from legfem.stockings.levels import PLACES, LevelPressure
 from legfem.stockings.notices import TISSUES, unloaded_skin
 from legfem.stockings.pressures import FatPressures, TissuePressures, too_low_by
 from legfem.stockings.result import StockingResult
 
+ALONG = "Pressure along the leg"
 PRESSURES = "Pressures on the skin and inside"
-"""Title of the chapter."""
+"""Titles of chapters."""
 ORIGINS = {
     "measured": "measured data",
     "simulated": "simulated data (the scans were computed by a model; no leg was scanned)",
@@ -264,6 +269,124 @@ def _share(pressure: float, found: TissuePressures) -> str:
     return f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin"
 
 
+def _pressure(one: LevelPressure) -> str:
+    return f"{one.mean:.1f} ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})"
+
+
+def _span(limits: tuple[float, float] | None) -> str:
+    if limits is None:
+        return "–"
+    return f"{limits[0]:.3g} to {limits[1]:.3g}" if np.isfinite(limits[1]) else f"{limits[0]:.3g} or more"
+
+
+_VERDICTS = {"not certain": "not certain: the interval crosses a limit", "no limits": "–"}
+
+
+def _level_row(one: LevelPressure) -> tuple[str, ...]:
+    return (
+        one.level,
+        f"{one.height:.0f} mm, {'as stated' if one.stated else PLACES[one.level]}",
+        _pressure(one),
+        "–" if one.over_ankle is None else f"{100 * one.over_ankle:.0f} %",
+        _span(one.limits),
+        _VERDICTS.get(one.verdict, one.verdict),
+    )
+
+
+def level_blocks(result: StockingResult) -> list[Block]:
+    """Return levels with limits, the gradient, and the curve along the leg."""
+    along, makers, leg = pressure_along(result), result.leg.makers, result.leg
+    levels, blocks = levels_of(result), list[Block]()
+    if levels:
+        asked = (
+            f"class {makers.intended_class} of {makers.standard}" if makers.intended_class else "no class was stated"
+        )
+        blocks.append(
+            WebTable(
+                f"Mean pressure round the leg at the makers' levels, mmHg with 95 % intervals; limits: {asked}",
+                ("level", "height", "pressure (mmHg)", "share of B's", "limits (mmHg)", "verdict"),
+                [_level_row(one) for one in levels],
+            )
+        )
+    missing = [name for name in PLACES if name not in makers.found(leg.bare)]
+    if missing:
+        blocks.append(
+            Prose(
+                f"The modelled part has no {', '.join(missing)}: state heights as [stocking.levels_mm] in "
+                f"leg.toml, within {leg.bare.levels[0]:.0f} to {leg.bare.levels[-1]:.0f} mm."
+            )
+        )
+    open_ones = [one.level for one in levels if one.level != "B" and one.limits is None]
+    if makers.intended_class and open_ones:
+        blocks.append(
+            Prose(
+                f"For limits at {', '.join(open_ones)}, state [stocking.limits_percent] in leg.toml: the least and "
+                "greatest share of the pressure at B that your standard allows."
+            )
+        )
+    slope = 10 * np.polyfit(along.levels, along.mean, 1)[0]
+    blocks.append(
+        Prose(
+            f"Gradient: {slope:+.2f} mmHg per cm upwards, from {along.mean[0]:.1f} mmHg at the lower end to "
+            f"{along.mean[-1]:.1f} mmHg at the upper end."
+            + (
+                f" The fabric was not given: it was chosen to press with {100 * CALF_SHARE:.0f} % of the class's "
+                "pressure at the ankle at all heights, so gradient and limits say nothing about a real stocking."
+                if makers.assumed_fabric
+                else ""
+            )
+        )
+    )
+    blocks.append(
+        Curves(
+            "along",
+            "Pressure of the stocking on the skin over the height: mean round the leg with its 95 % interval, and the "
+            "least and greatest round the leg.",
+            along.levels,
+            "height z (mm)",
+            "pressure (mmHg)",
+            "",
+            [
+                Line("mean round the leg", along.mean, None, DATA_COLOUR),
+                Line("greatest round the leg", along.greatest, None, FAINT, "dashed"),
+                Line("least round the leg", along.least, None, FAINT, "dotted"),
+            ],
+            band=quantile(0) * along.sd,
+            band_name="95 % interval of the mean",
+        )
+    )
+    error = leg.accuracy
+    tension = (
+        f"{100 * error.tension_sd:g} % of the fabric's tension"
+        if error.tension_sd
+        else "none of the fabric's tension, which counts as exact until [accuracy] tension_relative_sd states its error"
+    )
+    blocks.append(
+        Prose(
+            f"The intervals include these standard deviations: {tension}; {100 * error.pressure_sd:g} % of the "
+            "pressure over an eighth of the girth; and, for the mesh, a tenth of the change that the leg's giving way "
+            "causes (a judgement)."
+        )
+    )
+    return blocks
+
+
+_BESIDE = {"within": "within", "too low": "too low for", "too high": "too high for"}
+_UNSURE = "which may or may not be within"
+
+
+def sentence_at_ankle(result: StockingResult) -> str:
+    """Return the pressure at B beside the class; empty where B isn't in the modelled part, or no fabric was given."""
+    if result.leg.makers.assumed_fabric:
+        return ""
+    for one in levels_of(result):
+        if one.level == "B":
+            of_class = f"class {result.leg.makers.intended_class} ({_span(one.limits)} mmHg)"
+            beside = "" if one.limits is None else f", {_BESIDE.get(one.verdict, _UNSURE)} {of_class}"
+            return f"At the ankle (B) the stocking presses with {_pressure(one)} mmHg{beside}."
+    return ""
+
+
 def dressed_leg(result: StockingResult, moved: Mapping[str, FloatArray]) -> TurnedLeg:
     """Return the leg with the stocking's pressure, its movement and the skin's stretch.
 
@@ -330,20 +453,3 @@ def by_height(bare: LegShape, moved: FloatArray, fields: Sequence[FloatArray]) -
         ]
         for k, level in enumerate(bare.levels)
     ]
-
-
-def inward(bare: LegShape, moved: FloatArray) -> FloatArray:
-    """Return how far the skin moved inwards (mm), (n_levels, n_points)."""
-    normals = outward_normals(bare.contours[SKIN])
-    return -np.einsum("lpd,lpd->lp", normals, moved[..., :2])
-
-
-def stretch_round(bare: LegShape, moved: FloatArray) -> FloatArray:
-    """Return the skin's elongation round the leg (%), of the ways to both neighbours."""
-    points = bare.points(SKIN)
-
-    def ways(at: FloatArray) -> FloatArray:
-        ahead = np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2)
-        return np.asarray(ahead + np.roll(ahead, 1, axis=1))
-
-    return 100 * (ways(points + moved) / ways(points) - 1)

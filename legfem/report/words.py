@@ -121,3 +121,20 @@ def unwrapped(points: FloatArray) -> FloatArray:
     """Return the angles of closed contours' points (n, m, 2) about their middles, increasing."""
     centre = points.mean(axis=1, keepdims=True)
     return np.asarray(np.unwrap(angle_round(points, centre), axis=1, period=360.0))
+
+
+def percent(probability: float) -> str:
+    """Return a probability in whole per cent, never quite none or all."""
+    if probability > 0.99:
+        return "over 99 %"
+    return "below 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
+def share(value: float) -> str:
+    """Return a share in per cent with one decimal."""
+    return f"{100 * value:.1f} %"
+
+
+def capital(text: str) -> str:
+    """Return a text that begins with a capital."""
+    return text[:1].upper() + text[1:]

@@ -14,7 +14,9 @@ from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.inverse.parameter import Prior
 from legfem.legs.elastography import elastography_priors
 from legfem.stockings.estimates import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
+from legfem.stockings.fabric import stocking_load
 from legfem.stockings.leg import ComparedSensor
+from legfem.stockings.levels import LevelPressure, PressureAlong, pressures_at_levels
 from legfem.stockings.notices import stocking_notices, unloaded_skin
 from legfem.stockings.pressures import FatPressures, too_low_by
 from legfem.stockings.result import StockingResult
@@ -49,6 +51,7 @@ def stocking_document(result: StockingResult, fat: FatPressures | None = None) -
             "registration": _registration(result),
             "stocking": _stocking(result),
             "pressures": _pressures(result),
+            "makers_levels": [_level(one) for one in levels_of(result)],
             "sensors": [_sensor(one) for one in result.sensors],
             "fat": _fat(result, fat),
             "worn_state": {
@@ -192,6 +195,31 @@ def _stocking(result: StockingResult) -> dict[str, Any]:
         "tension_N_per_mm": load.tension.tolist(),
         "mean_pressure_kPa": mpa_to_kpa(load.pressure.mean(axis=1)).tolist(),
         "share_of_skin_without_pressure": unloaded_skin(shape, load).tolist(),
+    }
+
+
+def pressure_along(result: StockingResult) -> PressureAlong:
+    """Return the stocking's pressure by height."""
+    leg, tension = result.leg, None if result.best is None else result.best.tension
+    on_bare = stocking_load(leg.bare, leg.stocking).times(1.0 if tension is None else 1 + tension.value)
+    return PressureAlong.of(leg.bare, result.equilibrium.load, on_bare, leg.accuracy)
+
+
+def levels_of(result: StockingResult) -> list[LevelPressure]:
+    """Return the pressure at every level of makers that the modelled part of the leg has."""
+    return pressures_at_levels(pressure_along(result), result.leg.makers, result.leg.bare)
+
+
+def _level(one: LevelPressure) -> dict[str, Any]:
+    return {
+        "level": one.level,
+        "height_mm": one.height,
+        "height_is_stated": one.stated,
+        "mean_pressure_mmHg": one.mean,
+        "ci95_mmHg": list(one.ci95),
+        "over_pressure_at_B": one.over_ankle,
+        "limits_mmHg": None if one.limits is None else list(one.limits),
+        "verdict": one.verdict,
     }
 
 

@@ -25,7 +25,8 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.imaging.registration import Registration
 from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
-from legfem.stockings.fabric import NOTHING_STATED, MakersLevels, Stocking
+from legfem.stockings.fabric import Stocking
+from legfem.stockings.levels import NOTHING_STATED, MakersLevels
 from legfem.stockings.misfit import ContourAccuracy
 
 

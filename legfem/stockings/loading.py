@@ -24,22 +24,15 @@ from legfem.imaging.label_volume import check_same_spacing
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration
+from legfem.imaging.same_leg import check_scans_differ, doubts_about_registration, doubts_about_second_scan, registered
 from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.elastography import ShearModulus, doubts_about_elastography
 from legfem.legs.plausibility import doubts_about_size
 from legfem.mechanics.materials import NeoHookean
-from legfem.stockings.fabric import (
-    PLACES,
-    ClassFit,
-    CompressionClass,
-    MakersLevels,
-    Stocking,
-    fitted_stocking,
-    stocking_load,
-)
+from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
+from legfem.stockings.levels import PLACES, MakersLevels
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.same_leg import check_scans_differ, doubts_about_second_scan, registered
 from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
 
 STRETCH = PhysicalRange(
@@ -273,6 +266,7 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> tuple[Doubt, ...]:
             *_length_doubts(leg, toml),
             *_tissues_doubts(leg, toml),
             *(doubts_about_second_scan(leg.bare, leg.compressed, toml) if leg.compressed is not None else ()),
+            *(doubts_about_registration(leg.registration, leg.accuracy.sd, toml) if leg.registration else ()),
             *_stocking_doubts(leg.bare, leg.stocking, toml),
             *doubts_about_elastography(toml, leg.elastography),
         ]

@@ -47,7 +47,9 @@ FORMS: Mapping[str, Form] = {
         (0.05, 0.4), "four branches, their shares a power of time", "ratio", True, {"power": (0.0, 0.3)}
     ),
     "superficial-viscoelasticity": Form((0.2, 0.8), "the same of the fat", "ratio", True, {"power": (0.0, 0.3)}),
-    "poroelastic-drainage": Form((4.0, 40.0), "the diagnosis' form", "permeability, mm4/(N s)", True),
+    "poroelastic-drainage": Form(
+        (50.0, 1500.0), "the diagnosis' form", "permeability, mm4/(N s)", True, {"skeleton": (0.01, 0.1)}
+    ),
     "strain-stiffening": Form(
         (0.6, 2.5),
         "the law's next coefficient (the diagnosis' form); felupe: exponential",
@@ -198,6 +200,22 @@ def _leg_shift(trial: Pressed, size: float) -> FloatArray:
     return np.asarray(trial.force - 0.05 * size * trial.force.max() * bump)
 
 
+def _rig_bends(trial: Pressed, size: float) -> FloatArray:
+    """Return the force where the rig gives way the more easily the harder it is pressed."""
+    pressed = np.linspace(0.0, trial.depth, 600)
+    force = trial.elastic(pressed)
+    way = pressed + 0.12 * size * force * (1.0 + force / force.max())
+    whole = np.maximum(trial.elastic(trial.displacement), 1e-9)
+    less = np.interp(trial.displacement, way, force)
+    return np.asarray(trial.force * np.where(trial.displacement > 0, less / whole, 1.0))
+
+
+def _twitch(trial: Pressed, size: float) -> FloatArray:
+    """Return the force of a muscle that tenses and lets go in the second trial."""
+    since = (trial.time / trial.time[-1] - 0.45) / 0.08
+    return np.asarray(trial.force * (1.0 + 0.15 * size * np.exp(-(since**2)) * (trial.trial == 1)))
+
+
 def _frame(trial: Pressed, size: float) -> FloatArray:
     beyond = np.maximum(trial.displacement - 14.0, 0.0) / (trial.depth - 14.0)
     return np.asarray(trial.force - 0.08 * size * trial.force.max() * beyond)
@@ -209,4 +227,6 @@ OUTSIDE_ON_COURSE: Mapping[str, Callable[[Pressed, float], FloatArray]] = {
     "clipping": _clipping,
     "leg-shift": _leg_shift,
     "frame": _frame,
+    "rig-bends": _rig_bends,
+    "twitch": _twitch,
 }

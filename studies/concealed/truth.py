@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from legfem.channels.site import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.responses import Stopped
 from legfem.jobs.store import Store
@@ -37,10 +38,14 @@ TRUTH_SETTINGS = replace(
 )
 ELASTIC_RATE = 1.0
 """mm/s, of a loading whose force knows no rate."""
-LUMP_DISTANCE_MM, LUMP_RADIUS_MM = 14.0, 6.0
-LUMPS = {"lump": 3.0, "hard-lump": 10.0}
-"""How many times as stiff as the muscle."""
-TAKES_WAY = ("support-compliance", "leg-shift")
+LUMPS = {
+    "lump": (14.0, 6.0, 6.0, 3.0, 0.0),
+    "hard-lump": (14.0, 6.0, 6.0, 10.0, 0.0),
+    "tendon": (17.0, 2.5, 9.0, 10.0, 7.0),
+}
+"""Distance of the middle from first touch along the travel (mm), half-axes along it and across (mm), how many times as
+stiff as the muscle, and how far aside (mm); half-axes are times the root of a case's size."""
+TAKES_WAY = ("support-compliance", "leg-shift", "rig-bends")
 _OTHER_STEP_MM = 0.8
 _FINE = 401
 """Points of a segment that are kept."""
@@ -81,11 +86,14 @@ class Truths:
         Of solutions.
     correction
         Of 3D effects, of another leg than the diagnosis'.
+    sights
+        Places of the true leg at which channels are read.
     """
 
     leg: Subject
     folder: Path
     correction: TabulatedCorrection
+    sights: tuple[Sight, ...] = ()
     _variants: dict[str, LegVariants] = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -136,11 +144,13 @@ class Truths:
                 if name in OUTSIDE_ON_COURSE:
                     trial = replace(trial, force=OUTSIDE_ON_COURSE[name](trial, size))
             # What takes up a part of the way leaves the leg as it is at the rest of it.
-            moves = case.protocol == "ramps" and any(
-                name in TAKES_WAY and not _in_model(case, name) for name in (*effects, *dict(case.outside))
-            )
-            at = np.interp(trial.force, pressed, time) if moves else time
-            beside = {name: np.interp(at, model.time, values) for name, values in model.channels.items()}
+            moves = any(name in TAKES_WAY and not _in_model(case, name) for name in (*effects, *dict(case.outside)))
+            at, seen = time, model
+            if moves and not _along_path(effects):
+                curve = self._elastic(case, _effects_inside(case))
+                assert curve is not None, "the model's course is of this curve"
+                at, seen = np.interp(trial.force, curve.force, curve.time), curve
+            beside = {name: np.interp(at, seen.time, values) for name, values in seen.channels.items()}
             trials.append(Course(time, d, trial.force, beside))
             without.append(Course(time, d, elastic(d)))
         return SealedTruth(tuple(trials), tuple(without))
@@ -161,12 +171,11 @@ class Truths:
 
     def _model_force(self, case: SealedCase, protocol: Protocol) -> ForceCourse | None:
         """Return the force along a protocol with the effects that are in the model."""
-        inside = {name: dict(v) for name, v in case.effects if _in_model(case, name)}
-        lump = {name: {"size": s} for name, s in case.outside if name in LUMPS}
+        inside = _effects_inside(case)
         timed = protocol if _along_path(inside) else None
         if timed is not None and case.code == "legfem":
             return self._solved(case, inside, timed)
-        curve = self._elastic(case, {**inside, **lump})
+        curve = self._elastic(case, inside)
         if curve is None:
             return None
         time = np.linspace(0.0, protocol.duration, 4 * round(protocol.duration) + 1)
@@ -179,8 +188,8 @@ class Truths:
         return self._solved(case, effects, Protocol.ramp(DEPTH_MM, ELASTIC_RATE))
 
     def _solved(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse | None:
-        modules = ("studies.other_code.plane_leg" if case.code == "felupe" else "legfem.legs.variants",)
-        store = Store(self.folder, ForceCourse, leg_of(self.leg), modules)
+        modules = ("studies.other_code.plane_leg" if case.code == "felupe" else "legfem.experiments.plane_strain",)
+        store = Store(self.folder, ForceCourse, [*leg_of(self.leg), list(self.sights), LUMPS], modules)
         asked = [
             case.code,
             case.c10_kpa,
@@ -206,9 +215,11 @@ class Truths:
             elif name == "strain-stiffening" and case.law == "neo-hookean":
                 deep["deep.C20"] = kpa_to_mpa(v["strength"])
             elif "viscoelasticity" in name:
-                solution = _branches(mechanism.region, mechanism.variant, v)  # type: ignore[attr-defined]
+                own = _branches(mechanism.region, mechanism.variant, v)  # type: ignore[attr-defined]
+                solution = _joined(solution, own)
             else:
-                solution = _joined(solution, mechanism.solution({first: v["strength"]}))
+                rest = {key: value for key, value in v.items() if key != "strength"}
+                solution = _joined(solution, mechanism.solution({first: v["strength"], **rest}))
         variants = self._variants.setdefault(repr(settings.contact), self._made(settings))
         path = variants.follow(protocol, deep, solution)
         if isinstance(path, Stopped):
@@ -220,12 +231,12 @@ class Truths:
     def _made(self, settings: Any) -> LegVariants:
         from legfem.legs.experiments import tissues_of
 
-        return LegVariants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings)
+        return LegVariants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings, sights=self.sights)
 
     def _by_other_code(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse:
         from studies.other_code.plane_leg import OtherCode
 
-        curve = OtherCode(self.leg, _other_case(case, effects)).solve(DEPTH_MM, _OTHER_STEP_MM)
+        curve = OtherCode(self.leg, _other_case(case, effects), sights=self.sights).solve(DEPTH_MM, _OTHER_STEP_MM)
         if not curve.reached:
             return ForceCourse([], [])
         d = np.linspace(0.0, DEPTH_MM, _FINE)
@@ -248,10 +259,10 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
     friction, compliance = strength("contact-slip"), strength("support-compliance")
     stiffening = effects.get("strain-stiffening")
     lump = None
-    for name, factor in LUMPS.items():
+    for name, (distance, along, across, factor, side) in LUMPS.items():
         if name in effects:
-            radius = LUMP_RADIUS_MM * float(np.sqrt(effects[name]["size"]))
-            lump = Lump(LUMP_DISTANCE_MM, radius, radius, factor)
+            root = float(np.sqrt(effects[name]["size"]))
+            lump = Lump(distance, root * along, root * across, factor, side)
     return OtherCase(
         case.c10_kpa,
         case.c20_kpa,
@@ -268,11 +279,17 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
 def _joined(one: Solution, other: Solution) -> Solution:
     """Return the solution with what both change."""
     return replace(
-        other,
+        other if one.variant == "elastic" else one,
         parameters={**one.parameters, **other.parameters},
         scaled={**one.scaled, **other.scaled},
         tilt_deg=one.tilt_deg + other.tilt_deg,
     )
+
+
+def _effects_inside(case: SealedCase) -> dict[str, dict[str, float]]:
+    """Return the numbers of the effects that are solved by finite elements."""
+    inside = {name: dict(v) for name, v in case.effects if _in_model(case, name)}
+    return inside | {name: {"size": s} for name, s in case.outside if name in LUMPS}
 
 
 def _in_model(case: SealedCase, name: str) -> bool:

@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
+from legfem.channels.kinds.section_strain import WINDOW_MM
 from legfem.channels.site import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import first_touch
@@ -443,6 +444,10 @@ class OtherCode(OtherPressing):
         }
         inside = self._sights.get("section_displacement", np.zeros((0, 3)))
         moves = self.displacements(u, inside[:, :2])[np.arange(len(inside)), inside[:, 2].astype(int)]
+        strained = np.asarray(self._sights.get("section_strain", np.zeros((0, 2)))).reshape(-1, 2)
+        half = 0.5 * WINDOW_MM * self.travel
+        ahead, behind = (self.displacements(u, strained + way) for way in (half, -half))
+        strains = (ahead - behind) @ self.travel / WINDOW_MM
         at, load = self._face if np.any(resultant) else (np.zeros(0), np.zeros(0))
         ends = self._sights.get("contact_pressure", ())
         pressures = [1e3 * float(load[(at >= a) & (at < b)].sum()) / (b - a) for a, b in ends]
@@ -451,9 +456,11 @@ class OtherCode(OtherPressing):
             **{f"contact_pressure:{k}": value for k, value in enumerate(pressures)},
             "contact_width": float(np.ptp(at)) if len(at) else 0.0,
             **{f"section_displacement:{k}": float(value) for k, value in enumerate(moves)},
+            **{f"section_strain:{k}": float(value) for k, value in enumerate(strains)},
             "lateral_force": float(resultant @ left) * self.whole,
             "fat_thickness": outer - skin,
             "muscle_thickness": bone - inner,
+            "tissue_thickness": bone - skin,
         }
 
     def displacements(self, u: FloatArray, points: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ import pytest
 
 from legfem.channels.kinds.contact_pressure import PRESSURE
 from legfem.channels.kinds.section_displacement import INSIDE
+from legfem.channels.kinds.section_strain import STRAIN
 from legfem.channels.site import Sight
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.legs.experiments import plane_strain_test
@@ -25,15 +26,24 @@ def test_both_codes_have_the_same_channels():
     """felupe's penalty is softer: its cylinder sinks in by some hundredths of a millimetre; its mesh errs by 0.5 %."""
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     bare = plane_strain_test(subject)
-    sights = (inside(bare), SENSELS)
+    strained = Sight(STRAIN.name, tuple((x, y) for x, y, way in inside(bare).places if way == 0))
+    sights = (inside(bare), SENSELS, strained)
     other = OtherCode(subject, OtherCase(1.2), sights=sights).solve(DEPTH, 1.0)
     own = replace(bare, sights=sights).solve({"deep.C10": 1.2e-3, "deep.C20": 0.0}, DEPTH).curve
     assert other.reached
     assert own(DEPTH) == pytest.approx(other.force[-1], rel=0.01)
-    for name, tolerance in (("lateral_force", 0.02), ("fat_thickness", 0.01), ("muscle_thickness", 0.01)):
+    for name, tolerance in (
+        ("lateral_force", 0.02),
+        ("fat_thickness", 0.01),
+        ("muscle_thickness", 0.01),
+        ("tissue_thickness", 0.01),
+    ):
         seen, at_rest = other.channels[name], own.channel(name, 0.0)
         assert float(at_rest) == pytest.approx(seen[0], abs=0.03)
         assert own.channel(name, DEPTH) - at_rest == pytest.approx(seen[-1] - seen[0], rel=tolerance), name
+    strains = {name: float(own.channel(name, DEPTH)) for name in STRAIN.courses(len(strained.places))}
+    assert all(other.channels[name][-1] == pytest.approx(value, abs=0.01) for name, value in strains.items())
+    assert min(strains.values()) < -0.05
     places = len(sights[0].places)
     moves = np.array([[own.channel(name, DEPTH), other.channels[name][-1]] for name in INSIDE.courses(places)])
     # Two hundredths of what the cylinder moves by.

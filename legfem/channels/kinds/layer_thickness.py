@@ -35,7 +35,14 @@ MUSCLE = ChannelKind(
     _ULTRASOUND,
     0.002,
 )
-_BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone")}
+TISSUE = ChannelKind(
+    "tissue_thickness",
+    "mm",
+    "thickness of all soft tissue, from skin to bone along the line of travel",
+    _ULTRASOUND,
+    0.002,
+)
+_BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone"), TISSUE.name: ("skin", "bone")}
 """Outlines that a layer lies between."""
 _APART_MM, _APART = 3.0, 0.35
 """Of a thickness from the section's own: mm, or a share of it where that is more."""
@@ -44,9 +51,9 @@ _IN_MUSCLE_MM = 8.0
 
 
 class LayerThicknesses(ChannelFile):
-    """Skin to fascia, and fascia to the nearest bone; none where the line meets no bone."""
+    """Skin to fascia, fascia to the nearest bone, and both together; none where the line meets no bone."""
 
-    kinds: ClassVar = (FAT, MUSCLE)
+    kinds: ClassVar = (FAT, MUSCLE, TISSUE)
     plans: ClassVar = (
         ChannelPlan(
             "take an ultrasound frame under the cylinder at {at}, and read the thickness of fat and muscle",

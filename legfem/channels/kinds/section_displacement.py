@@ -19,16 +19,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 
+from legfem.channels.image import CELL_MM, cells_of, gradient, tissue_points
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelKind,
     Channels,
     Frames,
-    FramesError,
     FramesFile,
     Impossible,
     Read,
@@ -36,7 +34,6 @@ from legfem.channels.kind import (
 )
 from legfem.channels.site import Site
 from legfem.common.units import FloatArray
-from legfem.geometry.section import BONES
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
@@ -50,11 +47,8 @@ INSIDE = ChannelKind(
     _TRACKING,
     0.006,
 )
-_CELL_MM, _MOST_CELLS = 6.0, 20
-"""Points are taken together in cells of this size, or of more where there would be too many."""
+_MOST_CELLS = 20
 _OUTSIDE_MM = 1.0
-_FEWEST, _STEP_MM = 4, 0.5
-"""Places of a frame that have a gradient, and the step that it is taken over."""
 _TOO_FAR, _TOO_FAR_MM = 1.3, 3.0
 _AT_REST_MM, _RESTING_MM = 2.0, 0.5
 """By how much points may have moved where the cylinder has by less than this."""
@@ -129,59 +123,32 @@ class SectionDisplacements(FramesFile):
             rows = np.flatnonzero(frame == number)
             at = places[rows, :2] - middle
             way = places[rows, 2].astype(int)
-            gradient, other = np.zeros((len(rows), 2)), np.zeros(len(rows))
+            slopes, other = np.zeros((len(rows), 2)), np.zeros(len(rows))
             for k in (0, 1):
                 mine = way == k
-                gradient[mine] = _gradient(at[mine], values[rows[mine]])
+                slopes[mine] = gradient(at[mine], values[rows[mine]])
                 other[mine] = _beside(places[rows[mine], :2], places[rows[~mine], :2], values[rows[~mine]])
-            turned = gradient[:, 1] * at[:, 0] - gradient[:, 0] * at[:, 1]
+            turned = slopes[:, 1] * at[:, 0] - slopes[:, 0] * at[:, 1]
             # e_z x u is (-uy, ux).
             found["turn"][rows] = angle * (turned + np.where(way == 0, other, -other))
             for k, name in enumerate(("shift in x", "shift in y")):
-                found[name][rows] = accuracy.shift * gradient[:, k]
+                found[name][rows] = accuracy.shift * slopes[:, k]
         return found
 
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the cells' mean displacements, of points that lie in tissue."""
-        inside = [_in_tissue(one.columns[:, :2], site) for one in frames]
-        points = np.concatenate([one.columns[kept, :2] for one, kept in zip(frames, inside, strict=True)])
-        if 2 * len(points) < sum(len(one.columns) for one in frames):
-            raise FramesError(
-                "x_mm, y_mm",
-                f"{len(points)} of {sum(len(one.columns) for one in frames)} points lie in soft tissue",
-                "give the points in the outlines' coordinates, where they were before the cylinder pressed",
-            )
-        cells = _cells(points, site.touch)
-        known, cell = np.unique(cells, axis=0, return_inverse=True)
-        middles = np.array([points[cell.ravel() == k].mean(axis=0) for k in range(len(known))])
-        places = tuple((round(float(x), 3), round(float(y), 3), float(way)) for x, y in middles for way in (0, 1))
-        found, begins = [], 0
-        for one, kept in zip(frames, inside, strict=True):
-            own = cell.ravel()[begins : (begins := begins + int(kept.sum()))]
-            found.append([_means(one.time[kept], own, one.columns[kept, 2:], places)])
-        return found
+        inside = tissue_points(frames, site, _OUTSIDE_MM)
+        points = [one.columns[kept, :2] for one, kept in zip(frames, inside, strict=True)]
+        cells = cells_of(points, site.touch, _MOST_CELLS)
+        places = tuple((round(float(x), 3), round(float(y), 3), float(way)) for x, y in cells.middles for way in (0, 1))
+        return [
+            [_means(one.time[kept], own, one.columns[kept, 2:], places)]
+            for one, kept, own in zip(frames, inside, cells.of_trial, strict=True)
+        ]
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return a point under the cylinder, within the tissue."""
-        return np.asarray(site.deepest + 2 * _CELL_MM * site.direction)
-
-
-def _in_tissue(points: FloatArray, site: Site) -> NDArray[np.bool_]:
-    section = site.section
-    tissue = section.polygon("skin").buffer(_OUTSIDE_MM)
-    for bone in BONES:
-        tissue = tissue.difference(section.polygon(bone))
-    return np.asarray(shapely.contains_xy(tissue, points[:, 0], points[:, 1]))
-
-
-def _cells(points: FloatArray, origin: FloatArray) -> NDArray[np.int_]:
-    """Return the cell of every point, (n, 2): of few enough cells."""
-    size = _CELL_MM
-    while True:
-        cells = np.floor((points - origin) / size).astype(int)
-        if len(np.unique(cells, axis=0)) <= _MOST_CELLS:
-            return cells
-        size *= 1.15
+        return np.asarray(site.deepest + 2 * CELL_MM * site.direction)
 
 
 def _means(time: FloatArray, cell: NDArray[np.int_], moved: FloatArray, places: tuple[tuple[float, ...], ...]) -> Read:
@@ -198,12 +165,3 @@ def _beside(at: FloatArray, places: FloatArray, values: FloatArray) -> FloatArra
     if not len(places):
         return np.zeros(len(at))
     return np.asarray(values[np.linalg.norm(at[:, None] - places[None], axis=-1).argmin(axis=1)])
-
-
-def _gradient(at: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the gradient (n, 2) at places (n, 2) of a thin-plate spline through values (n,) there; 0 of a few."""
-    if len(at) < _FEWEST or np.linalg.matrix_rank(at - at.mean(axis=0)) < 2:
-        return np.zeros((len(at), 2))
-    spline = RBFInterpolator(at, values)
-    steps = _STEP_MM * np.eye(2)
-    return np.column_stack([(spline(at + step) - spline(at - step)) / (2 * _STEP_MM) for step in steps])

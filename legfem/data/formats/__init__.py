@@ -30,6 +30,12 @@ def _old_workbook(path: Path) -> list[Sheet]:
     return read_old_workbook(path)
 
 
+def _open_document(path: Path) -> list[Sheet]:
+    from legfem.data.formats.workbook import read_open_document
+
+    return read_open_document(path)
+
+
 def _tdms(path: Path) -> list[Sheet]:
     from legfem.data.formats.labview import read_tdms
 
@@ -60,6 +66,8 @@ def _zipped(path: Path) -> list[Sheet]:
         names = archive.namelist()
         if "[Content_Types].xml" in names:
             return _workbook(path)
+        if "content.xml" in names:
+            return _open_document(path)
         files = [one for one in archive.infolist() if not one.is_dir() and not is_litter(Path(one.filename))]
         if len(files) != 1:
             raise InputError(path, "file", f"holds {len(files)} files", "unpack it, and look at one of them")
@@ -85,6 +93,7 @@ READERS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
     ".xls": _xls,
+    ".ods": _open_document,
     ".tdms": _tdms,
     ".lvm": _lvm,
     ".mat": _matlab,

@@ -11,19 +11,21 @@ from pathlib import Path
 
 import lvm_read
 import numpy as np
-from nptdms import TdmsFile
+from nptdms import TdmsChannel, TdmsFile
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats.sheet import Column, Sheet, name_and_unit
+
+_UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units", "Units")
 
 
 def read_tdms(path: Path) -> list[Sheet]:
     """Read the groups of a TDMS file; a waveform's time comes from its increment."""
     sheets = []
     for group in TdmsFile.read(path).groups():
-        channels = [c for c in group.channels() if np.issubdtype(c.dtype, np.number) and len(c)]
-        columns = [_column(c.name, c.properties.get("unit_string"), np.asarray(c[:], float)) for c in channels]
+        channels = [c for c in group.channels() if len(c) and c.dtype.kind in "iufM"]
+        columns = [_column(c.name, _unit_of(c), _numbers(c)) for c in channels]
         steps = {float(c.properties.get("wf_increment", 0.0)) for c in channels} - {0.0}
         remarks: tuple[str, ...] = ()
         if len(steps) == 1 and columns and not any(_is_time(c) for c in columns):
@@ -34,6 +36,20 @@ def read_tdms(path: Path) -> list[Sheet]:
             check_lengths(path, group.name, columns)
             sheets.append(Sheet(group.name, tuple(columns), remarks))
     return sheets
+
+
+def _unit_of(channel: TdmsChannel) -> object:
+    if channel.dtype.kind == "M":
+        return "s"
+    return next((channel.properties[key] for key in _UNIT_PROPERTIES if channel.properties.get(key)), None)
+
+
+def _numbers(channel: TdmsChannel) -> FloatArray:
+    """Return a channel's values as numbers; times of day as seconds since the first."""
+    values = np.asarray(channel[:])
+    if values.dtype.kind == "M":
+        return (values - values[0]) / np.timedelta64(1, "s")
+    return values.astype(np.float64)
 
 
 def read_lvm(path: Path) -> list[Sheet]:

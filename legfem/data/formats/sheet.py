@@ -26,26 +26,28 @@ class Unit(NamedTuple):
 _G = 9.80665
 _UNITS = {
     "time": {
-        1.0: "s sec secs second seconds sek sekunde sekunden seconde secondes",
-        1e-3: "ms msec",
-        1e-6: "us µs",
-        60.0: "min minute minutes minuten",
-        3600.0: "h hr hour",
+        1.0: "s sec secs second seconds sek sekunde sekunden seconde secondes segundos secondi с сек 秒",
+        1e-3: "ms msec millisecond milliseconds millisekunden мс",
+        1e-6: "us µs microsecond microseconds",
+        60.0: "min mins minute minutes minuten мин",
+        3600.0: "h hr hrs hour hours",
     },
     "displacement": {
-        1.0: "mm millimeter millimeters millimetre millimetres",
-        10.0: "cm centimeter centimeters centimetre centimetres",
+        1.0: "mm millimeter millimeters millimetre millimetres мм 毫米",
+        10.0: "cm centimeter centimeters centimetre centimetres см",
         1000.0: "m meter meters metre metres",
         1e-3: "um µm micron microns micrometer micrometers micrometre micrometres",
         1e-6: "nm nanometer nanometers nanometre nanometres",
         25.4: "in inch inches",
     },
     "force": {
-        1.0: "n newton newtons",
+        1.0: "n newton newtons н",
+        10.0: "dan",
+        1e-2: "cn",
         1e-3: "mn millinewton millinewtons",
         1e-6: "µn un",
         1e-9: "nn",
-        1e3: "kn kilonewton kilonewtons",
+        1e3: "kn kilonewton kilonewtons кн",
         _G: "kgf kp",
         1e-3 * _G: "gf p",
         4.4482216152605: "lbf",
@@ -75,13 +77,17 @@ OWN: dict[Quantity, str] = {"time": "s", "displacement": "mm", "force": "N", "pr
 """legfem's unit of each quantity."""
 
 
+_FORCE_OF = {"g": "gf", "gram": "gf", "grams": "gf", "kg": "kgf", "lb": "lbf", "lbs": "lbf"}
+"""What a scale's unit of mass means where a force is measured in it."""
+
+
 def unit_named(name: str) -> Unit | None:
     """Return a unit by its name; None for one that isn't known.
 
     Capitals count in mN and MN, nm and Nm: nobody measures soft tissue in meganewtons, so that
     isn't known, and a newton metre is no length.
     """
-    plain = name.strip().replace("μ", "µ")
+    plain = name.strip(" ()[]<>").removeprefix("in ").rstrip(".").replace("μ", "µ")
     if plain in ("Nm", "NM"):
         return Unit(None, 1.0)
     return None if plain == "MN" else _KNOWN.get(plain.lower())
@@ -93,19 +99,27 @@ MOST_BYTES = 200_000_000
 _ROWS_TRIED, _MOSTLY = 40, 0.9
 """Rows in the middle that tell which columns are numbers, and the share of them that is."""
 WORDS: dict[Quantity, str] = {
-    "time": r"time|zeit|temps|tiempo|tempo|^t$|x_value",
-    "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth"
-    r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|^d$|^z$",
-    "force": r"force|load|kraft|last|fuerza|forza|^f[xyz]?$",
+    "time": r"time|zeit|temps|tiempo|tempo|^t$|x_value|tijd|^tid$|время|時間|时间",
+    "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth|distance"
+    r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|deslocamento|verplaatsing|förskjutning"
+    r"|перемещение|変位|位移|^d$|^z$",
+    "force": r"force|load|kraft|(?<![ep])last|fuerza|forza|força|effort|kracht|сила|нагрузка|荷重|^力$|^f[xyz]?$",
 }
 """By which columns are named."""
-CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
+CLOCK = re.compile(
+    r"(?:[^:]*[T\s])?(?P<h>\d{1,3}):(?P<m>\d\d)(?::(?P<s>\d\d))?(?:[.,:](?P<part>\d+))?"
+    r"\s*(?:(?P<half>[ap])\.?m\.?)?(?:Z|\s?[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
+)
+"""A time of day with perhaps a date before it."""
+_DAY_S = 86400.0
 THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
 
 type Cell = str | float | None
 
+_VALUE_WITH_UNIT = re.compile(r"[+-]?\d+([.,]\d+)?\s?(?P<unit>[^\W\d]{1,3})")
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[(\[<{]\s*(?P<unit>[^)\]>}]*?)\s*[)\]>}]\s*$")
-_AT_THE_END = re.compile(r"^(?P<name>.+?)(?:_|,\s*|\s*/\s*|\s+in\s+|\s+)(?P<unit>[^\W\d_]+)$")
+_AT_THE_END = re.compile(r"^(?P<name>.+?)(?:_|[,;:]\s*|\s*/\s*|\s+-\s+|\s+in\s+|\s+)(?P<unit>[^\W\d_]+\.?)$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +131,7 @@ class Column:
     name : str
         Without the unit.
     unit : str or None
-        As it is written; None where none is stated.
+        As it is written; None where none is stated. A force's kg is kgf.
     values : (n,) array
         In that unit.
     """
@@ -125,6 +139,11 @@ class Column:
     name: str
     unit: str | None
     values: FloatArray
+
+    def __post_init__(self) -> None:
+        unit = _FORCE_OF.get((self.unit or "").strip(" ()[]").lower())
+        if unit is not None and names_quantity(self.name, "force"):
+            object.__setattr__(self, "unit", unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,20 +178,24 @@ def name_and_unit(label: str) -> tuple[str, str | None]:
     label = " ".join(label.split())
     bracketed = _IN_BRACKETS.match(label)
     if bracketed:
-        return bracketed["name"], bracketed["unit"] or None
+        return bracketed["name"].rstrip(" ,;:"), bracketed["unit"].removeprefix("in ") or None
     ended = _AT_THE_END.match(label)
     if ended and unit_named(ended["unit"]) is not None:
         return ended["name"], ended["unit"]
     return label, None
 
 
-def sheet_of_rows(path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks: tuple[str, ...] = ()) -> Sheet | None:
+def sheet_of_rows(
+    path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks: tuple[str, ...] = (), clock: int | None = None
+) -> Sheet | None:
     """Return the table in rows of cells, numbers as floats; None where there is none.
 
     What is number in the middle of the table are its columns; others, empty or of text, are passed over. The numbers
     begin at the first of three rows that have all of them (of all that remain in a table of few), and end at the last
-    that has one; what stands below is passed over too. Above are the columns' names, and perhaps a row of units and
-    what else a program writes there.
+    that has one, but for rows of text and figures such as ``Max,12.3``; what stands below is passed over too. Above are
+    the columns' names, and perhaps a row of units and what else a program writes there. Beside a named sheet's table
+    other cells may stand. Where no column of numbers is the time one of a clock's times becomes it: ``clock`` is its
+    place in a second round.
 
     Raises
     ------
@@ -190,11 +213,11 @@ def sheet_of_rows(path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks
     # A sample with a cell that is no number, before three whole ones, is none of the heading's.
     while (before := [k for k in kept if k < start]) and _mostly_numbers(rows[before[-1]], columns):
         start = before[-1]
-    end = next(k for k in reversed(kept) if any(isinstance(_at(rows[k], c), float) for c in columns)) + 1
+    end = next(k for k in reversed(kept) if _is_sample(rows[k], columns)) + 1
     where = f"{name}, " if name else ""
     try:
         for number in (k for k in kept if start <= k < end):
-            _check_row(path, f"{where}line {number + 1}", rows[number], columns, width)
+            _check_row(path, f"{where}line {number + 1}", rows[number], columns, None if name else width)
     except InputError:
         if name and len(columns) < width:
             return None  # a report's table, beside the recording's
@@ -211,7 +234,13 @@ def sheet_of_rows(path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks
     found = []
     for k, c in enumerate(columns):
         column, unit = name_and_unit(_text(_at(titles, c)))
-        found.append(Column(column, units[k] if units else unit, values[:, k]))
+        unit = "s" if c == clock else units[k] if units else unit
+        found.append(Column(column, unit, values[:, k]))
+    if not any(measures(c, "time") or names_quantity(c.name, "time") for c in found):
+        counted = _with_clock(rows, range(start, end), width)
+        if counted is not None:
+            remark = "the time is counted from a clock's times"
+            return sheet_of_rows(path, name, counted[0], (*remarks, remark), counted[1])
     passed = {}
     for c in set(range(width)) - set(columns):
         cell = next((one for row in middle if (one := _text(_at(row, c)))), "")
@@ -227,12 +256,50 @@ def sheet_of_rows(path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks
 
 def why_no_number(cell: str) -> tuple[str, str] | None:
     """Return what keeps a cell from being a number, and how to mend it; None for anything else."""
-    clock, grouped = CLOCK.search(cell), THOUSANDS.fullmatch(cell)
-    if clock is not None:
-        return f"its times are a clock's ('{clock[0]}')", "export time in seconds since the start"
+    grouped, valued = THOUSANDS.fullmatch(cell), _VALUE_WITH_UNIT.fullmatch(cell)
+    if CLOCK.fullmatch(cell):
+        return f"its times are a clock's without seconds ('{cell}')", "export time in seconds since the start"
     if grouped is not None:
         return f"its numbers have thousands' separators ('{grouped[0]}')", "export them without"
+    if valued is not None and unit_named(valued["unit"]) is not None:
+        return f"its cells hold units beside the numbers ('{cell}')", "put each unit into its column's name: Force (N)"
     return None
+
+
+def _with_clock(
+    rows: Sequence[Sequence[Cell]], samples: range, width: int
+) -> tuple[Sequence[Sequence[Cell]], int] | None:
+    """Return rows whose one column of a clock's times is in seconds since the first, and its place; None without."""
+    for c in range(width):
+        cells = [(k, _at(rows[k], c)) for k in samples]
+        times = [(k, _seconds_of(cell)) for k, cell in cells if cell not in (None, "")]
+        if not times or any(time is None for _, time in times):
+            continue
+        read = np.array([time for _, time in times], dtype=np.float64)
+        # After midnight a clock begins anew.
+        days = np.cumsum(np.diff(read, prepend=read[0]) < -_DAY_S / 2)
+        seconds = dict(zip((k for k, _ in times), (read + days * _DAY_S - read[0]).tolist(), strict=True))
+        return [[*row[:c], seconds[k], *row[c + 1 :]] if k in seconds else row for k, row in enumerate(rows)], c
+    return None
+
+
+def _seconds_of(cell: Cell) -> float | None:
+    """Return the seconds since midnight that a clock shows; None where it is no clock, or ``12:30`` may be minutes."""
+    found = CLOCK.fullmatch(cell.strip()) if isinstance(cell, str) else None
+    if found is None or (found["s"] is None and found["part"] is None):
+        return None
+    hours, minutes = int(found["h"]), int(found["m"])
+    part = float(f"0.{found['part'] or 0}")
+    if found["s"] is None:
+        return 60.0 * hours + minutes + part
+    if found["half"]:
+        hours = hours % 12 + 12 * (found["half"].lower() == "p")
+    return 3600.0 * hours + 60.0 * minutes + int(found["s"]) + part
+
+
+def names_quantity(label: str, quantity: Quantity) -> bool:
+    """Tell whether a column is called like a quantity."""
+    return re.search(WORDS[quantity], label, re.IGNORECASE) is not None
 
 
 def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]) -> None:
@@ -271,16 +338,23 @@ def _mostly_numbers(row: Sequence[Cell], columns: Sequence[int]) -> bool:
     return numbers[0] and sum(numbers) > 0.5 * len(columns)
 
 
+def _is_sample(row: Sequence[Cell], columns: Sequence[int]) -> bool:
+    """Tell whether a row has a number and no text in its first column, as ``Max`` stands below a table."""
+    first = _at(row, columns[0])
+    return any(isinstance(_at(row, c), float) for c in columns) and not (isinstance(first, str) and first[:1].isalpha())
+
+
 def _at(row: Sequence[Cell], k: int) -> Cell:
     return row[k] if k < len(row) else None
 
 
-def _check_row(path: Path, where: str, row: Sequence[Cell], columns: Sequence[int], width: int) -> None:
+def _check_row(path: Path, where: str, row: Sequence[Cell], columns: Sequence[int], width: int | None) -> None:
+    """Check that a row has its numbers and, in a file without a grid, no more cells than the others."""
     cells = [_at(row, c) for c in columns]
     strange = next((c for c in cells if not isinstance(c, float)), None)
-    if _width(row) > width or not all(isinstance(c, float) for c in cells):
+    if (width is not None and _width(row) > width) or not all(isinstance(c, float) for c in cells):
         found = f"'{str(strange)[:40]}'" if strange not in (None, "") else f"{_width(row)} cells"
-        if strange in (None, "") and _width(row) == width:
+        if strange in (None, "") and width in (None, _width(row)):
             found = "an empty cell"
         raise InputError(
             path,
@@ -303,18 +377,28 @@ def _titles(
 
     Of several rows that are wide enough the names are the one most of whose cells name a quantity or a unit.
     """
+    above = [_paired(row, len(columns)) for row in above]
     rows = [
         row for row in above if _width(row) > columns[-1] and not all(isinstance(_at(row, c), float) for c in columns)
     ]
     if not rows:
         return None, None
     full = [[_text(_at(row, c)) for c in columns] for row in rows]
-    units = next((k for k in reversed(range(1, len(full))) if _are_units(full[k])), None)
-    below = full[:units] if units is not None else full
-    scores = [sum(map(_names_something, cells)) for cells in below]
-    named = len(below) - 1 - int(np.argmax(scores[::-1]))
+    units = next((k for k in reversed(range(len(full))) if _are_units(full[k])), None)
+    # Above the units, or below where nothing stands above; a row of units alone names the columns too.
+    first, last = (0, units or len(full)) if units != 0 else (min(1, len(full) - 1), len(full))
+    scores = [sum(map(_names_something, cells)) for cells in full[first:last]]
+    named = last - 1 - int(np.argmax(scores[::-1]))
     own = None if units is None else [text.strip("()[]<> ") or None for text in full[units]]
     return rows[named], own
+
+
+def _paired(row: Sequence[Cell], count: int) -> Sequence[Cell]:
+    """Return a row of names each followed by its unit, as ``Time;s;Force;N`` above two columns, as a row of labels."""
+    units = [_text(cell) for cell in row[1::2]]
+    if len(units) != count or _width(row) != 2 * count or not all(map(unit_named, units)):
+        return row
+    return [f"{_text(name)} ({unit})" for name, unit in zip(row[::2], units, strict=True)]
 
 
 def _are_units(cells: Sequence[str]) -> bool:

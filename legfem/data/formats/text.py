@@ -14,7 +14,7 @@ import re
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.data.formats.sheet import FEWEST_ROWS, THOUSANDS, Cell, Sheet, sheet_of_rows, why_no_number
+from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, THOUSANDS, Cell, Sheet, sheet_of_rows, why_no_number
 
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
 _NUMBER = {
@@ -23,6 +23,12 @@ _NUMBER = {
 _COMMENT = re.compile(r"^\s*[#%]+\s?")
 """Before a line of names, as NumPy and gnuplot write it."""
 _QUOTED_THOUSANDS = re.compile(rf'"\s*({THOUSANDS.pattern})\s*"')
+_SPACED_THOUSANDS = re.compile(r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))")
+"""As the Swiss and the French write them; a plain space parts them only in a cell of its own."""
+_SPACED_CELL = re.compile(r'(?:^|(?<=[;\t"]))\s*[+-]?\d{1,3}(?: \d{3})+(?=(?:[.,]\d*)?\s*(?:[;\t"]|$))')
+_QUOTED_LINE = re.compile(r'"[^"]*[,;\t][^"]*"')
+_BETWEEN_WORDS = re.compile(r"\s+(?![(\[<])")
+"""Not before a unit in brackets."""
 _BARE_THOUSANDS = re.compile(r'(?<![\d."])\d{1,3}(,\d{3})+\.\d+(?![\d"])')
 _LINES_TRIED = 40
 
@@ -36,12 +42,17 @@ def read_text(path: Path) -> list[Sheet]:
         If it is no text, or no table of numbers, or one that can be read in two ways.
     """
     text, encoding = _decoded(path)
+    given = text.splitlines()
+    if all(_QUOTED_LINE.fullmatch(line.strip()) for line in given if line.strip()):
+        given = [line.strip().removeprefix('"').removesuffix('"') for line in given]
     lines, grouped = [], 0
-    for line in text.splitlines():
+    for line in given:
         # In quotes, and with a decimal mark of the other kind, there is but one way to read them.
         plain, count = _QUOTED_THOUSANDS.subn(_without_thousands, _COMMENT.sub("", line))
+        plain, further = _SPACED_THOUSANDS.subn("", plain)
+        plain, more = _SPACED_CELL.subn(lambda found: found[0].replace(" ", ""), plain)
         lines.append(plain)
-        grouped += count
+        grouped += count + further + more
     _check_thousands(path, lines)
     delimiter, decimal = _dialect(path, lines)
     rows = [[_cell(c, decimal) for c in cells] for cells in _parted(lines, delimiter)]
@@ -50,7 +61,7 @@ def read_text(path: Path) -> list[Sheet]:
         f"{'points' if decimal == '.' else 'commas'}: so the numbers are complete",
     )
     if grouped:
-        remarks += (f"{grouped} numbers in quotes have thousands' separators, which are taken out",)
+        remarks += (f"{grouped} numbers have thousands' separators, which are taken out",)
     found = sheet_of_rows(path, "", rows, remarks)
     return [] if found is None else [found]
 
@@ -135,7 +146,9 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
 def _with_other_columns(lines: list[str]) -> list[tuple[str, str, int]]:
     """Return the dialects in which two columns or more are numbers, of those the ones with most numbers a cell."""
     found: list[tuple[float, tuple[str, str, int]]] = []
-    for delimiter in set(_DELIMITERS) - {" "}:
+    # A sentence's words and years are no columns, unless a clock stands before them.
+    words = set() if all(any(map(CLOCK.fullmatch, line.split())) for line in lines) else {" "}
+    for delimiter in set(_DELIMITERS) - words:
         rows = _parted(lines, delimiter)
         width = max(map(len, rows))
         for decimal in ".,":
@@ -166,11 +179,17 @@ def _widths(lines: list[str], delimiter: str, decimal: str) -> set[int]:
 
 def _parted(lines: list[str], delimiter: str) -> list[list[str]]:
     if delimiter == " ":
-        return [line.split() for line in lines]
+        return [line.split() if "(" not in line and "[" not in line else _words(line) for line in lines]
     try:
         return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
     except csv.Error:  # a cell of a hundred thousand characters is no number either
         return [[line] for line in lines]
+
+
+def _words(line: str) -> list[str]:
+    """Part a line of names with units in brackets at wide gaps; at all gaps but those before a bracket without any."""
+    wide = re.split(r"\s{2,}|\t", line.strip())
+    return wide if len(wide) > 1 else _BETWEEN_WORDS.split(line.strip())
 
 
 def _cell(text: str, decimal: str) -> Cell:

@@ -1,11 +1,17 @@
-"""Tables in Excel's workbooks."""
+"""Tables in workbooks: Excel's, and OpenDocument's (``.ods``).
+
+Libraries that read OpenDocument expand what a file says of repeated cells before they are asked for, beyond any memory;
+here rows are read one by one. Source: OASIS, *OpenDocument v1.3, part 3*, sections 9.1 and 19.
+"""
 
 from __future__ import annotations
 
 import re
 import zipfile
 from collections.abc import Iterable, Sequence
+from datetime import timedelta
 from pathlib import Path
+from xml.etree import ElementTree
 
 import xlrd
 from openpyxl import load_workbook
@@ -13,6 +19,7 @@ from openpyxl import load_workbook
 from legfem.data.formats.sheet import Cell, Sheet, check_size, sheet_of_rows
 
 _NUMBER = re.compile(r"\s*[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?\s*")
+_MOST_COLUMNS = 1_000
 _IN_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}[.,]\d{3}\s*")
 
 
@@ -31,9 +38,64 @@ def read_workbook(path: Path) -> list[Sheet]:
 def read_old_workbook(path: Path) -> list[Sheet]:
     """Read the tables of a workbook as Excel wrote them up to 2003."""
     with xlrd.open_workbook(path, on_demand=True) as book:
-        pages = [(page.name, [page.row_values(k) for k in range(page.nrows)]) for page in book.sheets()]
+        pages = [
+            (page.name, [[_old_cell(cell, book.datemode) for cell in page.row(k)] for k in range(page.nrows)])
+            for page in book.sheets()
+        ]
     found = [_table(path, name, rows) for name, rows in pages]
     return [sheet for sheet in found if sheet is not None]
+
+
+_OFFICE = "{urn:oasis:names:tc:opendocument:xmlns:office:1.0}"
+_TABLE = "{urn:oasis:names:tc:opendocument:xmlns:table:1.0}"
+_TEXT = "{urn:oasis:names:tc:opendocument:xmlns:text:1.0}"
+_SPAN = re.compile(r"PT(?P<h>\d+)H(?P<m>\d+)M(?P<s>[\d.]+)S")
+
+
+def read_open_document(path: Path) -> list[Sheet]:
+    """Read the tables of an OpenDocument workbook's sheets."""
+    found: list[Sheet | None] = []
+    with zipfile.ZipFile(path) as archive, archive.open("content.xml") as content:
+        check_size(path, sum(one.file_size for one in archive.infolist()))
+        rows: list[list[Cell]] = []
+        cells = 0
+        for _, element in ElementTree.iterparse(content):
+            if element.tag == f"{_TABLE}table-row":
+                row = _open_row(element)
+                times = int(element.get(f"{_TABLE}number-rows-repeated", 1)) if row else 1
+                cells += len(row) * times
+                check_size(path, 8 * cells)
+                rows += [row] * times
+                element.clear()
+            elif element.tag == f"{_TABLE}table":
+                found.append(_table(path, element.get(f"{_TABLE}name", "sheet"), rows))
+                rows = []
+                element.clear()
+    return [sheet for sheet in found if sheet is not None]
+
+
+def _open_row(row: ElementTree.Element) -> list[Cell]:
+    cells: list[Cell] = []
+    for element in row:
+        cell = _open_cell(element)
+        times = int(element.get(f"{_TABLE}number-columns-repeated", 1))
+        # Empty cells are repeated to a page's edge.
+        cells += [cell] * min(times, _MOST_COLUMNS)
+    while cells and cells[-1] is None:
+        cells.pop()
+    return cells
+
+
+def _open_cell(element: ElementTree.Element) -> Cell:
+    kind = element.get(f"{_OFFICE}value-type")
+    if kind in ("float", "percentage", "currency"):
+        return float(element.get(f"{_OFFICE}value", "nan"))
+    if kind == "date":
+        return element.get(f"{_OFFICE}date-value")
+    span = _SPAN.fullmatch(element.get(f"{_OFFICE}time-value", "")) if kind == "time" else None
+    if span is not None:
+        return f"{int(span['h'])}:{int(span['m']):02d}:{float(span['s']):09.6f}"
+    return "".join("".join(one.itertext()) for one in element.iter(f"{_TEXT}p")) or None
 
 
 def _table(path: Path, name: str, given: Iterable[Sequence[object]]) -> Sheet | None:
@@ -46,9 +108,17 @@ def _table(path: Path, name: str, given: Iterable[Sequence[object]]) -> Sheet | 
     return sheet_of_rows(path, name, [[_number(c, mark) for c in row] for row in rows], (remark,))
 
 
+def _old_cell(cell: xlrd.sheet.Cell, datemode: int) -> object:
+    return xlrd.xldate_as_datetime(cell.value, datemode) if cell.ctype == xlrd.XL_CELL_DATE else cell.value
+
+
 def _cell(value: object) -> Cell:
+    """Return a number as a float, a span of time as a clock's."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
+    if isinstance(value, timedelta):
+        minutes, seconds = divmod(value.total_seconds(), 60.0)
+        return f"{int(minutes // 60)}:{int(minutes % 60):02d}:{seconds:09.6f}"
     return None if value is None else str(value)
 
 

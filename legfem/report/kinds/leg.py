@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from matplotlib.figure import Figure
 
 from legfem.common.errors import doubt_lines
-from legfem.common.units import FloatArray, readable_unit
+from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of, unit_of
-from legfem.inverse.fit import Fit, Goodness, TestFit
+from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of
+from legfem.inverse.document import KindDocument
+from legfem.inverse.fit import Fit
 from legfem.legs.details import LegDetails, SpatialEvidence, SpatialSites
+from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.channels import beside_force, channel_curves, channel_lines
-from legfem.report.leg_numbers import how_done, known_of
+from legfem.report.channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
+from legfem.report.fit_figures import cost_figure, fit_figure
+from legfem.report.folder import ReportFile
+from legfem.report.kinds import ReportKind
+from legfem.report.kinds.leg_numbers import how_done, known_of
+from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import Curves, Dash, Line, PressedSection
 from legfem.report.section import still_section
-from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
+from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.turned import pressed_leg
 from legfem.report.words import fit_probability, options_of
 
@@ -36,6 +46,52 @@ _ALIKE = (
     "An error that is the same at all sites (in the load cell's calibration, the correction for the "
     "cylinder's ends, the assumed stiffness of the fascia) looks like a change of stiffness."
 )
+
+
+class LegReport(ReportKind):
+    """What is shown of a leg."""
+
+    kind: ClassVar[str] = "leg"
+    document: ClassVar[KindDocument] = LegDocument()
+
+    def page(
+        self, fits: Sequence[LegFit], pressed: PressedSection | None = None, command: str = "", note: str = ""
+    ) -> web.WebPage:
+        """Return the page."""
+        return leg_page(fits, pressed, command, note)
+
+    def figure(self, fits: Sequence[LegFit]) -> Figure:
+        """Return force and misfit of each law."""
+        return fit_figure(fits)
+
+    def files(self, fits: Sequence[LegFit], folder: Path) -> list[ReportFile]:
+        """Write fit, channels, costs, and where each site was pressed."""
+        entries = [
+            ReportFile(
+                save(fit_figure(fits), folder, "fit", svg=True),
+                "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
+            )
+        ]
+        if beside_force(fits[0]):
+            entries.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
+        for fit in fits:
+            if len(fit.estimates) > 2 or len(fit.tests) > 1:
+                continue
+            two = len(fit.estimates) == 2
+            shows = f"cost of the {LAW_NAMES[fit.law]} law over its parameters, and the search"
+            if two:
+                shows += (
+                    ". The 95 % region follows the noise, which is correlated along the curve, "
+                    "so its axes need not be those of the cost's contours"
+                )
+            entries.append(ReportFile(save(cost_figure(fit), folder, f"cost-{fit.law}", svg=not two), shows))
+        leg = fits[0].details.leg
+        for site in leg.sites:
+            several = len(leg.sites) > 1
+            name = f"section-{site.site}" if several else "section"
+            shows = f"{site.site}: {SECTION_SHOWS}" if several else SECTION_SHOWS
+            entries.append(ReportFile(save(placement_figure(site), folder, name), shows))
+        return entries
 
 
 def leg_page(
@@ -275,8 +331,8 @@ def _site_table(chosen: LegFit) -> list[web.WebTable]:
                 [
                     one.name,
                     f"{one.force.rms:.3g}",
-                    _chance(one.goodness),
-                    *(f"{_own_value(one, name)} ({one.by_itself[name].departure:+.1f})" for name in names),
+                    estimates.chance(one.goodness),
+                    *(f"{estimates.own_value(one, name)} ({one.by_itself[name].departure:+.1f})" for name in names),
                 ]
                 for one in chosen.tests
             ],
@@ -290,11 +346,11 @@ def _tested(fits: Sequence[LegFit]) -> list[str]:
         if _several(one):
             law = LAW_NAMES[one.law]
             lines += [
-                f"All sites together, {law} law: chi-square {_chance(one.goodness)}.",
+                f"All sites together, {law} law: chi-square {estimates.chance(one.goodness)}.",
                 _agreement(one),
                 *(
-                    f"{test.name}: rms {test.force.rms:.3g} N, {_chance(test.goodness)}; by itself "
-                    + ", ".join(_own_value(test, name) for name in test.by_itself)
+                    f"{test.name}: rms {test.force.rms:.3g} N, {estimates.chance(test.goodness)}; by itself "
+                    + ", ".join(estimates.own_value(test, name) for name in test.by_itself)
                     + "."
                     for test in one.tests
                 ),
@@ -304,32 +360,18 @@ def _tested(fits: Sequence[LegFit]) -> list[str]:
     return lines
 
 
-def _own_value(one: TestFit, name: str) -> str:
-    """A parameter as one site has it."""
-    unit, factor = readable_unit(unit_of(name))
-    found = one.by_itself[name]
-    return f"{symbol_of(name)} {factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
-
-
 def _agreement(fit: LegFit) -> str:
     """Whether the sites agree."""
     far = {name: fit.farthest(name) for name in fit.estimates}
     most = max(far, key=lambda name: abs(far[name].by_itself[name].departure))
     departure = far[most].by_itself[most].departure
     text = (
-        f"The sites' own values differ by chi-square {_chance(fit.agreement)}; {far[most].name} "
+        f"The sites' own values differ by chi-square {estimates.chance(fit.agreement)}; {far[most].name} "
         f"differs most, by {departure:+.1f} standard errors in {symbol_of(most)}."
     )
     if (ratio := fit.agreement.birge_ratio) > 1:
         text += f" This widens the intervals by a factor of up to {ratio:.3g} (Birge's ratio)."
     return text
-
-
-def _chance(goodness: Goodness) -> str:
-    return (
-        f"{goodness.chi_square:.3g} for {goodness.degrees_of_freedom} degrees of freedom "
-        f"({fit_probability(goodness.p_value)})"
-    )
 
 
 def _next(chosen: LegFit) -> list[str]:

@@ -1,51 +1,22 @@
-"""What `study doe` does and writes: the page of each study, its figures and numbers."""
+"""The page of one study."""
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from legfem.common.documents import write_atomically, write_document
-from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray
-from legfem.data.folder import RESOURCES
-from legfem.jobs.pool import Workers
-from legfem.jobs.ranks import lead
-from legfem.jobs.store import Store
-from legfem.legs.loading import load_subject
-from legfem.legs.schema import SUBJECTS
-from legfem.legs.subject import Subject
 from legfem.report import page as web
-from legfem.report.folder import REPORT, RESULT, ReportFile
-from legfem.report.page import PAGE, Bars, Curves, LabelledBar, Line, ResponseSurface, SurfaceFactor, SurfaceMetric
-from legfem.report.render.text import table
+from legfem.report.page import Bars, Curves, LabelledBar, Line, ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.write import write_page
 from legfem.study.doe import tables
-from legfem.study.doe.claims import (
-    claims_page,
-    gather_figures,
-    in_words,
-    not_seen,
-    to_know,
-    to_measure,
-    verdict_documents,
-    verdicts,
-)
-from legfem.study.doe.design import Definition, label_of, read_definition
-from legfem.study.doe.figures import draw_half_normal, draw_information, draw_normality, draw_response, draw_sobol
+from legfem.study.doe.claims import in_words, not_seen, to_know, to_measure, verdicts
+from legfem.study.doe.design import label_of
 from legfem.study.doe.information import Information
-from legfem.study.doe.runs import PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
-from legfem.study.doe.study import MetricAnalysis, StudyResult, study
-from legfem.study.doe.surface import Counting, term_label
-from legfem.study.doe.tables import TABLE_3_NOTE, UNITS_NOTE, study_document, versions
+from legfem.study.doe.study import MetricAnalysis, StudyResult
+from legfem.study.doe.surface import term_label
+from legfem.study.doe.tables import TABLE_3_NOTE, UNITS_NOTE, versions
 
 
 def number_chapters(result: StudyResult) -> list[web.Chapter]:
@@ -369,120 +340,3 @@ def _coefficient(analysis: MetricAnalysis, number: int) -> str:
 def _claims(result: StudyResult) -> list[web.Block]:
     rows = [[v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])]
     return [web.WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)]
-
-
-@dataclass(frozen=True)
-class DoeOptions:
-    """What a user chose."""
-
-    definitions: tuple[Path, ...]
-    subject_id: str
-    subject_dir: Path | None
-    out: Path
-    jobs: int
-    seed: int
-    counting: Counting
-    beyond: bool
-    quiet: bool = False
-
-    @property
-    def command(self) -> str:
-        """Command that does the same studies."""
-        names = [path.name if path.is_relative_to(RESOURCES) else str(path) for path in self.definitions]
-        words = ["legfem study doe", *(f"--factors {name}" for name in names)]
-        words.append(f"--subject-dir {self.subject_dir}" if self.subject_dir else f"--subject {self.subject_id}")
-        words.append(f"--seed {self.seed}")
-        words += ["--count factors"] if self.counting == "factors" else []
-        words += [] if self.beyond else ["--factorial-only"]
-        return " ".join(words)
-
-
-def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> bool:
-    """Study every definition and write a folder each; under MPI only the first rank writes.
-
-    Parameters
-    ----------
-    comm
-        Communicator over whose ranks the simulations are spread.
-    simulator
-        What simulates; the subject's plane-strain test by default.
-
-    Returns
-    -------
-    bool
-        Whether any simulation reached its depth; true on other ranks.
-    """
-    solved = True
-
-    def work() -> None:
-        nonlocal solved
-        definitions = [read_definition(path) for path in options.definitions]
-        folder = options.subject_dir or SUBJECTS.find(options.subject_id)
-        subject = load_subject(folder, need_recordings=False)
-        given = simulator or PlaneStrainSimulator.of_subject(subject)
-        with Workers(simulate, given, options.jobs, comm) as workers:
-            solved = _write_all(options, definitions, subject, workers)
-
-    lead(comm, work)
-    return solved
-
-
-def _write_all(
-    options: DoeOptions,
-    definitions: Sequence[Definition],
-    subject: Subject,
-    workers: Workers[Simulator, Request, Record],
-) -> bool:
-    # All studies share the simulations: the same point isn't done twice.
-    store = Store(options.out / "runs", Record, workers.context.fingerprint())
-    alone = len(definitions) == 1
-    folders = [options.out if alone else options.out / definition.source.stem for definition in definitions]
-    with progress_on(quiet=options.quiet) as progress:
-        workshop = Workshop(workers, store, progress)
-        results = [
-            _study(options, definition, subject, workshop, out)
-            for definition, out in zip(definitions, folders, strict=True)
-        ]
-    for result in results:
-        print(f"{result.definition.title}\n{table(*tables.anova_cells(result))}")
-        if beside := tables.table_3_cells(result):
-            print(f"beside the paper's Table 3\n{table(*beside)}")
-    found = verdicts(results)
-    print("\n".join(f"{verdict.claim}: {verdict.verdict}" for verdict in found))
-    if not alone:
-        gather_figures(results, folders, options.out)
-        write_atomically(options.out / "verdict.md", claims_page(results, found, options.command))
-        claims = verdict_documents(found, [result.definition.title for result in results])
-        write_document(options.out / "result.json", {"schema": 1, "claims": claims})
-        print(f"verdicts: {options.out / 'verdict.md'}")
-    return any(len(result.failed) < len(result.records) for result in results)
-
-
-def _study(options: DoeOptions, definition: Definition, subject: Subject, workshop: Workshop, out: Path) -> StudyResult:
-    began = time.perf_counter()
-
-    def keep(table: pd.DataFrame) -> None:
-        out.mkdir(parents=True, exist_ok=True)
-        write_atomically(out / "runs.csv", as_csv(definition, table))
-
-    result = study(definition, subject, workshop, options.counting, options.seed, options.beyond, keep)
-    if note := result.fascia_note():
-        print(note, file=sys.stderr)
-    if short := result.stopped_short():
-        print(f"warning: {short}", file=sys.stderr)
-    drawers = draw_response, draw_half_normal, draw_normality, draw_sobol, draw_information
-    page = study_web_page(result, options.seed, options.command)
-    entries = [
-        *(ReportFile([path], "a figure") for draw in drawers for path in draw(result, out)),
-        ReportFile([Path("runs.csv"), Path("runs")], "every simulation: a table, and a file each"),
-        RESULT,
-    ]
-    write_page(page, out, "curves and the response surface", entries)
-    claims = verdict_documents(verdicts([result]), [definition.title])
-    wall = time.perf_counter() - began
-    write_document(out / "result.json", study_document(result, options.seed, wall, claims))
-    print(
-        f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
-        f"report: {out / REPORT}\npage:   {out / PAGE}"
-    )
-    return result

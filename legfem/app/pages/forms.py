@@ -10,12 +10,12 @@ from typing import Any
 from nicegui import ui
 
 from legfem.app.description import Setting, Value, read_value, settings_of, shown_errors, with_channels, with_settings
-from legfem.app.frame import refused, tag
+from legfem.app.pages.frame import refused, tag
 from legfem.app.runs import Run, seen
 from legfem.app.workspace import DESCRIPTIONS, description_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.data.reader import QUANTITIES, SourceColumn, SourceColumns
+from legfem.data.recording import QUANTITIES, SourceColumn, SourceColumns
 from legfem.legs.schema import SUBJECTS
 from legfem.specimens.kinds import kinds
 

@@ -29,13 +29,13 @@ from legfem.app.description import (
     with_channels,
     with_settings,
 )
-from legfem.app.forms import column_fields, first_readable, setting_field, typed_value
-from legfem.app.frame import page_of, refused, tag, wanting
-from legfem.app.runs import Run, begin_all
+from legfem.app.pages.forms import column_fields, first_readable, setting_field, typed_value
+from legfem.app.pages.frame import ASK, ask, refused, tag, wanting
+from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, description_of, files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.data.reader import OWN_COLUMNS, QUANTITIES, SourceColumns
+from legfem.data.recording import OWN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
 from legfem.geometry.frames import CuttingPlane
 from legfem.geometry.section import PARTS, LegSection, line_of_travel
@@ -44,8 +44,6 @@ from legfem.legs.schema import SectionEntry
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 from legfem.specimens.kinds import kinds
 
-ASK = "How stiff, and can I trust it?"
-"""On the button that identifies and diagnoses."""
 _OVAL = (
     '<ellipse cx="50" cy="45" rx="40" ry="34" fill="{fat}"/><ellipse cx="50" cy="44" rx="33" ry="27" fill="{deep}"/>'
 )
@@ -142,17 +140,6 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
         with ui.element("div").classes("inrow"):
             ui.button(ASK, on_click=lambda: done(lambda: ask(workspace, name)))
             ui.button("Only save this", on_click=lambda: done(ui.navigate.reload)).props("outline")
-
-
-def ask(workspace: Workspace, name: str) -> None:
-    """Begin what says how stiff a described input is, and whether that can be trusted; go to its page."""
-    folder = workspace.input(name)
-    described = str(description_of(folder))
-    options: dict[str, list[str]] = {"identify": [], "diagnose": [], "stocking": []}
-    given = tomllib.loads((folder / described).read_text(encoding="utf-8-sig")).get("indenter", {})
-    if given.get("shape", "cylinder") != "cylinder" or given.get("axis_deg"):
-        options = {"identify": ["--model", "3d"]}
-    ui.navigate.to(page_of("run", begin_all(workspace, name, described, options)))
 
 
 def _svg(content: str, width: float, height: float) -> str:

@@ -8,8 +8,8 @@ from urllib.parse import quote
 
 from nicegui import ui
 
-from legfem.app.frame import chip, command, framed, page_after_deletion, page_of, refused, tag
 from legfem.app.outcomes import files_of_results, sentence_of
+from legfem.app.pages.frame import chip, command, framed, page_after_deletion, page_of, refused, tag
 from legfem.app.runs import EVERY, Run, RunState
 from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError

@@ -9,8 +9,10 @@ from urllib.parse import quote
 from nicegui import ui
 
 from legfem.app.description import contours_in, scans_in
-from legfem.app.forms import columns_tab, settings_tab
-from legfem.app.frame import (
+from legfem.app.pages.forms import columns_tab, settings_tab
+from legfem.app.pages.frame import (
+    ASK,
+    ask,
     chip,
     command,
     drop_zone,
@@ -23,10 +25,11 @@ from legfem.app.frame import (
     warned,
 )
 from legfem.app.runs import ACTIONS, Action, Run, check_idle, looked_at, rename_input, runs_of, seen, written
-from legfem.app.wizard import ASK, ask, describe_page
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.common.errors import InputError
 from legfem.data.quality import GRADES
+
+type Questions = Callable[[Workspace, str, Run], None]
 
 
 def actions_tab(workspace: Workspace, name: str) -> None:
@@ -152,7 +155,7 @@ def _recordings(looking: Run, found: dict[str, Any]) -> None:
                 _recording(looking, one)
 
 
-def _questions(workspace: Workspace, name: str, looking: Run) -> None:
+def _questions(workspace: Workspace, name: str, looking: Run, put: Questions) -> None:
     """Put the questions about a folder without a description, beside what is seen in it."""
     found = seen(looking)
     assert found is not None
@@ -164,7 +167,7 @@ def _questions(workspace: Workspace, name: str, looking: Run) -> None:
         return
     with ui.element("div").classes("beside"):
         with ui.element("div"):
-            describe_page(workspace, name, looking)
+            put(workspace, name, looking)
         with ui.element("div"):
             _recordings(looking, found)
 
@@ -198,8 +201,8 @@ def _picture(looking: Run, file: str, shown: str) -> None:
 _EVERY = 0.5
 
 
-def input_page(workspace: Workspace, name: str) -> None:
-    """Put the page."""
+def input_page(workspace: Workspace, name: str, questions: Questions) -> None:
+    """Put the page; ``questions`` puts those about an input that isn't described yet."""
     with framed(name):
         try:
             folder = workspace.input(name)
@@ -221,7 +224,7 @@ def input_page(workspace: Workspace, name: str) -> None:
                         case "Preview":
                             _when_seen(looking, lambda: preview_tab(workspace, name, looking, tabs.set_value))
                         case "What is it":
-                            _when_seen(looking, lambda: _questions(workspace, name, looking))
+                            _when_seen(looking, lambda: _questions(workspace, name, looking, questions))
                         case "Assumed":
                             settings_tab(folder)
                         case "Columns":

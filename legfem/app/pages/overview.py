@@ -8,9 +8,9 @@ from pathlib import Path
 
 from nicegui import ui
 
-from legfem.app.frame import chip, drop_zone, framed, page_of, tag, when
 from legfem.app.outcomes import Answer, answers_of, relative_difference, sentence_of
-from legfem.app.run_page import address
+from legfem.app.pages.frame import chip, drop_zone, framed, page_of, tag, when
+from legfem.app.pages.run import address
 from legfem.app.runs import EVERY, Run, runs_of
 from legfem.app.workspace import Workspace, description_of, files_of
 from legfem.data.folder import RESOURCES

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from urllib.parse import quote
@@ -10,7 +11,8 @@ from urllib.parse import quote
 from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
 
-from legfem.app.runs import RunState
+from legfem.app.runs import RunState, begin_all
+from legfem.app.workspace import Workspace, description_of
 
 # NiceGUI's page doesn't say its language, without which it can't be read aloud.
 _HEAD = (
@@ -90,6 +92,21 @@ def page_of(kind: str, name: str) -> str:
 def page_after_deletion(kind: str, name: str) -> str:
     """Return the address of the first page, which offers to undo what was just deleted."""
     return f"/?deleted={quote(f'{kind}/{name}', safe='')}"
+
+
+ASK = "How stiff, and can I trust it?"
+"""On the button that identifies and diagnoses."""
+
+
+def ask(workspace: Workspace, name: str) -> None:
+    """Begin what says how stiff a described input is, and whether that can be trusted; go to its page."""
+    folder = workspace.input(name)
+    described = str(description_of(folder))
+    options: dict[str, list[str]] = {"identify": [], "diagnose": [], "stocking": []}
+    given = tomllib.loads((folder / described).read_text(encoding="utf-8-sig")).get("indenter", {})
+    if given.get("shape", "cylinder") != "cylinder" or given.get("axis_deg"):
+        options = {"identify": ["--model", "3d"]}
+    ui.navigate.to(page_of("run", begin_all(workspace, name, described, options)))
 
 
 def drop_zone(text: str, name: str = "") -> None:

@@ -28,7 +28,7 @@ def started(folder: Path) -> bool:
         log = folder / "log.txt"
         log_from = log.stat().st_size if log.is_file() else 0
         process = subprocess.Popen(
-            [sys.executable, "-m", "legfem.app.supervise", str(folder), str(lock.fileno())],
+            [sys.executable, "-m", "legfem.jobs.supervise", str(folder), str(lock.fileno())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -3,23 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C10, RATIO, is_ratio, symbol_of
+from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.page import Bars, Curves, Dash, LabelledBar, Line
-from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
+from legfem.report.folder import ReportFile
+from legfem.report.kinds import ReportKind
+from legfem.report.page import Bars, Curves, Dash, LabelledBar, Line, PressedSection
+from legfem.report.recording_figures import specimen_figure
+from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.words import ORIGINS, fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
-from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent
+from legfem.specimens.details import SampleFit, SpecimenDetails, SpecimenDocument, compared, rms_percent
 from legfem.specimens.sizes import kind_in, sizes_text
 
 type SpecimenFit = Fit[SpecimenDetails]
 
 _SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
+
+
+class SpecimenReport(ReportKind):
+    """What is shown of specimens."""
+
+    kind: ClassVar[str] = "specimens"
+    document: ClassVar[KindDocument] = SpecimenDocument()
+
+    def page(
+        self, fits: Sequence[SpecimenFit], pressed: PressedSection | None = None, command: str = "", note: str = ""
+    ) -> web.WebPage:
+        """Return the page."""
+        return specimen_page(fits, command)
+
+    def figure(self, fits: Sequence[SpecimenFit]) -> Figure:
+        """Return every recording beside the laws."""
+        return specimen_figure(fits)
+
+    def files(self, fits: Sequence[SpecimenFit], folder: Path) -> list[ReportFile]:
+        """Write the figure."""
+        shows = "every recording beside the model over displacement and time, and their differences"
+        return [ReportFile(save(specimen_figure(fits), folder, "fit", svg=True), shows)]
 
 
 def origin_text(result: SpecimenFit) -> str:

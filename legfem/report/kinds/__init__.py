@@ -1,0 +1,57 @@
+"""What each kind of problem shows of its fits, one a file."""
+
+from __future__ import annotations
+
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+from matplotlib.figure import Figure
+
+from legfem.common.registry import registered
+from legfem.inverse.document import KindDocument
+from legfem.inverse.fit import Fit
+from legfem.report.folder import ReportFile
+from legfem.report.page import PressedSection, WebPage
+
+
+class ReportKind(ABC):
+    """What a kind of problem has of its own to show.
+
+    Attributes
+    ----------
+    kind : str
+        Of its fits.
+    document : KindDocument
+        What it adds to result.json.
+    """
+
+    kind: ClassVar[str]
+    document: ClassVar[KindDocument]
+
+    @abstractmethod
+    def page(
+        self, fits: Sequence[Fit[Any]], pressed: PressedSection | None = None, command: str = "", note: str = ""
+    ) -> WebPage:
+        """Return the page of fits, with the section pressed, the command, and a note on the solve that pressed it."""
+
+    @abstractmethod
+    def figure(self, fits: Sequence[Fit[Any]]) -> Figure:
+        """Return the figure that shows most."""
+
+    @abstractmethod
+    def files(self, fits: Sequence[Fit[Any]], folder: Path) -> list[ReportFile]:
+        """Write the figures into a folder."""
+
+
+@cache
+def _kinds() -> dict[str, ReportKind]:
+    return {one.kind: one for one in registered(sys.modules[__name__], ReportKind, "legfem.reports")}
+
+
+def kind_of(fits: Sequence[Fit[Any]]) -> ReportKind:
+    """Return how fits are shown, by their kind."""
+    return _kinds()[fits[0].kind]

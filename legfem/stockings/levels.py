@@ -1,0 +1,170 @@
+"""The pressure along a leg, and at the levels at which makers give it, beside the limits of a class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from legfem.common.units import FloatArray, mpa_to_mmhg
+from legfem.geometry.leg_shape import LegShape, perimeter
+from legfem.inverse.intervals import quantile
+from legfem.stockings.fabric import ANKLE_MMHG, StockingLoad
+from legfem.stockings.misfit import ContourAccuracy
+
+type Level = Literal["B", "B1", "C", "D"]
+type Standard = Literal["RAL-GZ 387", "ENV 12718"]
+PLACES: Mapping[Level, str] = {
+    "B": "least girth above the ankle",
+    "B1": "where the Achilles tendon passes into the calf's muscles",
+    "C": "greatest girth of the calf",
+    "D": "below the head of the fibula",
+}
+_RAL: Mapping[str, tuple[float, float]] = {str(name): ends for name, ends in ANKLE_MMHG.items()} | {
+    "4": (49.0, float("inf"))
+}
+ANKLE_LIMITS: Mapping[Standard, Mapping[str, tuple[float, float]]] = {
+    "RAL-GZ 387": _RAL,
+    "ENV 12718": {**_RAL, "A": (10.0, 14.0), "1": (15.0, 21.0)},
+}
+"""Pressure at B by class, mmHg."""
+MESH_SHARE = 0.1
+"""Error of the mesh over the change of pressure that the leg's giving way makes: a judgement, not measured."""
+_AROUND = 8
+"""Parts of the girth whose pressures err by themselves."""
+
+
+@dataclass(frozen=True)
+class MakersLevels:
+    """What a maker states.
+
+    Parameters
+    ----------
+    standard, intended_class : str
+        Whose limits the pressures are set beside; no class for none.
+    heights : mapping
+        Of levels in the scan (mm); B and C are looked for by the girth where they aren't stated.
+    shares : mapping
+        Least and greatest pressure over that at B, in per cent, by level.
+    """
+
+    standard: Standard = "RAL-GZ 387"
+    intended_class: str = ""
+    heights: Mapping[Level, float] = field(default_factory=dict)
+    shares: Mapping[Level, tuple[float, float]] = field(default_factory=dict)
+    assumed_fabric: bool = False
+    """Whether the fabric was chosen to have a class's pressure, and is no real stocking's."""
+
+    def limits(self, level: Level, ankle: float | None) -> tuple[float, float] | None:
+        """Return the least and greatest pressure at a level (mmHg), given that at B; None without any."""
+        if level == "B":
+            return ANKLE_LIMITS[self.standard].get(self.intended_class)
+        if level not in self.shares or ankle is None:
+            return None
+        low, high = self.shares[level]
+        return 0.01 * low * ankle, 0.01 * high * ankle
+
+    def found(self, shape: LegShape) -> dict[Level, tuple[float, bool]]:
+        """Return heights of levels within a leg (mm), and whether they were stated."""
+        levels, around = shape.levels, perimeter(shape)
+        heights = {name: (height, True) for name, height in self.heights.items()}
+        widest = int(np.argmax(around))
+        if 0 < widest < len(levels) - 1:
+            heights.setdefault("C", (float(levels[widest]), False))
+        narrow = [k for k in range(1, widest) if around[k] <= min(around[k - 1], around[k + 1])]
+        if narrow:
+            heights.setdefault("B", (float(levels[min(narrow, key=lambda k: around[k])]), False))
+        order: tuple[Level, ...] = ("B", "B1", "C", "D")
+        return {
+            name: heights[name] for name in order if name in heights and levels[0] <= heights[name][0] <= levels[-1]
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class PressureAlong:
+    """Mean pressure round the leg by its height, with its standard deviation; mmHg."""
+
+    levels: FloatArray
+    mean: FloatArray
+    least: FloatArray
+    greatest: FloatArray
+    sd: FloatArray
+
+    @classmethod
+    def of(cls, bare: LegShape, load: StockingLoad, on_bare: StockingLoad, accuracy: ContourAccuracy) -> PressureAlong:
+        """Return the pressures of a load on a leg, beside that on the leg if it didn't give way.
+
+        They err by the fabric's tension, alike at all heights, by its scatter round the leg, and by the mesh.
+        """
+        mean, stiff = (mpa_to_mmhg(one.pressure.mean(axis=1)) for one in (load, on_bare))
+        fabric = mean * np.hypot(accuracy.tension_sd, accuracy.pressure_sd / np.sqrt(_AROUND))
+        mesh = MESH_SHARE * np.abs(mean - stiff)
+        extreme = mpa_to_mmhg(load.pressure)
+        return cls(bare.levels, mean, extreme.min(axis=1), extreme.max(axis=1), np.hypot(fabric, mesh))
+
+    def at(self, height: float) -> tuple[float, float]:
+        """Return the pressure and its standard deviation at a height (mm)."""
+        return float(np.interp(height, self.levels, self.mean)), float(np.interp(height, self.levels, self.sd))
+
+
+NOTHING_STATED = MakersLevels()
+"""Of a maker."""
+
+
+@dataclass(frozen=True)
+class LevelPressure:
+    """Mean pressure round the leg at one level, mmHg.
+
+    Attributes
+    ----------
+    level : str
+        As makers call it.
+    height : float
+        mm.
+    stated : bool
+        Whether the height was stated.
+    mean : float
+        Of the pressure.
+    ci95 : (float, float)
+        Its 95 % interval.
+    over_ankle : float, optional
+        Over the pressure at B.
+    limits : (float, float), optional
+        Of the class, or stated.
+    """
+
+    level: Level
+    height: float
+    stated: bool
+    mean: float
+    ci95: tuple[float, float]
+    over_ankle: float | None
+    limits: tuple[float, float] | None
+
+    @property
+    def verdict(self) -> Literal["within", "too low", "too high", "not certain", "no limits"]:
+        """Where the interval lies beside the limits."""
+        if self.limits is None:
+            return "no limits"
+        (low, high), (least, most) = self.ci95, self.limits
+        if least <= low and high <= most:
+            return "within"
+        if high < least:
+            return "too low"
+        return "too high" if low > most else "not certain"
+
+
+def pressures_at_levels(along: PressureAlong, makers: MakersLevels, bare: LegShape) -> list[LevelPressure]:
+    """Return the pressure at each of the makers' levels that a leg has."""
+    places = makers.found(bare)
+    ankle = along.at(places["B"][0])[0] if "B" in places else None
+    found = []
+    for name, (height, stated) in places.items():
+        mean, sd = along.at(height)
+        half = quantile(0) * sd
+        share = None if ankle is None else mean / ankle
+        limits = makers.limits(name, ankle)
+        found.append(LevelPressure(name, height, stated, mean, (mean - half, mean + half), share, limits))
+    return found

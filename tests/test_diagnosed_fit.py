@@ -1,0 +1,74 @@
+"""The models of a diagnosis as results of fits, and what each trial says by itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_diagnosed import BASE, diagnosed, diagnosed_of
+from making_diagnosis import noisy, observations, ramps
+
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.diagnosed_fit import base_fit, best_fit
+from legfem.inverse.fit import Identity
+
+SUBJECT = Identity("closed", "a closed form", "simulated")
+
+
+@pytest.fixture(scope="module")
+def consistent():
+    """A diagnosis of recordings of the base model."""
+    return diagnosed({}, asked=("support-compliance",))
+
+
+def test_the_base_model_is_a_fit_of_the_same_numbers(consistent):
+    base = base_fit(consistent, SUBJECT, "leg", 3)
+    assert base.subject is SUBJECT and base.law == consistent.law and base.log.seed == 3
+    assert base.estimates[DEEP_C10].value == consistent.base.value(DEEP_C10)
+    assert base.estimates[DEEP_C10].ci95 == consistent.base.interval(DEEP_C10)
+    assert base.values == consistent.base.fit.values
+    assert [one.name for one in base.tests] == list(consistent.observed.trials)
+    measured = np.concatenate([one.force.channel.values for one in base.tests])
+    np.testing.assert_array_equal(measured, consistent.observed.force)
+    left = np.concatenate([one.force.residual for one in base.tests])
+    np.testing.assert_allclose(left, -consistent.base.fit.residual)
+    assert base.cost.value == pytest.approx(left @ left)
+    assert np.diag(base.correlations) == pytest.approx(1.0)
+
+
+def test_the_best_model_has_its_stiffness_over_all_explanations(consistent):
+    best = best_fit(consistent, SUBJECT, "leg", 0)
+    assert best.estimates[DEEP_C10].ci95 == consistent.intervals[DEEP_C10]
+
+
+def test_trials_of_one_stiffness_agree(consistent):
+    base = base_fit(consistent, SUBJECT, "leg", 0)
+    assert base.agreement.fits and base.agreement.degrees_of_freedom == 2
+    for one in base.tests:
+        own = one.by_itself[DEEP_C10]
+        assert abs(own.value - BASE[DEEP_C10]) < 3 * own.standard_error
+
+
+def test_a_trial_that_is_stiffer_asks_for_more_by_itself():
+    observed, predictor = observations(list(ramps()))
+    force = predictor(BASE, ())
+    force = np.where(observed.trial == 0, 1.15, 1.0) * force
+    found = diagnosed_of(noisy(observed, force, 2), asked=("support-compliance",))
+    base = base_fit(found, SUBJECT, "leg", 0)
+    first, *others = [one.by_itself[DEEP_C10] for one in base.tests]
+    assert base.agreement.p_value < 1e-3
+    assert first.departure > 3 and first.value > max(one.value for one in others) * 1.1
+
+
+def test_one_trial_says_nothing_by_itself():
+    observed, predictor = observations(list(ramps())[:1])
+    found = diagnosed_of(noisy(observed, predictor(BASE, ()), 2), asked=("support-compliance",))
+    base = base_fit(found, SUBJECT, "leg", 0)
+    assert base.agreement.degrees_of_freedom == 0 and not base.tests[0].by_itself
+
+
+def test_what_is_set_aside_counts_for_no_trial(consistent):
+    problem = consistent.weighted_base.problem
+    aside = problem.predictor.observed.trial == 1
+    model = replace(consistent.weighted_base, problem=problem.setting_aside(aside))
+    base = base_fit(replace(consistent, explained=replace(consistent.explained, base=model)), SUBJECT, "leg", 0)
+    assert [one.fitted for one in base.tests] == [True, False, True]
