@@ -136,18 +136,17 @@ def align_branches(
             return _by_themselves(branches, contacts)
         placed[1:] = [b.moved(shift) for b, shift in zip(branches[1:], shifts, strict=True)]
     begin = np.array([float(a.depth[0] - b.depth[0]) for b, a in zip(branches, placed, strict=True)])
-    common = _common_contact(placed, instrument)
+    # Those that begin in air show most of it.
+    common = _common_contact([b for b, air in zip(placed, in_air, strict=True) if air or not any(in_air)], instrument)
     if common.in_air:
         by, offset, error = common.displacement, common.baseline, common.displacement_error
-    elif any(in_air):
-        # Together they show no air: then those that began at contact say where it is.
-        by = float(np.mean(begin[~np.array(in_air)])) if not all(in_air) else 0.0
-        errors = [c.displacement_error for c in contacts if c.in_air]
-        offset, error = 0.0, max(instrument.displacement_sd, float(np.mean(errors)))
     else:
-        # The one that begins last may begin at contact.
-        half = 0.5 * (common.estimate - float(begin.max()))
-        by, offset, error = float(begin.max()) + half, 0.0, float(np.hypot(common.displacement_error, half))
+        # Together they show no air: the one that begins last may begin at contact, if any does.
+        last = float(begin[~np.array(in_air)].max()) if not all(in_air) else 0.0
+        half = 0.5 * max(common.estimate - last, 0.0) if not any(in_air) else 0.0
+        errors = [c.displacement_error for c in contacts if c.in_air] or [common.displacement_error]
+        by, offset = last + half, 0.0
+        error = float(np.hypot(max(instrument.displacement_sd, float(np.mean(errors))), half))
     # Where each trial by itself has its contact, once they lie on each other.
     own = begin[in_air]
     apart = float(np.linalg.norm(own - by)) / len(own) if len(own) else 0.0

@@ -1,4 +1,4 @@
-"""``python -m studies.cohort.simulated``: 60 people whose stiffness is known, recorded as a lab does, with all that goes wrong.
+"""``python -m studies.cohort.simulated``: people of known stiffness, recorded as a lab does, and what goes wrong.
 
 Eight shapes of calves stand for all legs, four of them pressed by felupe and four by finer elements with another
 contact law; a leg's curve lies between those of seven stiffnesses. The lab knows each leg's outlines and fat: what is
@@ -40,6 +40,7 @@ from studies.planted.truths import TRUTH_SETTINGS
 app = new_app()
 SHAPES, DEPTH_MM, RATE_MM_PER_S, TRIALS = 8, 14.0, 0.5, 3
 BEYOND_MM = 15.0
+"""Depth that solutions are asked for: felupe may stop short of it, but not of what is recorded."""
 GRID_KPA = tuple(float(c) for c in np.geomspace(0.25, 2.6, 7).round(4))
 LAB = LabErrors(gain_sd=0.01, air=3.0)
 DIRECTION_DEG = 90.0
@@ -118,10 +119,10 @@ def shape_section(shape: int, side: str) -> LegSection:
     section = calf_section(Calf(girth, fat, 0.6, aspect=float(generator.uniform(1.0, 1.08)), asymmetry=0.0))
     if side == "right":
         return section
-    mirrored = (
+    skin, fascia, tibia, fibula = (
         part[::-1] * np.array([-1.0, 1.0]) for part in (section.skin, section.fascia, section.tibia, section.fibula)
     )
-    return LegSection(*mirrored, fascia_thickness=section.fascia_thickness)
+    return LegSection(skin, fascia, tibia, fibula, section.fascia_thickness)
 
 
 def write_leg(folder: Path, shape: int, side: str, recordings: Sequence[Recording], name: str) -> Path:
@@ -236,7 +237,7 @@ def simulated(
 
     Example: python -m studies.cohort.simulated --out results/sixty
     """
-    with study_context("cohort-simulated", out, jobs) as (folder, processes), progress_on() as progress:
+    with study_context("cohort-simulated", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
         spread = Spread()
         tests = drawn_people(people, spread, seed)
         lumpy = next(one for one in tests if one.folder == LUMPY)
@@ -253,9 +254,8 @@ def simulated(
             made = finish(
                 workers, asked, store, progress, "pressing", lambda task, _: f"shape {task[0]}, {task[1]:g} kPa"
             )
-        *curves, hard = (np.array(one)[:141] for one in made)
+        *curves, hard = map(np.array, made)
         grids = np.array(curves).reshape(SHAPES, len(GRID_KPA), -1)
-        # What the fourth of seven stiffnesses is off by where it is read between the others.
         study = folder / "study"
         shutil.rmtree(study, ignore_errors=True)
         for test in tests:
