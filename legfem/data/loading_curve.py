@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.data.contact import SLOW_WAYS, Contact, fit_onset
+from legfem.data.contact import SLOW_WAYS, Contact, air_is_shown, fit_onset
 from legfem.data.noise import (
     JITTER_LENGTH_MM,
     UNSTATED,
@@ -132,7 +132,7 @@ def align_branches(
             placed = [b.moved(0.5 * float(b.depth[0] - c.depth[0])) for b, c in zip(placed, onto, strict=True)]
     else:
         shifts = [_shift(b, branches[0], instrument, step) for b in branches[1:]]
-        if not any(shifts):
+        if not (any(shifts) or air_is_shown(contacts)):
             return _by_themselves(branches, contacts)
         placed[1:] = [b.moved(shift) for b, shift in zip(branches[1:], shifts, strict=True)]
     begin = np.array([float(a.depth[0] - b.depth[0]) for b, a in zip(branches, placed, strict=True)])
