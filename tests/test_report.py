@@ -20,10 +20,11 @@ from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.estimates import comparison
-from legfem.report.fit_figures import confidence_ellipse, cost_figure, fit_figure, linear_cost
 from legfem.report.folder import keep_another, made_in_place
 from legfem.report.identification import write_report
+from legfem.report.kinds import kind_of
 from legfem.report.kinds.leg import leg_page
 from legfem.report.render.text import brief, plain_page
 from legfem.report.style import save
@@ -99,7 +100,7 @@ def test_origin_of_the_data_comes_first(both, subject, origin):
     page = leg_page([other])
     for text in (plain_page(page, []), brief(page)):
         assert text.index(f"*** {origin.upper()} DATA ***") < text.index(page.headline.sentence[:20])
-    assert f"{origin} data" in fit_figure([other]).get_suptitle()
+    assert f"{origin} data" in kind_of([other]).figure([other]).get_suptitle()
     assert f"{origin} data" in cost_figure(other).get_suptitle()
 
 
@@ -140,7 +141,7 @@ def test_report_survives_numbers_that_are_missing(both, subject):
 
 def test_figures_are_written_and_not_empty(both, tmp_path):
     before = dict(matplotlib.rcParams)
-    figures = {"fit": fit_figure(both), "a": cost_figure(both[0]), "b": cost_figure(both[1])}
+    figures = {"fit": kind_of(both).figure(both), "a": cost_figure(both[0]), "b": cost_figure(both[1])}
     for name, figure in figures.items():
         png, svg = save(figure, tmp_path, name, svg=True)
         image = imread(png)

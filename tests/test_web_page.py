@@ -25,12 +25,12 @@ from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.curves import Curves, Line, ways
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_sentences import headline
 from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.kinds.leg import leg_page
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.page import Curves, Line, ways
 from legfem.report.render.html import rendered
 from legfem.report.section import Film, pressed_section
 

@@ -70,7 +70,7 @@ class DiagnosedLeg(Result):
 
     def plot(self) -> Figure:
         """Return the recordings against the model, what it misses, and where."""
-        from legfem.report.recording_figures import recording_figure
+        from legfem.report.diagnosis_curves import recording_figure
 
         return recording_figure(self.diagnosis, 0, self.subject.title, self.subject.origin)
 
@@ -152,7 +152,7 @@ class DiagnosedFolder(Result):
         InputError
             If none could be diagnosed.
         """
-        from legfem.report.recording_figures import recording_figure
+        from legfem.report.diagnosis_curves import recording_figure
 
         one, found = self._first
         return recording_figure(found, 0, one.title, one.origin)

@@ -10,7 +10,8 @@ from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.geometry.leg_shape_motion import inward, stretch_round
 from legfem.inverse.intervals import quantile
-from legfem.report.page import Bars, Block, Curves, LabelledBar, Line, Prose, Slider, TurnedLeg, View, WebTable
+from legfem.report.curves import Curves, Line
+from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round

@@ -8,7 +8,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.report import page as web
-from legfem.report.page import Bars, Curves, LabelledBar, Line, ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.report.curves import Curves, Line
+from legfem.report.page import Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.study.doe import tables
 from legfem.study.doe.claims import in_words, not_seen, to_know, to_measure, verdicts
