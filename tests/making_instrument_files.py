@@ -460,6 +460,8 @@ ODD = {
     "units after in": _tabs("Zeit [in s]\tWeg [in mm]\tKraft in N"),
     "units with dots": _semicolons("Time [sec.];Position [mm.];Force [N.]"),
     "a comma before a bracket": _commas('"Time, [s]","Position, [mm]","Force, [N]"'),
+    "a remark behind the unit": _commas("Time [s],Displacement (mm) [LVDT],Load [N] (filtered)"),
+    "names as R writes them": _commas("Time..s.,Position..mm.,Load..N."),
     "letters": _semicolons("t/s;s/mm;F/N"),
     "units above": _commas("s,mm,N\nTime,Position,Force"),
     "units in words": _commas("Time,Position,Force\nSeconds,Millimeters,Newtons"),
