@@ -23,7 +23,8 @@ import numpy as np
 from making import write_subject
 from making_broken import broken_bytes, broken_text
 from making_fuzzed import KINDS, broken_anywhere
-from making_instrument_files import REAL
+from making_instrument_files import ODD as ODD_FILES
+from making_instrument_files import REAL, open_document, tdms_with_times_of_day, workbook_beside_other_cells
 from making_stress_tables import described, write_table
 
 OUT = "OUT"
@@ -76,7 +77,12 @@ def _cohort(folder: Path) -> None:
 
 def _instrument(folder: Path, rng: np.random.Generator) -> None:
     folder.mkdir(parents=True)
-    REAL[int(rng.integers(len(REAL)))](folder)
+    made = [*REAL, workbook_beside_other_cells, open_document, tdms_with_times_of_day, *ODD_FILES.values()]
+    one = made[int(rng.integers(len(made)))]
+    if isinstance(one, str):
+        (folder / "odd.csv").write_text(one, encoding="utf-8")
+    else:
+        one(folder)
 
 
 def _stress(folder: Path) -> None:

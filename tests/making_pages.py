@@ -55,12 +55,12 @@ from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
 from legfem.report.kinds.leg import leg_page
-from legfem.report.kinds.specimens import specimen_page
 from legfem.report.look import Looked, look_web_page, recordings_toml
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.plan import plan_web_page
 from legfem.report.render.html import rendered
 from legfem.report.section import Film, pressed_section
+from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails
@@ -68,10 +68,11 @@ from legfem.specimens.folder import load_specimen
 from legfem.specimens.misfit import LawMisfit
 from legfem.specimens.sizes import LeftOut
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.identification import StockingSettings, run_leg
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.result import StockingResult, StockingSettings, run_leg
+from legfem.stockings.result import StockingResult
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.page import correction_web_page

@@ -69,11 +69,14 @@ def test_sites_are_fitted_together_and_can_be_read_drawn_and_written(both, tmp_p
     assert page.count("<iframe") == 1 and "c20_deep" in page
 
 
-def test_the_figure_has_a_panel_a_law_and_site(both) -> None:
+def test_the_figure_has_a_panel_a_site_with_all_laws(both) -> None:
     assert both.best.law == "reduced-polynomial"
-    titles = [axes.get_title(loc="left") for axes in both.plot().axes]
-    for fit in both.fits:
-        assert sum(LAW_NAMES[fit.law] in title for title in titles) == len(fit.tests)
+    figure = both.plot()
+    for number, one in enumerate(both.best.tests):
+        above = figure.axes[number]
+        assert one.name in above.get_title(loc="left")
+        named = [text.get_text() for text in above.get_legend().get_texts()]
+        assert all(f"model, {LAW_NAMES[fit.law]}" in named for fit in both.fits)
 
 
 def test_an_instrument_known_by_a_prior_and_names_alone_are_taken(tmp_path, closed_form) -> None:

@@ -26,7 +26,7 @@ from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import Written, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
-from legfem.report.fit_figures import fit_figure
+from legfem.report.kinds import kind_of
 from legfem.report.kinds.leg import leg_page
 from legfem.report.render.text import plain_page
 
@@ -67,7 +67,7 @@ def test_three_planted_stiffnesses_are_found(tmp_path: Path, truth: tuple[float,
     text = said_of(found, subject)
     assert re.search(r"C10 of the superficial tissue \(fat\), reduced polynomial law: \d", text)
     assert "C10 C20 superficial.C10 C10 +1.000" in text and "nan" not in text
-    fit_figure([found])
+    kind_of([found]).figure([found])
 
 
 def test_a_prior_is_one_more_measurement(tmp_path: Path) -> None:

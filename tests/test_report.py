@@ -20,10 +20,11 @@ from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.estimates import comparison
-from legfem.report.fit_figures import confidence_ellipse, cost_figure, fit_figure, linear_cost
 from legfem.report.folder import keep_another, made_in_place
 from legfem.report.identification import write_report
+from legfem.report.kinds import kind_of
 from legfem.report.kinds.leg import leg_page
 from legfem.report.render.text import brief, plain_page
 from legfem.report.style import save
@@ -99,7 +100,7 @@ def test_origin_of_the_data_comes_first(both, subject, origin):
     page = leg_page([other])
     for text in (plain_page(page, []), brief(page)):
         assert text.index(f"*** {origin.upper()} DATA ***") < text.index(page.headline.sentence[:20])
-    assert f"{origin} data" in fit_figure([other]).get_suptitle()
+    assert f"{origin} data" in kind_of([other]).figure([other]).get_suptitle()
     assert f"{origin} data" in cost_figure(other).get_suptitle()
 
 
@@ -140,7 +141,7 @@ def test_report_survives_numbers_that_are_missing(both, subject):
 
 def test_figures_are_written_and_not_empty(both, tmp_path):
     before = dict(matplotlib.rcParams)
-    figures = {"fit": fit_figure(both), "a": cost_figure(both[0]), "b": cost_figure(both[1])}
+    figures = {"fit": kind_of(both).figure(both), "a": cost_figure(both[0]), "b": cost_figure(both[1])}
     for name, figure in figures.items():
         png, svg = save(figure, tmp_path, name, svg=True)
         image = imread(png)
@@ -195,16 +196,12 @@ def test_parameters_go_back_to_the_model_in_its_units(both):
 
 
 def written(folder, command, *names):
-    """Write a report of a command, with some more files that it lists."""
-    keep_another(folder, command)
+    """Write a report of a command, with some more files."""
+    keep_another(folder, command, "result.json")
     (folder / "result.json").write_text(command)
     with made_in_place(folder) as hidden:
-        for name in names:
+        for name in (*names, "report.txt"):
             (hidden / name).write_text(command)
-        listed = f"{', '.join(names)}\n    pictures\nresult.json\n    numbers"
-        (hidden / "report.txt").write_text(
-            f"How to repeat it\n----------------\n{command}\nseed 1\nlegfem 0.2.0\n\nFiles\n-----\n{listed}\n"
-        )
 
 
 def test_a_report_of_another_law_or_depth_is_kept_and_said(tmp_path, capsys):
@@ -220,5 +217,9 @@ def test_a_report_of_another_law_or_depth_is_kept_and_said(tmp_path, capsys):
     assert set(aside) == {"fit.png", "cost.png", "report.txt", "result.json"}
     assert all("--quiet" in text for text in aside.values())
     assert "--depth 10" in (tmp_path / "result.json").read_text()
-    there = {path.name for path in tmp_path.iterdir()}
+    there = {path.name for path in tmp_path.iterdir()} - {".made-by.json"}
     assert there == {"solves", "mine.txt", "earlier-1", "fit.png", "report.txt", "result.json"}
+    # Nothing that such a file names elsewhere is touched.
+    (tmp_path / "earlier-1" / ".made-by.json").write_text('{"command": ["legfem"], "files": ["../mine.txt", 3]}')
+    written(tmp_path / "earlier-1", "legfem identify --subject 4")
+    assert (tmp_path / "mine.txt").read_text() == "mine"

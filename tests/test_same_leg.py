@@ -12,7 +12,7 @@ from making_stocking import short_leg
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.leg_shape_motion import rigidly_moved
-from legfem.imaging.same_leg import doubts_about_second_scan, registered
+from legfem.imaging.same_leg import doubts_about_registration, doubts_about_second_scan, registered
 from studies.legs.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
@@ -59,7 +59,8 @@ def _told(second: LegShape, first: LegShape) -> list[str]:
         moved = rigidly_moved(second, found.transform.rotation, found.transform.translation)
         low, high = max(moved.levels[0], first.levels[0]), min(moved.levels[-1], first.levels[-1])
         levels = np.linspace(low, high, len(first.levels))
-        return [d.problem for d in doubts_about_second_scan(first.at_levels(levels), moved.at_levels(levels), TOML)]
+        doubts = list(doubts_about_second_scan(first.at_levels(levels), moved.at_levels(levels), TOML))
+        return [d.problem for d in (*doubts, *doubts_about_registration(found, SD, TOML))]
     except InputError as error:
         assert str(error).startswith("leg.toml: compressed") and "\n" not in str(error) and error.remedy
         return [f"refused: {error.problem}"]
@@ -112,10 +113,10 @@ def test_what_cannot_be_the_leg_is_refused_with_the_cause(change, words: str) ->
 
 @pytest.mark.slow
 def test_ends_exchanged_and_other_people_are_refused_or_doubted() -> None:
-    """The legs' shinbones are one shape at other sizes, so that those two of one size look like one leg's."""
+    """The legs' shinbones are one shape at other sizes: two of one size lie 0.4 mm apart, one leg's own 0.17."""
     legs = {name: parametric_leg(read_legs(LEGS)[name], n_points=60) for name in "123456"}
     legs = {name: shape.at_levels(np.linspace(20, 140, 25)) for name, shape in legs.items()}
-    assert "shinbone's section is" in _told(ENDS_EXCHANGED(_in_stocking(legs["1"])), legs["1"])[0]
+    assert "mirrored along the leg" in _told(ENDS_EXCHANGED(_in_stocking(legs["1"])), legs["1"])[0]
     silent = {
         (first, second)
         for first in "123"
@@ -123,4 +124,4 @@ def test_ends_exchanged_and_other_people_are_refused_or_doubted() -> None:
         if first != second and not _told(_in_stocking(legs[second]), legs[first])
     }
     print(f"of 15 pairs of other people's legs these are taken without a word: {sorted(silent)}")
-    assert len(silent) <= 2
+    assert not silent

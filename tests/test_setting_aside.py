@@ -10,7 +10,7 @@ from making_diagnosed import diagnosed_of
 from making_diagnosis import noisy, observations, two_rates
 
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.misfit import Misfit, misfit_of
+from legfem.inverse.predictive import Misfit, misfit_of
 from legfem.inverse.setting_aside import touched_part
 from legfem.report.diagnosis_sentences import headline, verdict_sentence
 

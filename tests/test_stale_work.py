@@ -15,7 +15,7 @@ from legfem.common.progress import Silent
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
-from legfem.stockings.result import StockingSettings
+from legfem.stockings.identification import StockingSettings
 from studies.concealed import diagnosing as running
 from studies.concealed import scoring
 from studies.planted import __main__ as planted

@@ -18,13 +18,13 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, EquilibriumSolver, LinearisedCoupling
 from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
+from legfem.stockings.identification import SAMPLED_AT, SearchSettings, StiffnessSearch, StockingSettings, run_leg
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
 from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
-from legfem.stockings.result import StockingResult, StockingSettings, run_leg
-from legfem.stockings.search import SAMPLED_AT, SearchSettings, StiffnessSearch
+from legfem.stockings.result import StockingResult
 
 PLANTED = 1e-3 * np.array(PLANTED_KPA)
 ACCURACY = ContourAccuracy(sd=0.1, correlation=16.0, around=30.0, along=40.0, pressure_sd=0.003)

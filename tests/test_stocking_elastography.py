@@ -19,13 +19,12 @@ from legfem.report.stocking_page import stocking_web_page
 from legfem.stockings.document import stocking_document
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.identification import SearchSettings, StockingSettings, run_leg
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.result import StockingSettings, run_leg
 from legfem.stockings.scan_fit import stiffness_priors
 from legfem.stockings.schema import parse_leg_file
-from legfem.stockings.search import SearchSettings
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
 COARSE = SolidMeshSettings(skin_size=11, inside_size=14, bone_size=9)

@@ -20,9 +20,9 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.stockings.discrepancy import ModelDiscrepancy, model_discrepancy
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.identification import SearchSettings, StiffnessSearch
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourAccuracy, ContourMisfit, outline_errors
-from legfem.stockings.search import SearchSettings, StiffnessSearch
 
 ACCURACY = ContourAccuracy(
     sd=0.1, correlation=6.0, around=25.0, along=40.0, pressure_sd=0.003, shift_sd=(0.03, 0.03, 0.05)

@@ -39,14 +39,13 @@ from legfem.stockings.document import stocking_document
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_estimates
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
+from legfem.stockings.identification import SearchSettings, StockingSettings, run_leg
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.loading import load_leg
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.notices import stocking_notices, unloaded_skin
 from legfem.stockings.pressures import PressureProbe, fat_pressures, too_low_by
-from legfem.stockings.result import StockingSettings, run_leg
-from legfem.stockings.search import SearchSettings
 from studies.legs.shapes import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"

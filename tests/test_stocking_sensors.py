@@ -21,13 +21,12 @@ from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import sensor_rows
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
+from legfem.stockings.identification import SearchSettings, StockingSettings, run_leg
 from legfem.stockings.leg import Posture, Sensor, SensorArray, StockingLeg, off_skin
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.notices import sensor_notices
-from legfem.stockings.result import StockingSettings, run_leg
 from legfem.stockings.schema import LegFile, parse_leg_file
-from legfem.stockings.search import SearchSettings
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
 COARSE = SolidMeshSettings(skin_size=11, inside_size=14, bone_size=9)

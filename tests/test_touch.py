@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from legfem.data import Recording, segment_all
+from legfem.data.contact import air_is_shown
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, error_model
@@ -98,12 +99,12 @@ def found_of(airs: tuple[float, ...]) -> Diagnosis:
 
 
 def test_air_too_little_to_be_seen_gets_no_name_and_widens_the_interval():
-    found = found_of((0.1, 0.06, 0.08))
+    found = found_of((0.03, 0.0, 0.02))
     assert not found.observed.shows_air
     assert found.verdict == "consistent"
     low, high = found.intervals[DEEP_C10]
     assert low <= TRUTH[DEEP_C10] <= high
-    for k, air in enumerate((0.1, 0.06, 0.08)):
+    for k, air in enumerate((0.03, 0.0, 0.02)):
         at = found.observed.contacts[k].displacement
         ends = [at + end for end in found.base.interval(onset_name(k))]
         assert ends[0] <= air <= ends[1]
@@ -123,3 +124,9 @@ def test_a_force_that_is_read_across_first_touch_is_predicted_as_it_is_read():
     plain = force_at(1e3 * TRUTH[DEEP_C10], 1e3 * TRUTH[DEEP_C20], observed.displacement - air[observed.trial])
     assert np.abs(plain - observed.force)[across].max() > 0.025
     np.testing.assert_allclose(predicted[across], observed.force[across], atol=4e-3)
+
+
+def test_trials_show_together_what_air_none_of_them_shows_alone():
+    contacts = seen((0.1, 0.06, 0.08)).contacts
+    assert not any(one.in_air for one in contacts)
+    assert air_is_shown(contacts) and not air_is_shown(contacts[:1])

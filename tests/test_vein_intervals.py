@@ -13,11 +13,11 @@ from legfem.common.progress import Silent
 from legfem.geometry.slices import calf_levels
 from legfem.stockings.equilibrium import EquilibriumSettings, EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.identification import StockingSettings, run_leg
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.pressures import MESH_ERROR, PressureProbe, vein_pressure_sd
-from legfem.stockings.result import StockingSettings, run_leg
 
 KPA = (2.6, 6.0)
 

@@ -23,10 +23,10 @@ from legfem.commands.plan import app
 from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_shape_motion import inward, stretch_round
-from legfem.report.kinds.specimens import specimen_page
 from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render.html import embed, rendered
+from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_pressures import by_height
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.write import PAGE_FILES

@@ -70,7 +70,7 @@ class DiagnosedLeg(Result):
 
     def plot(self) -> Figure:
         """Return the recordings against the model, what it misses, and where."""
-        from legfem.report.recording_figures import recording_figure
+        from legfem.report.diagnosis_curves import recording_figure
 
         return recording_figure(self.diagnosis, 0, self.subject.title, self.subject.origin)
 
@@ -81,7 +81,7 @@ class DiagnosedLeg(Result):
         from legfem.report.folder import keep_another
         from legfem.report.page import command_line
 
-        keep_another(Path(folder), command_line())
+        keep_another(Path(folder), command_line(), DIAGNOSIS)
         write_document(Path(folder) / DIAGNOSIS, self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
 
@@ -152,7 +152,7 @@ class DiagnosedFolder(Result):
         InputError
             If none could be diagnosed.
         """
-        from legfem.report.recording_figures import recording_figure
+        from legfem.report.diagnosis_curves import recording_figure
 
         one, found = self._first
         return recording_figure(found, 0, one.title, one.origin)

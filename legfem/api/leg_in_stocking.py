@@ -106,8 +106,8 @@ def stocking(
     """
     from mpi4py import MPI
 
+    from legfem.stockings.identification import StockingSettings, run_leg
     from legfem.stockings.leg import StockingLeg
-    from legfem.stockings.result import StockingSettings, run_leg
 
     known = load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):

@@ -67,7 +67,7 @@ class PlannedTests(Result):
         from legfem.report.write import write_page
 
         out = Path(folder)
-        keep_another(out, command_line())
+        keep_another(out, command_line(), PLAN)
         path = write_document(out / PLAN, self.document())
         with made_in_place(out) as hidden:
             write_page(self._page(), hidden, "what each test would show", [ReportFile([path], NUMBERS)])

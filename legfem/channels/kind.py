@@ -72,6 +72,8 @@ class ChannelKind:
     model_share: float = 0.0
     models: frozenset[str] = frozenset({"2d"})
     """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
+    at_rest: float = 0.0
+    """Value that is read as it is whatever the instrument's gain: what readings are shares of."""
 
     @property
     def column(self) -> str:

@@ -18,7 +18,7 @@ from legfem.jobs.store import Store
 _CODE: Mapping[str, tuple[str, ...]] = {
     "identify": ("legfem.legs.identification", "legfem.specimens.problem", "legfem.cohort.rows"),
     "diagnose": ("legfem.legs.diagnosis", "legfem.specimens.diagnosis", "legfem.cohort.rows"),
-    "stocking": ("legfem.stockings.result", "legfem.cohort.rows"),
+    "stocking": ("legfem.stockings.identification", "legfem.cohort.rows"),
 }
 """Modules that compute a member's numbers: with another code they are computed again."""
 

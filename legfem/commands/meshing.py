@@ -102,8 +102,8 @@ def stocking_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
     """Mesh the bare leg of a folder, as `legfem.stocking` does."""
     from legfem.meshing.exchange import named_mesh
     from legfem.meshing.solid_leg import mesh_solid_leg, settings_for_cells
+    from legfem.stockings.identification import StockingSettings
     from legfem.stockings.loading import load_leg
-    from legfem.stockings.result import StockingSettings
 
     leg = load_leg(folder)
     sizes = settings_for_cells(leg.bare, round(StockingSettings().cells * finer**3))

@@ -29,6 +29,9 @@ _REGISTERED_WITHIN = 0.2
 """mm: farther apart, mirror images are tried. The mirror image of 60 mm of round bones is 0.3 mm off the leg."""
 _NOT_ONE_LEG, _IN_STATED = 1.0, 4.0
 """Distance (mm) of registered bones, and that over the stated error of an outline, which one leg's aren't apart."""
+_DOUBTED = 1.6
+"""Times the stated error of an outline: one leg's bones, drawn twice with it, come to lie within 1.41 of it, and within
+0.85 where the error is a wave of some centimetres."""
 _FITS_BETTER = 0.6
 """Of the distance: what a mirror image leaves of it where that is the leg."""
 
@@ -99,6 +102,18 @@ def registered(bare: LegShape, compressed: LegShape, sd: float, toml: Path) -> R
             "give two scans of one leg, the same way up and to one scale, or state accuracy.contour_sd_mm",
         )
     return found
+
+
+def doubts_about_registration(found: Registration, sd: float, toml: Path) -> Iterator[Doubt]:
+    """Yield a doubt where registered bones lie farther apart than two outlines of one leg, of error ``sd`` (mm)."""
+    if found.residual > max(_REGISTERED_WITHIN, _DOUBTED * sd):
+        yield Doubt(
+            str(toml),
+            "compressed",
+            f"the two scans' bones are {found.residual:.2f} mm apart after registration, {found.residual / sd:.1f} "
+            f"times the stated error of an outline, {sd:g} mm: they may be two people's",
+            "check that both scans are of one leg, or state accuracy.contour_sd_mm",
+        )
 
 
 def doubts_about_second_scan(bare: LegShape, compressed: LegShape, toml: Path) -> Iterator[Doubt]:

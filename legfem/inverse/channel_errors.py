@@ -101,7 +101,7 @@ def shared_errors(one: ChannelReadings, predicted: FloatArray, force: FloatArray
     alike = "zero" if one.kind.follows_force else "boundary"
     found: dict[str, FloatArray] = {alike: one.accuracy.bias * np.ones(len(predicted))}
     if one.accuracy.gain > 0:
-        found["gain"] = one.accuracy.gain * predicted
+        found["gain"] = one.accuracy.gain * (predicted - one.kind.at_rest)
         if one.kind.is_force:
             found["cross-talk"] = one.accuracy.gain * force
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}

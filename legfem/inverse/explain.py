@@ -13,23 +13,12 @@ from functools import partial
 
 import numpy as np
 
-from legfem.common.units import FloatArray
-from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales, possible_discrepancies, with_discrepancy
-from legfem.inverse.evidence import Evidence, probabilities
-from legfem.inverse.explanation import (
-    ADDS_FROM,
-    INEXACT,
-    Explained,
-    Explanation,
-    counts_for,
-    log_bayes_factor,
-    singles_of,
-)
-from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, ordinary_fit
-from legfem.inverse.mechanism import Mechanism, null_of
-from legfem.inverse.posterior import Posterior
-from legfem.inverse.predictor import Predictor, Responses
+from legfem.inverse.evidence import probabilities
+from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, counts_for, log_bayes_factor, singles_of
+from legfem.inverse.laplace import integrate_strength
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.mechanism import Mechanism
+from legfem.inverse.weighing import Weighing
 
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
 """Of all explanations of a kind together: one effect is expected in a test, by Poisson's
@@ -69,11 +58,6 @@ def with_probabilities(found: Sequence[Explanation]) -> list[Explanation]:
     return sorted(each, key=lambda e: -e.probability)
 
 
-INEXACT_SHARE = 0.4
-"""Of what shows of a mechanism, what its form may leave at most."""
-FORM_SHARE = 0.1
-"""Of all that a mechanism changes, what its form may leave at most: a law, a place or a mesh is off by some per cent of
-the whole effect, of which a refit of the stiffness hides most."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 MOVED = 3.0
 """ln of the evidence by which a full solution may move a mechanism's before its pairs are fitted about it, too."""
@@ -106,36 +90,27 @@ def explain(
     start
         Base parameters that searches begin with; the base model's fit without it.
     """
-    unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
-    evidence = Evidence(problem.errors, unknowns)
-    found = [_base(problem, base, evidence, unknowns, False)]
-    found.append(_base(problem, base, evidence, unknowns, True))
-    priors = ExplanationPriors.among(mechanisms)
-    singles = [
-        _explanation(problem, fit(problem, [m], start or base.values), base, evidence, unknowns, priors.log_of(m.name))
-        for m in mechanisms
+    weighing = Weighing.about(problem, base)
+    found = [
+        weighing.base_model(problem, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
+        for unknown in (False, True)
     ]
+    priors = ExplanationPriors.among(mechanisms)
+    singles = [weighing.of(problem, fit(problem, [m], start or base.values), priors.log_of(m.name)) for m in mechanisms]
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
     pairs = _pairs(singles) if _open(found) else []
     while True:
         found += [
-            _explanation(
-                one.problem,
-                _joint(one.problem, one, other),
-                base,
-                evidence,
-                unknowns,
-                priors.log_of(*one.names, *other.names),
-            )
+            weighing.of(one.problem, _joint(one.problem, one, other), priors.log_of(*one.names, *other.names))
             for one, other in pairs
         ]
         found = with_probabilities(found)
         if confirm is not None:
-            found = _confirmed(found, base, evidence, unknowns, confirm)
+            found = _confirmed(found, weighing, confirm)
         pairs = _untried(found)
         if not pairs:
-            found = _integrated(found, base, evidence, unknowns)
+            found = _integrated(found, weighing)
             return Explained(tuple(found), _nothing(found))
 
 
@@ -148,89 +123,11 @@ def _open(found: Sequence[Explanation]) -> bool:
     return not with_probabilities(found)[0].is_base
 
 
-def _base(
-    problem: LinearisedProblem,
-    base: LinearisedFit,
-    evidence: Evidence,
-    unknowns: Sequence[Discrepancy],
-    unknown: bool,
-    confirmed: bool = False,
-) -> Explanation:
-    """Return the base model alone, or with something unknown."""
-    shares = [
-        (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
-        for u in unknowns
-    ]
-    posterior = laplace_posterior(problem, evidence, base, shares)
-    prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
-    return Explanation(problem, base, posterior, prior, unknown, confirmed)
-
-
-def _explanation(
-    problem: LinearisedProblem,
-    fitted: LinearisedFit,
-    base: LinearisedFit,
-    evidence: Evidence,
-    unknowns: Sequence[Discrepancy],
-    log_prior: float,
-    confirmed: bool = False,
-) -> Explanation:
-    shares = _shares_beside(problem, fitted, base, unknowns)
-    posterior, plain = laplace_posterior(problem, evidence, fitted, shares), fitted
-    if posterior.discrepancy_probability > 0.5:
-        # Beside something unknown the parameters are elsewhere than a fit without it finds them,
-        # and the evidence is linear about where they are.
-        aware = _beside(problem, fitted, _aware(problem, posterior, unknowns))
-        again = laplace_posterior(problem, evidence, aware, shares)
-        if again.log_evidence > posterior.log_evidence:
-            fitted, posterior = aware, again
-    of_any_width = posterior.log_evidence + gain_of_widths(fitted, posterior)
-    return Explanation(
-        problem,
-        fitted,
-        replace(posterior, log_evidence=of_any_width),
-        log_prior,
-        False,
-        confirmed,
-        log_discrepancy_weights=tuple(shares),
-        fit_without_discrepancy=None if fitted is plain else plain,
-    )
-
-
-def _shares_beside(
-    problem: LinearisedProblem,
-    fitted: LinearisedFit,
-    base: LinearisedFit,
-    unknowns: Sequence[Discrepancy],
-    hides: bool = False,
-) -> list[float]:
-    """Return the logarithms of the shares of unknown errors beside a model with mechanisms, or one that hides."""
-    scales = discrepancy_scales(problem.predictor.observed, base.prediction)
-    # In a channel that a mechanism doesn't change its form leaves nothing either.
-    shown = shown_effects(problem, fitted, base)
-    whole = _whole_effects(problem, fitted) if hides else [0.0] * len(shown)
-    most = [
-        max(INEXACT_SHARE * effect / scale, FORM_SHARE * all_of_it / scale, unknowns[1].size)
-        for effect, all_of_it, scale in zip(shown, whole, scales, strict=True)
-    ]
-    fits = [
-        u.covariance is not None and all(size <= own for size, own in zip(u.by_channel, most, strict=True))
-        for u in unknowns
-    ]
-    share = np.log(INEXACT / max(sum(fits), 1))
-    return [
-        float(np.log(1 - INEXACT)) if u.covariance is None else (float(share) if small else -np.inf)
-        for u, small in zip(unknowns, fits, strict=True)
-    ]
-
-
 HIDDEN_FROM = 1e-3
 """Probability of a single mechanism from which it may hide: its strength is integrated out, for the stiffness."""
 
 
-def _integrated(
-    found: list[Explanation], base: LinearisedFit, evidence: Evidence, unknowns: Sequence[Discrepancy]
-) -> list[Explanation]:
+def _integrated(found: list[Explanation], weighing: Weighing) -> list[Explanation]:
     """Integrate out the strength of every explanation that may be what was left out, or may hide."""
 
     def matters(one: Explanation) -> bool:
@@ -238,58 +135,15 @@ def _integrated(
 
     while waiting := [e for e in found if e.names and not e.strength_integrated and matters(e)]:
         for one in waiting:
-            problem = one.problem
             # Steps are fitted as the fit itself was, or they begin at another minimum.
-            aware = None if one.fit_without_discrepancy is None else _aware(problem, one.posterior, unknowns)
+            plain = one.fit_without_discrepancy is None
+            problem = one.problem if plain else weighing.aware(one.problem, one.posterior)
             hides = log_bayes_factor(one, _nothing(found)) < ADDS_FROM
-            of = partial(_with_its_form, problem, base, evidence, unknowns, one.log_discrepancy_weights, hides)
-            posterior = integrate_strength(aware or problem, one.fit, one.posterior, of)
+            of = partial(weighing.with_strength_held, one, hides)
+            posterior = integrate_strength(problem, one.fit, one.posterior, of)
             found[found.index(one)] = replace(one, posterior=posterior, strength_integrated=True)
         found = with_probabilities(found)
     return found
-
-
-def _with_its_form(
-    problem: LinearisedProblem,
-    base: LinearisedFit,
-    evidence: Evidence,
-    unknowns: Sequence[Discrepancy],
-    shares: Sequence[float],
-    hides: bool,
-    held: LinearisedFit,
-) -> Posterior:
-    """Return what the data say of a fit with its strength held, beside what so strong an effect's form may leave."""
-    if hides:
-        shares = _shares_beside(problem, held, base, unknowns, True)
-    return laplace_posterior(problem, evidence, held, shares)
-
-
-def _aware(problem: LinearisedProblem, posterior: Posterior, unknowns: Sequence[Discrepancy]) -> LinearisedProblem:
-    """Return the problem with the most probable of the unknown errors among its own."""
-    most = unknowns[int(np.argmax(posterior.discrepancy_weights))]
-    return problem.with_errors(with_discrepancy(problem.errors, most))
-
-
-def _beside(problem: LinearisedProblem, fitted: LinearisedFit, aware: LinearisedProblem) -> LinearisedFit:
-    """Refit with something unknown among the errors; its misfit is told by the errors alone."""
-    refit = fit(aware, fitted.mechanisms, fitted.values)
-    return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.sensitivities))
-
-
-def shown_effects(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> list[float]:
-    """Return the root mean square of what a mechanism changes that the base model can't, by channel in its unit."""
-    change = fitted.prediction - base.prediction
-    basis = np.linalg.qr(base.jacobian)[0]
-    white = problem.whitened(change)
-    rest = problem.errors.lower @ (white - basis @ (basis.T @ white)) if problem.kept is None else change
-    return [float(np.sqrt(np.mean(rest[span] ** 2))) for span in problem.predictor.observed.data.spans]
-
-
-def _whole_effects(problem: LinearisedProblem, fitted: LinearisedFit) -> list[float]:
-    """Return the root mean square of all that mechanisms change at the fitted stiffness, by channel in its unit."""
-    nulls = {f"{m.name}.{m.parameters[0].name}": null_of(m.parameters[0]) for m in fitted.mechanisms}
-    change = fitted.prediction - problem.predictor({**fitted.values, **nulls}, fitted.mechanisms)
-    return [float(np.sqrt(np.mean(change[span] ** 2))) for span in problem.predictor.observed.data.spans]
 
 
 def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
@@ -327,9 +181,7 @@ def _joint(problem: LinearisedProblem, one: Explanation, other: Explanation) -> 
     return fit(problem, both, {**one.fit.values, **shapes})
 
 
-def _confirmed(
-    found: list[Explanation], base: LinearisedFit, evidence: Evidence, unknowns: Sequence[Discrepancy], confirm: Confirm
-) -> list[Explanation]:
+def _confirmed(found: list[Explanation], weighing: Weighing, confirm: Confirm) -> list[Explanation]:
     """Refit the leading explanations about full solutions, until none of them is emulated.
 
     Those that explain no more than nothing does stay emulated: they change no verdict.
@@ -349,13 +201,13 @@ def _confirmed(
             break
         for one in waiting:
             shifted, refit, made = confirm(one.problem, one.fit)
-            again = _explanation(shifted, refit, base, evidence, unknowns, one.log_prior, True)
+            again = weighing.of(shifted, refit, one.log_prior, True)
             moved = abs(again.posterior.log_evidence - one.posterior.log_evidence)
             led = _led_by(one, found, moved > MOVED) if made else []
             for pair in led:
                 # Its second effect hardly matters: the first one's solution serves both.
                 about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
-                found[found.index(pair)] = _explanation(shifted, about, base, evidence, unknowns, pair.log_prior)
+                found[found.index(pair)] = weighing.of(shifted, about, pair.log_prior)
             found[found.index(one)] = again if made else _as_confirmed(one)
         found = with_probabilities(found)
     return found
@@ -380,79 +232,3 @@ def _led_by(one: Explanation, found: Sequence[Explanation], every: bool) -> list
 def _as_confirmed(one: Explanation) -> Explanation:
     """Return an explanation that can't be confirmed: its solution stopped."""
     return replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
-
-
-_MOST = 3
-_STAYS = 0.25
-"""Of a trial's noise: a refit that moves the prediction by less stays."""
-
-
-def base_about_solution(
-    problem: LinearisedProblem, base: LinearisedFit, solved: Responses | None
-) -> tuple[LinearisedProblem, LinearisedFit, float]:
-    """Refit the base model about a full solution; return also the emulator's error there.
-
-    Parameters
-    ----------
-    problem
-        The observations.
-    base
-        The base model's fit.
-    solved
-        Full solutions; the fit stands without them.
-    """
-    if solved is None:
-        return problem, base, float("nan")
-    offset = _offset(problem.predictor, base, solved)
-    if offset is None:
-        return problem, base, float("nan")
-    problem = problem.corrected(offset)
-    forces = slice(len(problem.predictor.observed.force))
-    error = float(np.abs(offset[forces]).max() / np.abs(base.prediction[forces]).max())
-    return problem, ordinary_fit(problem, [base.values]), error
-
-
-def refitted_about_solutions(
-    solved: Responses, problem: LinearisedProblem, fitted: LinearisedFit
-) -> tuple[LinearisedProblem, LinearisedFit, bool]:
-    """Refit about full solutions until the refit stays; return also whether there was one.
-
-    Fat that slides folds in one way or in another, so that a model may have solutions on several
-    branches at about the same stiffness, and a refit need not stay: then that stands which leaves
-    least.
-
-    Parameters
-    ----------
-    solved
-        Full solutions.
-    problem
-        The observations.
-    fitted
-        What is to be refitted.
-    """
-    made: list[tuple[LinearisedProblem, LinearisedFit]] = []
-    for _ in range(_MOST):
-        offset = _offset(problem.predictor, fitted, solved)
-        if offset is None:
-            break
-        before = fitted.prediction
-        problem = problem.corrected(offset)
-        fitted = fit(problem, fitted.mechanisms, fitted.values)
-        made.append((problem, fitted))
-        moved, spread = np.abs(fitted.prediction - before), problem.errors.trial_sd
-        spans = problem.predictor.observed.data.spans
-        if all(moved[span].max() < _STAYS * np.median(spread[span]) for span in spans):
-            return *made[-1], True
-    if not made:
-        return problem, fitted, False
-    return *min(made, key=lambda one: one[1].cost), True
-
-
-def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
-    """Return the full prediction less the emulated one (N,), 0 of channels that it hasn't; None where it stopped."""
-    plain = replace(predictor, offset=0.0)
-    full = replace(plain, responses=solved)
-    difference = full(fitted.values, fitted.mechanisms, True) - plain(fitted.values, fitted.mechanisms)
-    if np.isnan(difference[: len(predictor.observed.force)]).any():
-        return None
-    return np.nan_to_num(difference, nan=0.0)

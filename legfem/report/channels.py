@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from legfem.channels.kind import ChannelKind
 from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import LawName, symbol_of
+from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import ChannelFit, Fit
 from legfem.report.page import Curves, Line
-from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
+from legfem.report.render.figure import curves_figure
+from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 
 SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"
 
@@ -123,35 +124,7 @@ def _shares(parameters: Mapping[str, Estimate]) -> str:
     return "; ".join(told)
 
 
-@styled
 def channels_figure(fits: Sequence[Fit[Any]]) -> Figure:
     """Draw every channel beside the force over displacement, and the laws' differences from it beneath."""
-    first = fits[0]
-    places = beside_force(first)
-    figure = new_figure(4.6 * len(places) + 0.6, 6.0)
-    title(figure, "Recorded beside the force", first.subject.title, first.subject.origin)
-    grid = figure.subplots(2, len(places), sharex="col", squeeze=False, height_ratios=(2.2, 1))
-    for column, (number, k) in enumerate(places):
-        above, below = grid[:, column]
-        test = first.tests[number]
-        one = test.channels[k]
-        at, read, error, unit = one.channel.station, one.channel.values, one.channel.sd, one.channel.unit
-        order = np.argsort(at, kind="stable")
-        above.errorbar(at, read, 2 * error, fmt="o", color=DATA_COLOUR, markersize=3, elinewidth=0.5, label="recorded")
-        below.fill_between(at[order], -2 * error[order], 2 * error[order], color=FAINT, alpha=0.35, linewidth=0)
-        below.axhline(0.0, color=DATA_COLOUR, linewidth=0.6)
-        for fit in fits:
-            _draw(above, below, fit.tests[number].channels[k], fit.law, order)
-        above.legend(loc="best")
-        where = f"{test.name}, " if len(first.tests) > 1 else ""
-        panel(above, chr(ord("A") + column), f"{where}{channel_name(one)}")
-        above.set_ylabel(f"{channel_name(one)} ({unit})")
-        below.set_ylabel(f"simulated − measured ({unit})")
-        below.set_xlabel("displacement after first contact (mm)")
-    return figure
-
-
-def _draw(above: Any, below: Any, one: ChannelFit, law: LawName, order: Any) -> None:
-    colour, at = LAW_COLOURS[law], one.channel.station[order]
-    above.plot(at, one.predicted[order], color=colour, linewidth=1.8, label=f"model, {LAW_NAMES[law]}")
-    below.plot(at, one.residual[order], ".", color=colour, markersize=5)
+    blocks = [channel_curves(fits, number, k) for number, k in beside_force(fits[0])]
+    return curves_figure(blocks, "Recorded beside the force", fits[0].subject.title, fits[0].subject.origin)

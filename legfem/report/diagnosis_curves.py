@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
@@ -12,13 +13,13 @@ from legfem.inverse.explanation import Explanation, Statement
 from legfem.inverse.location import runs
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.page import Curves, Line
+from legfem.report.render.figure import curves_figure
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"
 SUITING_COLOUR = "#56B4E9"
 CONTRADICTED_COLOUR = "#BDBDBD"
-LOCATED_COLOUR = "#F0E442"
 BASE_NAME = "base model"
 UNKNOWN_NAME = "something unknown"
 
@@ -159,6 +160,22 @@ def curves_of(found: Diagnosis, number: int) -> list[Curves]:
     if len(np.unique(stations.segment)) > 1:
         blocks.append(_over(found, number, stations.time, "time (s)", 1))
     return blocks
+
+
+def recording_figure(found: Diagnosis, number: int, subject: str, origin: str) -> Figure:
+    """Return force of all trials of one protocol with the models, and what they miss.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    number
+        Of the protocol.
+    subject, origin
+        Whose data, and what kind.
+    """
+    what = f"Recording and model: {found.observed.protocols[number].label}"
+    return curves_figure(curves_of(found, number), what, subject, origin)
 
 
 def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -> Curves:

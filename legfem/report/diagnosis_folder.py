@@ -16,7 +16,7 @@ from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis import diagnosis_web_page
-from legfem.report.diagnosis_curves import model_name
+from legfem.report.diagnosis_curves import model_name, recording_figure
 from legfem.report.diagnosis_document import (
     SCHEMA,
     Recorded,
@@ -29,7 +29,6 @@ from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_f
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
-from legfem.report.recording_figures import recording_figure
 from legfem.report.render.text import bullets, fill, table
 from legfem.report.section import filmed
 from legfem.report.style import save
@@ -154,7 +153,7 @@ def write_specimen_diagnoses(
             where = out if alone else out / _folder_name(one.id)
             content = document(one.diagnosis, one, seed, one.seconds)
             content["recordings_not_used"] = _not_used(one, folder)
-            keep_another(where, command)
+            keep_another(where, command, DOCUMENT)
             write_document(where / DOCUMENT, content)
             write_diagnosis_report(one.diagnosis, one, where, command=command)
     problems = [one.problem for one in made if one.problem is not None]

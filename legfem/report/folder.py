@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import json
 import shlex
 import shutil
 import sys
@@ -13,6 +13,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from legfem.common.documents import write_document
 from legfem.common.errors import naming
 
 REPORT = "report.txt"
@@ -41,7 +42,11 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
         with naming(out):
             yield hidden
             if comm.rank == 0:
-                for path in sorted(hidden.iterdir(), key=lambda path: path.name == REPORT):
+                made = sorted(hidden.iterdir(), key=lambda path: path.name == REPORT)
+                if before := _made_by(out):
+                    names = {*before["files"], *(path.name for path in made)}
+                    write_document(out / _MADE_BY, before | {"files": sorted(names)})
+                for path in made:
                     target = out / path.name
                     if target.is_dir():
                         shutil.rmtree(target)
@@ -52,44 +57,52 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
     comm.barrier()
 
 
-_COMMAND = re.compile(r"^How to repeat it\n-+\n(.*)", re.MULTILINE)
-_LIST = re.compile(r"^Files\n-+\n(.*)", re.MULTILINE | re.DOTALL)
 _WITHOUT_EFFECT = {"--quiet": 1, "--json": 1, "--jobs": 2, "--out": 2}
 """Options that change no result, and how many words each takes."""
 
 
-def keep_another(out: Path, command: str) -> None:
-    """Move a report that another command (of another law or depth) wrote aside, with all files that it lists.
+_MADE_BY = ".made-by.json"
+"""In a folder of results: the command that made them, and the files that it wrote."""
 
-    It goes to a folder ``earlier-1`` within, and a line says so. To be called before anything of the new one is
+
+def keep_another(out: Path, command: str, *documents: str) -> None:
+    """Move the files that another command (of another law or depth) wrote aside, and keep what this one is.
+
+    They go to a folder ``earlier-1`` within, and a line says so. To be called before anything of the new one is
     written.
 
     Parameters
     ----------
     out
-        Folder of results.
+        Folder of results; made if missing.
     command
         That was given now; empty where there was none, and nothing is moved.
+    documents
+        Names of files that will be written beside those of `made_in_place`.
     """
+    before, now = _made_by(out), _words(command)
+    earlier = before.get("command", [])
+    if earlier and now and earlier != now:
+        number = 1
+        while (aside := out / f"earlier-{number}").exists():
+            number += 1
+        aside.mkdir()
+        for name in before["files"]:
+            if (out / name).exists():
+                (out / name).replace(aside / name)
+        print(f"{out} held the results of another command ({' '.join(earlier)}): they are in {aside}", file=sys.stderr)
+    (out / _MADE_BY).unlink(missing_ok=True)
+    if now:
+        write_document(out / _MADE_BY, {"command": now, "files": list(documents)})
+
+
+def _made_by(out: Path) -> dict[str, list[str]]:
+    """Return the command and the names of files that a folder's results are of; nothing where that isn't known."""
     try:
-        before = (out / REPORT).read_text(encoding="utf-8")
-    except OSError:
-        return
-    found = _COMMAND.search(before)
-    earlier, now = _words(found[1] if found else ""), _words(command)
-    if not earlier or not now or earlier == now:
-        return
-    number = 1
-    while (aside := out / f"earlier-{number}").exists():
-        number += 1
-    aside.mkdir()
-    listed = _LIST.search(before)
-    lines = listed[1].splitlines() if listed else []
-    names = [name for line in lines if line[:1].strip() for name in line.split(", ")]
-    for name in (*names, REPORT):
-        if (out / name).exists():
-            (out / name).replace(aside / name)
-    print(f"{out} held the results of another command ({' '.join(earlier)}): they are in {aside}", file=sys.stderr)
+        found = json.loads((out / _MADE_BY).read_text(encoding="utf-8"))
+        return {"command": [str(word) for word in found["command"]], "files": [Path(n).name for n in found["files"]]}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
 
 
 def _words(command: str) -> list[str]:

@@ -71,7 +71,7 @@ def write_report(
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0 and not every_rank:
         return out / REPORT
     if comm.rank == 0:
-        keep_another(out, command)
+        keep_another(out, command, "result.json")
         write_document(out / "result.json", fit_document(fits, kind.document))
     apart = jobs > 1 and experiment is not None and comm.size == 1
     with made_in_place(out, comm) as folder, in_background(lambda: kind.files(fits, folder), apart) as drawn:

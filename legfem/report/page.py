@@ -258,7 +258,7 @@ class Curves:
                 for line in self.lines
             ],
             "band": band,
-            "located": _joined(self.located),
+            "located": joined(self.located),
         }
 
 
@@ -277,7 +277,7 @@ def ways(x: FloatArray) -> list[slice]:
     return [slice(a, b + 1) for a, b in pairwise([0, *turns.tolist(), len(x) - 1])]
 
 
-def _joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return stretches in their order, those that overlap as one."""
     joined: list[tuple[float, float]] = []
     for low, high in sorted(stretches):

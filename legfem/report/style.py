@@ -28,6 +28,8 @@ BONE_COLOUR = "#FAFAF5"
 TOOL_COLOUR = "#B8C4CC"
 DATA_COLOUR = "#111111"
 FAINT = "#8C8C8C"
+LOCATED_COLOUR = "#F0E442"
+"""Where a model is wrong."""
 
 _STYLE = {
     "font.size": 10,
@@ -69,7 +71,7 @@ _TITLE_SIZE, _LETTER = 12, 0.57
 def title(figure: Figure, what: str, subject: str, origin: str) -> None:
     """Put a title that ends with where the data come from, in as many lines as it needs."""
     across = int(72 * figure.get_figwidth() / (_LETTER * _TITLE_SIZE))
-    lines = [textwrap.fill(line, across) for line in (what, f"{subject}: {origin} data")]
+    lines = [textwrap.fill(line, across) for line in (*what.splitlines(), f"{subject}: {origin} data")]
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=_TITLE_SIZE)
 
 

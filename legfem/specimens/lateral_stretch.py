@@ -3,10 +3,11 @@ r"""What a video of a specimen's side says of its ends: lateral stretches beside
 A model's law is found from the forces alone. Its lateral stretches then have a density,
 
 .. math:: \log p = -\tfrac12 \left(r^T C^{-1} r + \log|2 \pi C|\right), \qquad
-          C = \sigma^2 I + b^2 + g^2 (\lambda - 1)(\lambda - 1)^T + s^2 e^{-|d_i - d_j| / l},
+          C = C_i + h^2 (\lambda - 1)(\lambda - 1)^T,
 
-with the errors of single readings, of the scale at first touch, of the picture's gain and of what drifts. Where it
-isn't known whether ends stick, that density weighs each possibility, beside the forces' evidence.
+with the instrument's errors (`legfem.inverse.channel_errors`) and a share h of the strain that the model's shape and
+law are off by. Where it isn't known whether ends stick, that density weighs each possibility, beside the forces'
+evidence.
 """
 
 from __future__ import annotations
@@ -16,20 +17,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.units import FloatArray
+from legfem.data.noise import slowest_error
 from legfem.data.segmentation import LOADING
 from legfem.inverse.catalogue import Values
-from legfem.inverse.channel_readings import grouped, noise_of
+from legfem.inverse.channel_errors import reading_covariance, shared_errors
+from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import bulk_ratio
 from legfem.specimens.sizes import SpecimenRecording
 
-_SIDE = next(name for name, kind in CHANNELS.items() if "specimen" in kind.models)
 POISSON_RATIOS = (0.2, 0.3, 0.35, 0.4, 0.43, 0.45, 0.47, 0.49, 0.4999)
 """That are tried where the stretches depart from those of the ratio that was assumed."""
-_SLOW_SHARE = 1 / 3
-"""Of the depth, over which a slow error is alike."""
 _SHAPE = 0.03
 """Of the model's lateral strain: a body that isn't quite round or level, a law that is another."""
 
@@ -100,7 +100,7 @@ def lateral_fit(recordings: Sequence[SpecimenRecording], model: SpecimenForward,
     values
         Of the fit.
     """
-    if not any(channel.name == _SIDE for one in recordings for channel in one.recording.channels):
+    if not any(channel.name == LATERAL_STRETCH.name for one in recordings for channel in one.recording.channels):
         return None
     found = _compared(recordings, model, values)
     tissues = list(model.laws)
@@ -124,19 +124,15 @@ def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, v
     left, errors, deepest = [], [], []
     for one in recordings:
         curve = outcome.curves[model.tests.index(one.sizes)]
-        if _SIDE not in curve.channels:
+        if LATERAL_STRETCH.name not in curve.channels:
             continue
-        depth, read, variance = _readings(one, curve.depth)
-        if not len(depth):
+        readings = _readings(one, curve.depth)
+        if readings is None:
             continue
-        accuracy = CHANNELS[_SIDE].usual
-        predicted = curve.channel(_SIDE, depth)
-        apart = np.abs(np.subtract.outer(depth, depth)) / (_SLOW_SHARE * max(float(depth.max()), 1e-9))
-        strain = predicted - 1
-        covariance = np.diag(variance) + accuracy.bias**2 + accuracy.slow**2 * np.exp(-apart)
-        covariance += (accuracy.gain**2 + _SHAPE**2) * np.outer(strain, strain)
-        left.append(read - predicted)
-        errors.append(covariance)
+        depth = readings.displacement
+        predicted = curve.channel(LATERAL_STRETCH.name, depth)
+        left.append(readings.values - predicted)
+        errors.append(_covariance(one, readings, predicted))
         deepest.append(float(left[-1][np.argmax(depth)]))
     if not left:
         return None
@@ -149,19 +145,36 @@ def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, v
     return LateralFit(len(every), float(np.sqrt(np.mean(every**2))), float(np.mean(deepest)), error, density)
 
 
-def _readings(one: SpecimenRecording, reach: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return depths (mm), stretches and their variances in the loading, as far as a model reaches (mm)."""
-    recording = one.recording
-    after = recording.displacement - one.course.contact.displacement
-    deepest = float(recording.time[np.argmax(after)])
+def _covariance(one: SpecimenRecording, readings: ChannelReadings, predicted: FloatArray) -> FloatArray:
+    """Return the covariance (k, k) of stretches about predicted ones (k,)."""
+    slowest = slowest_error(one.course.rate, float(one.recording.time[-1]) - one.trial.touched)
+    covariance = reading_covariance(readings, readings.slope(predicted), slowest, [[0]])
+    force = np.interp(readings.time, one.course.time, one.course.force)
+    for effect in shared_errors(readings, predicted, force).values():
+        covariance = covariance + np.outer(effect, effect)
+    strain = _SHAPE * (predicted - LATERAL_STRETCH.at_rest)
+    return np.asarray(covariance + np.outer(strain, strain))
+
+
+def _readings(one: SpecimenRecording, reach: float) -> ChannelReadings | None:
+    """Return the stretches in the loading, as far as a model reaches (mm); None without any."""
+    recording, begins = one.recording, one.course.contact.displacement
+    after = recording.displacement - begins
+    touched, deepest = one.trial.touched, float(recording.time[np.argmax(after)])
     found = []
     for channel in recording.channels:
-        if channel.name != _SIDE:
+        if channel.name != LATERAL_STRETCH.name:
             continue
         depth = np.interp(channel.time, recording.time, after)
         loading = np.flatnonzero((channel.time <= deepest) & (depth >= 0.0) & (depth <= reach))
         for samples in grouped(loading, LOADING):
             variance = noise_of(channel) ** 2 / len(samples)
-            found.append((float(depth[samples].mean()), float(channel.values[samples].mean()), variance))
-    rows = np.array(found).reshape(-1, 3)
-    return rows[:, 0], rows[:, 1], rows[:, 2]
+            time = float(channel.time[samples].mean()) - touched
+            found.append((float(depth[samples].mean()), time, float(channel.values[samples].mean()), variance))
+    if not found:
+        return None
+    depths, times, values, variances = map(np.array, zip(*found, strict=True))
+    speed = np.full(len(found), one.course.rate)
+    accuracy = next(channel.accuracy for channel in recording.channels if channel.name == LATERAL_STRETCH.name)
+    trial = np.zeros(len(found), dtype=int)
+    return ChannelReadings(LATERAL_STRETCH, accuracy, trial, depths, times, speed, values, variances)

@@ -24,7 +24,7 @@ from legfem.imaging.label_volume import check_same_spacing
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration
-from legfem.imaging.same_leg import check_scans_differ, doubts_about_second_scan, registered
+from legfem.imaging.same_leg import check_scans_differ, doubts_about_registration, doubts_about_second_scan, registered
 from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.elastography import ShearModulus, doubts_about_elastography
 from legfem.legs.plausibility import doubts_about_size
@@ -266,6 +266,7 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> tuple[Doubt, ...]:
             *_length_doubts(leg, toml),
             *_tissues_doubts(leg, toml),
             *(doubts_about_second_scan(leg.bare, leg.compressed, toml) if leg.compressed is not None else ()),
+            *(doubts_about_registration(leg.registration, leg.accuracy.sd, toml) if leg.registration else ()),
             *_stocking_doubts(leg.bare, leg.stocking, toml),
             *doubts_about_elastography(toml, leg.elastography),
         ]

@@ -1,48 +1,17 @@
-"""One run: a leg meshed, its tissues identified from both scans, its pressures in the stocking computed."""
+"""What a run finds of a leg in its stocking."""
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass
 
-import numpy as np
-from mpi4py import MPI
-
-from legfem.common.progress import Progress
-from legfem.common.units import FloatArray
-from legfem.experiments.compression import CompressionSettings
-from legfem.geometry.slices import SliceSet
-from legfem.meshing.solid_leg import SolidMeshSettings, settings_for_cells
-from legfem.stockings.discrepancy import ModelDiscrepancy, model_discrepancy
-from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
+from legfem.stockings.discrepancy import ModelDiscrepancy
+from legfem.stockings.equilibrium import Equilibrium
 from legfem.stockings.estimates import StiffnessEstimate, StiffnessFit, stiffness_estimates
-from legfem.stockings.fabric import StockingLoad, stocking_load
-from legfem.stockings.leg import ComparedSensor, SensorArray, StockingLeg
+from legfem.stockings.fabric import StockingLoad
+from legfem.stockings.leg import ComparedSensor, StockingLeg
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourMisfit
-from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures, vein_pressure_sd
-from legfem.stockings.scan_fit import by_name, stiffness_priors
-from legfem.stockings.search import SearchSettings, StiffnessSearch
-
-
-@dataclass(frozen=True)
-class StockingSettings:
-    """Settings of a run.
-
-    Parameters
-    ----------
-    cells : int
-        Approximate number of tetrahedra.
-    nelder_mead : bool
-        Whether to search as the paper does, too; its optimum is not unique.
-    search : SearchSettings
-        Starts and stopping criteria of the searches.
-    """
-
-    cells: int = 15_000
-    nelder_mead: bool = False
-    search: SearchSettings = field(default_factory=SearchSettings)
+from legfem.stockings.pressures import TissuePressures
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,87 +78,3 @@ class StockingResult:
         """Number of tetrahedra of the mesh, on all ranks."""
         mesh = self.model.compression.spaces.mesh
         return int(mesh.topology.index_map(mesh.topology.dim).size_global)
-
-
-def run_leg(
-    leg: StockingLeg,
-    settings: StockingSettings,
-    progress: Progress,
-    comm: MPI.Intracomm = MPI.COMM_SELF,
-    mesh: SolidMeshSettings | None = None,
-    folder: Path | None = None,
-) -> StockingResult:
-    """Mesh a leg, identify its tissues if it was scanned in its stocking, and compute its pressures.
-
-    Parameters
-    ----------
-    leg, settings, progress
-        What is run, how, and where it is told.
-    comm
-        Ranks that share one solution; all call.
-    mesh
-        Element sizes; from ``settings.cells`` by default.
-    folder
-        Where equilibria are stored, so that the same run goes on where it was stopped.
-    """
-    started = time.perf_counter()
-    progress.stage("mesh")
-    mesh = mesh or settings_for_cells(leg.bare, settings.cells)
-    model = LegModel3D(leg.bare, leg.tissues, mesh, CompressionSettings(ends=leg.ends), comm)
-    progress.advance(f"{model.compression.spaces.unknowns} unknowns")
-    solver = EquilibriumSolver(model, leg.stocking, folder=folder)
-    sensors = SensorArray.on(leg.bare, leg.sensors)
-    searches: tuple[StiffnessFit, ...] = ()
-    load = misfit = discrepancy = None
-    if leg.compressed is not None:
-        load = stocking_load(leg.compressed, leg.stocking)
-        misfit = ContourMisfit.between(
-            SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
-        )
-        used = sensors if leg.sensors else None
-        priors = stiffness_priors(leg.elastography)
-        search = StiffnessSearch(solver, misfit, settings.search, progress.advance, used, priors)
-        progress.stage("identification, weighted")
-        searches = search.weighted()
-        if settings.nelder_mead:
-            progress.stage("identification, Nelder-Mead")
-            searches = (*searches, search.nelder_mead())
-        if searches[0].equilibrium.state.report.complete:
-            progress.stage("where model and scan differ")
-            discrepancy = model_discrepancy(solver, misfit, search.nuisances, searches[0])
-            progress.advance(discrepancy.verdict)
-    identified = searches[0] if searches and not leg.known else None
-    if identified is None:
-        parameters = {f"{name}.C10": float(law.C10) for name, law in leg.tissues.items()}
-        # The stiffness counts as exact, the fabric's tension as well as it is stated.
-        tension = None
-        covariance: FloatArray | None = np.diag([0.0, 0.0, leg.accuracy.tension_sd**2])
-    else:
-        parameters, tension = by_name(identified.parameters), identified.tension
-        covariance = identified.log_covariance if tension is None else tension.log_covariance
-    progress.stage("the leg in equilibrium with its stocking")
-    error = 0.0 if tension is None else tension.value
-    start = searches[0].equilibrium if searches and searches[0].equilibrium.state.report.complete else None
-    found = solver.solve(parameters, start=start, error=error)
-    progress.advance(f"{len(found.changes)} states")
-    borne, pressures = found.load.times(1 + error), None
-    if found.state.report.complete:
-        probe = PressureProbe(model.compression)
-        pressures = tissue_pressures(probe, found.state, borne, leg.veins)
-        sd = vein_pressure_sd(solver, found, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd, error)
-        pressures = replace(pressures, at_veins_sd=tuple(map(float, sd)))
-        progress.advance("errors of the pressures at the veins")
-    return StockingResult(
-        leg,
-        model,
-        load,
-        misfit,
-        searches,
-        discrepancy,
-        parameters,
-        replace(found, load=borne),
-        pressures,
-        sensors.compared(borne.pressure),
-        solver.states,
-        time.perf_counter() - started,
-    )

@@ -20,7 +20,7 @@ from legfem.legs.document import LegDocument
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.report.fit_figures import cost_figure
+from legfem.report.cost_figure import cost_figure
 from legfem.report.style import save
 
 

@@ -50,7 +50,7 @@ def stockings(
     if part is not Part.SIZES:
         leave_to_first_rank()
     with command_context():
-        from legfem.stockings.result import StockingSettings
+        from legfem.stockings.identification import StockingSettings
         from studies.stockings import command
 
         check_out_folder(out)

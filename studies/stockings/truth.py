@@ -21,9 +21,10 @@ from legfem.meshing.solid_leg import settings_for_cells
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
+from legfem.stockings.identification import StockingSettings, run_leg
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.loading import load_leg
-from legfem.stockings.result import StockingResult, StockingSettings, run_leg
+from legfem.stockings.result import StockingResult
 from studies.legs.scans import SegmentationNoise, simulated_scan
 from studies.legs.shapes import ParametricLeg, parametric_leg
 

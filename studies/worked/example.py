@@ -12,9 +12,9 @@ from legfem.common.documents import write_document
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import Diagnosis
+from legfem.report.diagnosis_curves import recording_figure
 from legfem.report.diagnosis_document import Recorded, document, r_squared_of
 from legfem.report.diagnosis_folder import write_diagnosis_report
-from legfem.report.recording_figures import recording_figure
 
 FIGURE = "example.png"
 """The recordings with the models, small."""

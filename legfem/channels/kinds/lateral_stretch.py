@@ -23,6 +23,7 @@ LATERAL_STRETCH = ChannelKind(
     "diameter at half the specimen's height over that at first touch",
     _VIDEO,
     models=frozenset({"specimen"}),
+    at_rest=1.0,
 )
 _WIDEST = 3.0
 

@@ -21,12 +21,13 @@ from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
-from legfem.report.fit_figures import cost_figure, fit_figure
+from legfem.report.cost_figure import cost_figure
 from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import Curves, Dash, Line, PressedSection
+from legfem.report.render.figure import curves_figure
 from legfem.report.section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.turned import pressed_leg
@@ -61,14 +62,17 @@ class LegReport(ReportKind):
         return leg_page(fits, pressed, command, note)
 
     def figure(self, fits: Sequence[LegFit]) -> Figure:
-        """Return force and misfit of each law."""
-        return fit_figure(fits)
+        """Return force and misfit of each law, site by site."""
+        found = [f"{LAW_NAMES[fit.law]}: {_short_values(fit)}, rms {fit.cost.rms:.3g} N" for fit in fits]
+        what = "\n".join(["Measured and simulated force" + " of all sites together" * _several(fits[0]), *found])
+        blocks = _curves(fits, estimates.preferred(fits))
+        return curves_figure(blocks, what, fits[0].subject.title, fits[0].subject.origin)
 
     def files(self, fits: Sequence[LegFit], folder: Path) -> list[ReportFile]:
         """Write fit, channels, costs, and where each site was pressed."""
         entries = [
             ReportFile(
-                save(fit_figure(fits), folder, "fit", svg=True),
+                save(self.figure(fits), folder, "fit", svg=True),
                 "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
             )
         ]
@@ -113,6 +117,7 @@ def leg_page(
     chosen = estimates.preferred(fits)
     leg, several = chosen.details.leg, _several(chosen)
     where = f", from {len(leg.sites)} sites together" if several else ""
+    beside = [channel_curves(fits, number, k) for number, k in beside_force(chosen)]
     return web.WebPage(
         title=f"How stiff is the deep tissue (muscle) of {'leg' if several else 'subject'} {leg.id}{where}?",
         subject=leg.title,
@@ -125,7 +130,7 @@ def leg_page(
         ),
         known=known_of(fits),
         chapters=[
-            web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen)]),
+            web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen), *beside]),
             *_leg_itself(fits, chosen, pressed, note),
             web.Chapter(web.TESTED, [web.Bullets(_tested(fits))]),
             web.Chapter(
@@ -261,6 +266,13 @@ def _values(chosen: LegFit) -> str:
     )
 
 
+def _short_values(fit: LegFit) -> str:
+    return ", ".join(
+        f"{symbol_of(name)} {estimates.value_text(found)} ({estimates.interval_text(found)})"
+        for name, found in fit.estimates.items()
+    )
+
+
 def _c10_value(chosen: LegFit) -> str:
     found = chosen.estimates.get(DEEP_C10)
     if found is not None:
@@ -306,15 +318,15 @@ def _leg_itself(fits: Sequence[LegFit], chosen: LegFit, pressed: PressedSection 
     return [web.Chapter("The leg, pressed", blocks)] if blocks else []
 
 
-def _curves(fits: Sequence[LegFit], chosen: LegFit) -> list[web.Block]:
+def _curves(fits: Sequence[LegFit], chosen: LegFit) -> list[Curves]:
     several = _several(chosen)
-    blocks: list[web.Block] = []
+    blocks = []
     for number, one in enumerate(chosen.tests):
         predicted = {fit.law: fit.tests[number].force.predicted for fit in fits}
         where = f"{one.name}. " if several else ""
         name = f"site{number}" if several else "fit"
         blocks.append(fit_curves(name, where, curve_of(one), predicted, chosen.law))
-    return [*blocks, *(channel_curves(fits, number, k) for number, k in beside_force(chosen))]
+    return blocks
 
 
 def _site_table(chosen: LegFit) -> list[web.WebTable]:

@@ -1,4 +1,4 @@
-"""The page of specimens: one tissue's law from all their recordings."""
+"""What is shown of specimens: page, document, and the figure of their recordings beside the laws."""
 
 from __future__ import annotations
 
@@ -6,28 +6,104 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import DEEP_C10, RATIO, is_ratio, symbol_of
 from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
-from legfem.inverse.instrument import RELAXATION
-from legfem.report import estimates
-from legfem.report import page as web
 from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
-from legfem.report.page import Bars, Curves, Dash, LabelledBar, Line, PressedSection
-from legfem.report.recording_figures import specimen_figure
-from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES, save
-from legfem.report.words import ORIGINS, fit_probability
-from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
-from legfem.specimens.details import SampleFit, SpecimenDetails, SpecimenDocument, compared, rms_percent
-from legfem.specimens.sizes import kind_in, sizes_text
+from legfem.report.page import PressedSection, WebPage
+from legfem.report.specimen_page import specimen_page
+from legfem.report.style import FAINT, LAW_NAMES, new_figure, panel, save, styled, title
+from legfem.specimens.details import SpecimenDetails, SpecimenDocument, compared
 
-type SpecimenFit = Fit[SpecimenDetails]
+type SpecimenFits = Sequence[Fit[SpecimenDetails]]
 
-_SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
+_NAMED = 6
+_COLOURS = "viridis"
+
+
+@styled
+def specimen_figure(results: SpecimenFits) -> Figure:
+    """Return force over displacement, over time where a recording holds, and the differences.
+
+    Parameters
+    ----------
+    results
+        One a law, of one folder; a column each.
+    """
+    first = results[0]
+    rows = 3 if any(one.course.holds for one in compared(first)) else 2
+    figure = new_figure(5.4 * len(results) + 0.6, 3.2 * rows)
+    title(
+        figure,
+        f"Measured and simulated {compared(first)[0].axes.load}",
+        first.details.folder.title,
+        first.details.folder.origin,
+    )
+    grid = figure.subplots(rows, len(results), squeeze=False, sharey="row")
+    for column, result in enumerate(results):
+        axes = grid[:, column]
+        panel(axes[0], "ABCDEFGH"[column], LAW_NAMES[result.law])
+        _over_displacement(axes[0], result, names=column == 0)
+        if rows == 3:
+            _over_time(axes[1], result)
+        _differences(axes[-1], result)
+    shown = compared(first)[0].axes
+    for row in grid[:-1]:
+        row[0].set_ylabel(f"{shown.load} ({shown.load_unit})")
+    grid[-1, 0].set_ylabel(f"simulated − measured\n(% of the greatest {shown.load})")
+    return figure
+
+
+def _colours(result: Fit[SpecimenDetails]) -> np.ndarray:
+    shades = matplotlib.colormaps[_COLOURS](np.linspace(0.0, 0.85, len(compared(result))))
+    return np.asarray(shades)
+
+
+def _over_displacement(axes: Axes, result: Fit[SpecimenDetails], names: bool) -> None:
+    for one, colour in zip(compared(result), _colours(result), strict=True):
+        loading = one.course.time <= one.course.arrival
+        d, loads = one.axes.ways * one.course.displacement[loading], one.axes.loads
+        dots = "o" if one.fitted else "x"
+        label = f"{one.name}{'' if one.fitted else ' (left out)'}: $R^2$ {one.r_squared:.3f}"
+        axes.plot(d, loads * one.course.force[loading], dots, color=colour, markersize=3, fillstyle="none", label=label)
+        line = "-" if one.fitted else "--"
+        axes.plot(np.append(0.0, d), np.append(0.0, loads * one.predicted[loading]), line, color=colour)
+    shown = compared(result)[0].axes
+    plain = "displacement after first contact, loading (mm)"
+    axes.set_xlabel(plain if shown.way == "displacement" else f"{shown.way}, loading ({shown.way_unit})")
+    if len(compared(result)) <= _NAMED:
+        axes.legend(loc="upper left", fontsize=8)
+    elif names:
+        axes.text(
+            0.02, 0.95, f"{len(compared(result))} recordings; x, dashed: left out", transform=axes.transAxes, va="top"
+        )
+
+
+def _over_time(axes: Axes, result: Fit[SpecimenDetails]) -> None:
+    for one, colour in zip(compared(result), _colours(result), strict=True):
+        dots, line = ("o", "-") if one.fitted else ("x", "--")
+        time = one.course.time
+        axes.plot(time, one.axes.loads * one.course.force, dots, color=colour, markersize=3, fillstyle="none")
+        axes.plot(time, one.axes.loads * one.predicted, line, color=colour)
+    axes.set_xscale("log")
+    axes.set_xlabel("time after first contact (s)")
+
+
+def _differences(axes: Axes, result: Fit[SpecimenDetails]) -> None:
+    axes.axhline(0.0, color=FAINT, linewidth=0.6)
+    for one, colour in zip(compared(result), _colours(result), strict=True):
+        share = 100 * (one.predicted - one.course.force) / one.course.peak
+        line = "-" if one.fitted else "--"
+        axes.plot(one.course.time / one.course.arrival, share, line, color=colour)
+    if any(one.course.holds for one in compared(result)):
+        axes.set_xscale("log")
+    timed = all(one.course.samples.timed for one in compared(result))
+    axes.set_xlabel(f"{'time' if timed else 'way'} over the loading's")
 
 
 class SpecimenReport(ReportKind):
@@ -37,455 +113,16 @@ class SpecimenReport(ReportKind):
     document: ClassVar[KindDocument] = SpecimenDocument()
 
     def page(
-        self, fits: Sequence[SpecimenFit], pressed: PressedSection | None = None, command: str = "", note: str = ""
-    ) -> web.WebPage:
+        self, fits: SpecimenFits, pressed: PressedSection | None = None, command: str = "", note: str = ""
+    ) -> WebPage:
         """Return the page."""
         return specimen_page(fits, command)
 
-    def figure(self, fits: Sequence[SpecimenFit]) -> Figure:
+    def figure(self, fits: SpecimenFits) -> Figure:
         """Return every recording beside the laws."""
         return specimen_figure(fits)
 
-    def files(self, fits: Sequence[SpecimenFit], folder: Path) -> list[ReportFile]:
+    def files(self, fits: SpecimenFits, folder: Path) -> list[ReportFile]:
         """Write the figure."""
         shows = "every recording beside the model over displacement and time, and their differences"
         return [ReportFile(save(specimen_figure(fits), folder, "fit", svg=True), shows)]
-
-
-def origin_text(result: SpecimenFit) -> str:
-    """Return what kind of data they are, in words."""
-    origin = result.details.folder.origin
-    return _SIMULATED if origin == "simulated" else ORIGINS[origin]
-
-
-def procedure(result: SpecimenFit) -> str:
-    """Return what was done with the recordings, as a paragraph."""
-    first = result.details.folder.recordings[0]
-    note, axes = kind_in(first.sizes).note, first.axes
-    untimed = (
-        ""
-        if first.recording.timed
-        else "They are tables of stretch and stress without a time, so that nothing is known of rates, and are "
-        "taken to be of a body of the stated size, or of a cube of 10 mm; their errors are what they are off a "
-        "smooth curve. "
-    )
-    relaxing = (
-        "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
-        "show that, otherwise quasi-linearly. This is exact where the whole specimen has the same strain, "
-        "and an approximation for small strain elsewhere. "
-        if result.details.folder.relaxes
-        else ""
-    )
-    own = (
-        "Each specimen has its own stiffness, a factor on the law's; the law describes a typical "
-        "specimen (the geometric mean), and its interval includes the differences between specimens. "
-        if result.details.stiffness
-        else ""
-    )
-    until = (
-        "until hardly any force was left, with the returns as they were driven. "
-        if result.details.folder.returns
-        else "to the first return; recordings after that were not used. "
-    )
-    return (
-        f"{sum(one.fitted for one in result.tests)} recordings were fitted together by one law, with equal weight "
-        f"relative to their greatest {axes.load}, from first contact {until}{untimed}{relaxing}"
-        f"{own}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
-        "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
-        "refined and confirmed. The intervals include the errors of the instrument and of the model, and the "
-        f"factor by which recordings differ ({100 * result.details.gain_sd:.2g} %)."
-    )
-
-
-def _of_layers(result: SpecimenFit) -> str:
-    tissues = result.details.folder.tissues
-    if len(tissues) == 1:
-        return ""
-    stated = [one.name for one in tissues if "C10" in one.stated]
-    held = f"the stiffness of {', '.join(stated)} is as stated, and " if stated else ""
-    return (
-        f"The layers are bonded to each other; {held}the shape of a curve is taken to be known to "
-        f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, because effects that the law leaves out bend it in the same way as "
-        "layers of different stiffness. "
-    )
-
-
-def _of_fibres(result: SpecimenFit) -> str:
-    (ratio,) = [name for name in result.values if is_ratio(name)] or [""]
-    if not ratio:
-        return ""
-    sought = ratio in result.estimates
-    shape = (
-        "the bend of a curve was not used, because fibres that are slack at first can change it by tens of percent"
-        if result.details.ratio_undetermined
-        else f"the shape of a curve is taken to be known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
-    )
-    typical = (
-        "Typical specimens of both directions are taken to be equally stiff, and a specimen that was turned to "
-        "be the same. "
-        if sought and result.details.stiffness and not result.details.ratio_undetermined
-        else ""
-    )
-    return (
-        "The tissue is stiffer along its fibres: the ratio of its shear moduli is "
-        f"{'estimated' if sought else f'taken to be {result.values[ratio]:.3g}'}, Young's modulus "
-        f"along them being four times the modulus along less the modulus across; {shape}. {typical}"
-    )
-
-
-def followed(result: SpecimenFit) -> str:
-    """Return how stiffness follows the size of what presses or is pressed, as a clause."""
-    first = result.details.folder.recordings[0]
-    if not first.recording.timed:
-        return "a stress of twice the true value, by its unit or measure, doubles the stiffness"
-    return kind_in(first.sizes).followed
-
-
-def differing(result: SpecimenFit) -> list[str]:
-    """Return how the specimens' stiffness differs, where each has its own."""
-    own = result.details.stiffness
-    if not own:
-        return []
-    low, high = min(own.values()), max(own.values())
-    return [
-        f"of a typical specimen: {len(own)} specimens are {low:.2f} to {high:.2f} times as stiff "
-        f"(standard deviation of the logarithm {result.details.stiffness_spread:.2f})"
-    ]
-
-
-def _of_its_own(result: SpecimenFit, one: SampleFit) -> str:
-    if not result.details.stiffness:
-        return ""
-    if one.specimen in result.details.stiffness:
-        return ", with the stiffness of its specimen in the other recordings"
-    return f"; with {one.scale:.2f} times the stiffness of a typical specimen, {one.shape_r_squared:.3f}"
-
-
-def predictions(result: SpecimenFit) -> list[str]:
-    """Return how well what was left out is predicted."""
-    return [
-        f"left out, {one.name}: predicted with R2 {one.r_squared:.3f}, rmse {one.axes.load_text(one.rmse)} "
-        f"({100 * one.rmse / one.course.peak:.2g} % of {one.axes.load_text(one.course.peak)})"
-        f"{_of_its_own(result, one)}"
-        for one in [one for one in compared(result) if not one.fitted]
-    ]
-
-
-_MOST_CURVES = 6
-_DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
-_RETURNS = "Unloading, and everything after the first return, was not used."
-_NOT_TESTED = (
-    "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
-    "change of stiffness, and changes the result without any sign of it.",
-    "Whether the tissue is equally stiff in all directions (or across its fibres, where these are stated), "
-    "and whether it is the same in the body.",
-)
-
-
-def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebPage:
-    """Return the page of specimens.
-
-    Parameters
-    ----------
-    results
-        One a law, of one folder.
-    command
-        That was given; empty where there was none.
-    """
-    best = _best(results)
-    left = dict.fromkeys(one for result in results for one in result.details.left_out)
-    warnings = [
-        *(f"Not used: {one.name}: {one.reason}." for one in left),
-        *(f"{LAW_NAMES[r.law]} law: {line}" for r in results for line in r.warnings),
-    ]
-    return web.WebPage(
-        title=f"How stiff is the tissue of specimen {best.details.folder.id}?",
-        subject=best.details.folder.title,
-        origin=best.details.folder.origin,
-        headline=_headline(best),
-        warnings=warnings,
-        known=_known(results),
-        chapters=[
-            web.Chapter("Recordings and model", _recordings(results)),
-            web.Chapter(web.TESTED, [web.Bullets(_tested(results))]),
-            web.Chapter(
-                "What could not be tested",
-                [
-                    web.Bullets(
-                        [
-                            *estimates.rests_on(best.estimates, followed(best)),
-                            *_NOT_TESTED,
-                            *(() if best.details.folder.returns else (_RETURNS,)),
-                        ]
-                    )
-                ],
-            ),
-            web.Chapter("What to do next", [web.Bullets(_next(best))]),
-            web.Chapter("How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]),
-        ],
-        repeat=web.Repeat(command, best.versions, {"seed": f"{best.log.seed}"}),
-        data=origin_text(best),
-    )
-
-
-def _best(results: Sequence[SpecimenFit]) -> SpecimenFit:
-    return estimates.least_akaike(results)
-
-
-def _fits(result: SpecimenFit) -> bool:
-    return result.goodness.fits
-
-
-def _headline(best: SpecimenFit) -> web.Headline:
-    law = LAW_NAMES[best.law]
-    values = "; ".join(
-        f"{_words(name)}: no value, since the search stopped at its {found.at_bound} bound"
-        if found.at_bound and found.parameter.scale == "log"
-        else f"{_words(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
-        for name, found in best.estimates.items()
-        if found.parameter.role == "identified"
-    )
-    unsure = estimates.unknown_among(best.estimates)
-    thickness = best.details.thickness
-    doubtful = unsure or best.details.left_out or thickness
-    tone: web.Tone = "wrong" if not _fits(best) else "caution" if doubtful else "sound"
-    fitted = sum(one.fitted for one in best.tests)
-    describes = "describes" if _fits(best) else "does not describe"
-    return web.Headline(
-        tone,
-        f"{_stiffness(best)}The {law} law {describes} {_together(fitted)} within {rms_percent(best):.2g} % of the "
-        f"greatest force{'' if _fits(best) else ', more than measurement errors explain'}.",
-        [
-            (
-                "Problems found",
-                thickness.text
-                if thickness
-                else "None that these recordings can show."
-                if _fits(best)
-                else f"The recordings show an effect that the law leaves out "
-                f"({fit_probability(best.goodness.p_value)}).",
-            ),
-            ("How stiff", f"{values}."),
-            ("How sure", estimates.how_sure(best.estimates)),
-            ("What to do", _next(best)[0]),
-        ],
-    )
-
-
-def _stiffness(best: SpecimenFit) -> str:
-    """The asked number as a sentence; nothing where C10 wasn't free, or the law doesn't fit."""
-    found = best.estimates.get(DEEP_C10)
-    return f"{estimates.stiffness_sentence(found, 'Tissue')}. " if found is not None and _fits(best) else ""
-
-
-def _together(count: int) -> str:
-    return "the recording" if count == 1 else f"the {count} recordings together"
-
-
-_RELAXATION_WORDS = {
-    "ratio": "part of the stress that relaxes, relative to the part that stays",
-    "relaxation_time": "middle of the relaxation times",
-    "spread": "spread of the relaxation times (sd of their logarithm)",
-    "quickening": "speed-up of relaxation at the largest strain (logarithm)",
-}
-
-
-def _words(name: str) -> str:
-    """Return a parameter's full name in words: the specimen is one tissue."""
-    term, _, field = name.rpartition(".")
-    if term == "deep":
-        words = f"{symbol_of(name)} of the tissue"
-    elif name in RELAXATION:
-        words = _RELAXATION_WORDS[field]
-    else:
-        words = estimates.words_of(name)
-    return words.replace(RATIO, "fibre ratio")
-
-
-_REMEDIES = estimates.Remedies(
-    "strain it further, add rates or holds",
-    "how the test was done is not stated, so find out whether the ends stick, and state it ([plates] ends)",
-)
-
-
-def _next(best: SpecimenFit) -> list[str]:
-    lines = []
-    narrower = estimates.how_to_narrow(best.estimates, _REMEDIES)
-    if best.details.ratio_undetermined:
-        narrower = [best.details.ratio_undetermined]
-    if not _fits(best):
-        lines.append(
-            "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
-            "only to compare specimens of this test."
-        )
-    elif narrower:
-        lines += narrower
-    else:
-        lines.append(
-            f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains of the test."
-        )
-    if not any(not one.fitted for one in best.tests):
-        lines.append("Test the law on a recording that it has not seen: --leave-out NAME.")
-    return lines
-
-
-def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
-    rows = [
-        estimates.estimated(
-            f"{_words(name)}, {LAW_NAMES[r.law]} law",
-            found,
-            sum(one.fitted for one in r.tests),
-            not any(map(is_ratio, r.values)),
-        )
-        for r in results
-        for name, found in r.estimates.items()
-    ]
-    free = {name for r in results for name in r.estimates}
-    held = {n: v for r in results for n, v in r.assumed.items() if n not in free}
-    rows += [
-        web.Known(
-            _words(name),
-            estimates.held_text(name, value),
-            "assumed",
-            "specimen.toml, the command, or the law's default",
-        )
-        for name, value in held.items()
-    ]
-    first = results[0]
-    rows.append(
-        web.Known(
-            "factor by which recordings differ",
-            f"{100 * first.details.gain_sd:.2g} % (sd)",
-            "estimated",
-            "their forces; the intervals include it",
-        )
-    )
-    rows += [
-        web.Known(f"{one.words}, {LAW_NAMES[r.law]} law", f"{100 * one.probability:.0f} %", "estimated", "their curves")
-        for r in results
-        for one in r.details.alternatives
-    ]
-    rows += [
-        web.Known(
-            "sizes", sizes_text(sizes), "assumed", "specimen.toml; the intervals include their errors ([accuracy])"
-        )
-        for sizes in dict.fromkeys(one.sizes for one in first.details.folder.recordings)
-    ]
-    return rows
-
-
-def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
-    first = _best(results)
-    worst = sorted(compared(first), key=lambda one: one.r_squared)[:_MOST_CURVES]
-    blocks: list[web.Block] = []
-    if len(compared(first)) > _MOST_CURVES:
-        blocks.append(
-            web.Prose(
-                f"The {_MOST_CURVES} of {len(compared(first))} recordings with the poorest fit are drawn; "
-                f"fit.png shows all."
-            )
-        )
-    for number, one in enumerate(worst):
-        axes = one.axes
-        blocks.append(_curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit))
-        if one.course.holds:
-            blocks.append(_curves(results, one, number, one.course.time, "time", "s"))
-    blocks.append(
-        Bars(
-            f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)",
-            ("recording", "R², error"),
-            [
-                LabelledBar(
-                    f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
-                    max(one.r_squared, 0.0),
-                    f"{one.r_squared:.4f}, {one.axes.load_text(one.rmse)} of {one.axes.load_text(one.course.peak)}",
-                )
-                for one in compared(first)
-            ],
-            greatest=1.0,
-        )
-    )
-    return [*blocks, *(block for result in results for block in _in_numbers(result))]
-
-
-def _in_numbers(result: SpecimenFit) -> list[web.Block]:
-    law, axes = LAW_NAMES[result.law], compared(result)[0].axes
-    blocks: list[web.Block] = [
-        web.WebTable(
-            f"Recordings and the {law} law; own/joint: the factor by which the law's force fits that one best",
-            [
-                "recording",
-                "mm/s",
-                axes.way_unit,
-                f"peak {axes.load_unit}",
-                f"rmse {axes.load_unit}",
-                "R²",
-                "own/joint",
-                "",
-            ],
-            [
-                [
-                    one.name,
-                    f"{one.course.rate:.3g}" if one.course.samples.timed else "no time",
-                    f"{axes.ways * one.course.depth:.3g}",
-                    f"{axes.loads * one.course.peak:.4g}",
-                    f"{axes.loads * one.rmse:.3g}",
-                    f"{one.r_squared:.4f}",
-                    f"{one.scale:.3f}",
-                    "" if one.fitted else "left out",
-                ]
-                for one in compared(result)
-            ],
-            folded=True,
-        )
-    ]
-    if result.details.stiffness:
-        rows = [[name, f"{factor:.3f}"] for name, factor in result.details.stiffness.items()]
-        caption = f"Stiffness of each specimen relative to a typical one, {law} law"
-        blocks.append(web.WebTable(caption, ["specimen", "times as stiff"], rows, folded=True))
-    return blocks
-
-
-def _curves(
-    results: Sequence[SpecimenFit], one: SampleFit, number: int, x: FloatArray, along: str, unit: str
-) -> Curves:
-    axes = one.axes
-    lines = [Line("recorded", axes.loads * one.course.force, None, DATA_COLOUR, points=True)]
-    for k, result in enumerate(results):
-        same = next((r for r in compared(result) if r.name == one.name), None)
-        if same is not None:
-            lines.append(
-                Line(
-                    f"model, {LAW_NAMES[result.law]}",
-                    axes.loads * same.predicted,
-                    axes.loads * (same.predicted - same.course.force),
-                    LAW_COLOURS[result.law],
-                    _DASHES[k % 4],
-                )
-            )
-    after = " after first contact" if one.course.samples.timed else ""
-    return Curves(
-        f"{along.split()[0]}{number}",
-        f"{one.name}{'' if one.fitted else ' (left out, predicted)'}: {axes.load} over {along}{after}, recorded and of "
-        "the model; beneath, the model less the recording.",
-        x,
-        f"{along} ({unit})" if unit != "-" else along,
-        f"{axes.load} ({axes.load_unit})",
-        f"model − recorded ({axes.load_unit})",
-        lines,
-    )
-
-
-def _tested(results: Sequence[SpecimenFit]) -> list[str]:
-    return [
-        line
-        for result in results
-        for line in (
-            f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
-            f"chi-square "
-            f"{result.goodness.chi_square:.4g} on {result.goodness.degrees_of_freedom} degrees of freedom "
-            f"({fit_probability(result.goodness.p_value)}).",
-            *estimates.why_identifiable(result.estimates, result.law),
-            *(f"{text}." for text in (*differing(result), *predictions(result))),
-        )
-    ]
