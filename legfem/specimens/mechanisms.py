@@ -16,7 +16,7 @@ from legfem.inverse.mechanism import factor, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
 from legfem.legs.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
-from legfem.legs.mechanisms.support_compliance import SupportCompliance
+from legfem.legs.mechanisms.support import SupportCompliance
 from legfem.specimens.sizes import Sizes, kind_in, layered, slipping
 
 
