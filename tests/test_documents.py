@@ -42,6 +42,8 @@ COMMANDS = (
     "studies.meshes",
     "studies.bench",
     "studies.cohort",
+    "studies.cohort.scored",
+    "studies.cohort.simulated",
     "studies.cohort.two_layers",
     "studies.cohort.workers",
     "studies.expected_force",

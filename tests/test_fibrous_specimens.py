@@ -27,9 +27,9 @@ from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import AXES
 from legfem.specimens.laws import SpecimenTissue, asked_in_writing
+from legfem.specimens.mechanisms import SpecimenVariants
 from legfem.specimens.nuisances import OwnStiffness
 from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text, slipping
-from legfem.specimens.variants import SpecimenVariants
 from studies.fibrous_specimens.__main__ import page
 from studies.fibrous_specimens.planting import SETUPS, Found, Outcome, plants
 from studies.sites.identifying import Interval

@@ -21,10 +21,9 @@ from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import SpecimenTissue, asked_in_writing, identified_law, tissues_of
-from legfem.specimens.mechanisms import Scale, mechanisms_of
+from legfem.specimens.mechanisms import Scale, SpecimenVariants, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
 from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text, slipping
-from legfem.specimens.variants import SpecimenVariants
 
 FAT, MUSCLE, BULK = 2e-3, 8e-3, 10.0
 POISSON = (3 * BULK - 2) / (2 * (3 * BULK + 1))

@@ -245,3 +245,25 @@ def test_the_crosscheck_curves_are_met(law):
     weight = np.linalg.solve(curve.covariance, truth)
     assert (weight @ curve.force) / (weight @ truth) == pytest.approx(1.0, abs=0.005)
     assert all(c.displacement == 0.0 for c in curve.contacts)
+
+
+@pytest.mark.parametrize("air", [(0.3, 1.3, 2.4), (0.0, 0.0, 0.0)])
+def test_repeats_in_none_of_which_air_is_certain_begin_at_contact_only_where_their_curves_agree(air):
+    instrument, zeros = Instrument(force_sd=0.25, displacement_sd=0.02), (0.1, -0.05, -0.1)
+    off = []
+    for seed in (0, 6, 12):
+        trials = segment_all(
+            [
+                press(air=gap, depth=12, force_sd=0.25, displacement_sd=0.02, offset=zero, seed=seed + k, trial=f"t{k}")
+                for k, (gap, zero) in enumerate(zip(air, zeros, strict=True))
+            ],
+            instrument,
+        )
+        assert not any(one.contact.in_air for one in trials)
+        curve = mean_loading_curve(trials)
+        missed = curve.force - tissue_force(curve.displacement)
+        # Were all taken to begin at contact, 1 N would be missed where there is air.
+        assert np.abs(missed).max() < 0.45
+        assert np.all(np.abs(missed) < 3 * curve.force_sd)
+        off.append(curve.noise.common_shift_sd)
+    assert min(off) > 0.2  # and where contact is isn't known any better

@@ -28,7 +28,7 @@ _OF_FORCE = 0.02
 _TRAVELS = 10.0
 _FEWEST = 8
 """Samples."""
-_SLOW_WAYS = (0.5, 5.0)
+SLOW_WAYS = (0.5, 5.0)
 """Over which the load cell's slow error changes: as flicker noise, half of its variance over each."""
 
 
@@ -255,7 +255,7 @@ def _whitening(x: FloatArray, white: FloatArray, slow: float, shape: FloatArray,
     What no shape describes (n,), N, errs slowly too.
     """
     apart = np.abs(x[:, None] - x[None, :])
-    alike = np.mean([np.exp(-apart / (ways * way)) for ways in _SLOW_WAYS], axis=0)
+    alike = np.mean([np.exp(-apart / (ways * way)) for ways in SLOW_WAYS], axis=0)
     covariance = alike * (slow**2 + np.outer(shape, shape))
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + np.diag(white**2))))
 

@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.data.contact import Contact, fit_onset
+from legfem.data.contact import SLOW_WAYS, Contact, air_is_shown, fit_onset
 from legfem.data.noise import (
     JITTER_LENGTH_MM,
     UNSTATED,
@@ -25,6 +25,10 @@ from legfem.data.segmentation import AIR, LOADING, Segmentation, segment
 from legfem.data.smoothing import local_line, smooth_displacement
 
 _ALIGNED_WITHIN_MM = 2.0
+_LEAST_GAIN = 14.0
+"""Fall of a sum of squares, in units of the errors, from which trials are said to lie apart."""
+_GAIN = 0.02
+"""By which repeats differ in stiffness, as a standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +93,10 @@ def align_branches(
 ) -> tuple[list[Branch], float]:
     """Bring branches onto each other and to first contact.
 
-    Trials that all begin at first touch stay put. Where one begins in air, the whole curves tell
-    how the trials lie to each other far better than each one's first contact does; contact is
-    then found once, in all of them together.
+    Trials that are known to begin at first touch stay put. Else the whole curves tell how the trials lie to each
+    other far better than each one's first contact does, and contact is found once, in all of them together. Trials
+    in none of which air is seen for certain aren't brought onto each other, unless their curves lie apart: they can't
+    all begin at first touch then.
 
     Parameters
     ----------
@@ -107,38 +112,85 @@ def align_branches(
     Returns
     -------
     list of Branch, float
-        The loaded parts, and the standard error of their common contact, mm (0 without air).
+        The loaded parts, and the standard error of their common contact, mm (0 where it is known).
     """
     in_air = [c.in_air for c in contacts]
-    if not any(in_air):
+    if all(c.known for c in contacts):
         return [b.loaded() for b in branches], 0.0
-    errors = [c.displacement_error for c in contacts if c.in_air]
     if len(branches) == 1:
-        return [branches[0].loaded()], errors[0]
+        return _by_themselves(branches, contacts)
     placed = list(branches)
-    # Those whose contact is known first; then each against the mean of the others.
-    known = [b for b, air in zip(branches, in_air, strict=True) if air]
-    for k, air in enumerate(in_air):
-        if not air:
-            placed[k] = _onto(branches[k], known, step, in_air=False)
-    for _ in range(3):
-        onto = [_onto(b, placed[:k] + placed[k + 1 :], step) for k, b in enumerate(placed)]
-        # Half the way, lest two trials swap places.
-        placed = [b.moved(0.5 * float(b.depth[0] - c.depth[0])) for b, c in zip(placed, onto, strict=True)]
-    common = _common_contact(placed, instrument)
+    if any(in_air):
+        # Those whose contact is known first; then each against the mean of the others.
+        known = [b for b, air in zip(branches, in_air, strict=True) if air]
+        for k, air in enumerate(in_air):
+            if not air:
+                placed[k] = _onto(branches[k], known, step, in_air=False)
+        for _ in range(3):
+            onto = [_onto(b, placed[:k] + placed[k + 1 :], step) for k, b in enumerate(placed)]
+            # Half the way, lest two trials swap places.
+            placed = [b.moved(0.5 * float(b.depth[0] - c.depth[0])) for b, c in zip(placed, onto, strict=True)]
+    else:
+        shifts = [_shift(b, branches[0], instrument, step) for b in branches[1:]]
+        if not (any(shifts) or air_is_shown(contacts)):
+            return _by_themselves(branches, contacts)
+        placed[1:] = [b.moved(shift) for b, shift in zip(branches[1:], shifts, strict=True)]
+    begin = np.array([float(a.depth[0] - b.depth[0]) for b, a in zip(branches, placed, strict=True)])
+    # Those that begin in air show most of it.
+    common = _common_contact([b for b, air in zip(placed, in_air, strict=True) if air or not any(in_air)], instrument)
     if common.in_air:
         by, offset, error = common.displacement, common.baseline, common.displacement_error
     else:
-        # Together they show no air: then those that began at contact say where it is.
-        at_contact = [
-            float(b.depth[0] - a.depth[0]) for a, b, air in zip(branches, placed, in_air, strict=True) if not air
-        ]
-        by = float(np.mean(at_contact)) if at_contact else 0.0
-        offset, error = 0.0, max(instrument.displacement_sd, float(np.mean(errors)))
+        # Together they show no air: the one that begins last may begin at contact, if any does.
+        last = float(begin[~np.array(in_air)].max()) if not all(in_air) else 0.0
+        half = 0.5 * max(common.estimate - last, 0.0) if not any(in_air) else 0.0
+        errors = [c.displacement_error for c in contacts if c.in_air] or [common.displacement_error]
+        by, offset = last + half, 0.0
+        error = float(np.hypot(max(instrument.displacement_sd, float(np.mean(errors))), half))
     # Where each trial by itself has its contact, once they lie on each other.
-    own = [float(a.depth[0] - b.depth[0]) for b, a, air in zip(branches, placed, in_air, strict=True) if air]
-    apart = float(np.linalg.norm(np.array(own) - by)) / len(own)
+    own = begin[in_air]
+    apart = float(np.linalg.norm(own - by)) / len(own) if len(own) else 0.0
     return [b.moved(by, offset).loaded() for b in placed], max(error, apart)
+
+
+def _by_themselves(branches: Sequence[Branch], contacts: Sequence[Contact]) -> tuple[list[Branch], float]:
+    """Return the loaded parts of branches that aren't brought onto each other.
+
+    Where a recording shows no air for certain its contact is taken at its start, as most recordings begin, and may
+    be where it seems to be.
+    """
+    errors = [
+        c.displacement_error if c.in_air else float(np.hypot(c.displacement_error, c.estimate - c.displacement))
+        for c in contacts
+        if not c.known
+    ]
+    return [b.loaded() for b in branches], float(np.mean(errors))
+
+
+def _shift(branch: Branch, other: Branch, instrument: Instrument, step: float) -> float:
+    """Return how much later (mm) a branch's force rises than another's; 0 where zeros, gains and noise may do it."""
+    deepest = min(float(branch.depth[-1]), float(other.depth[-1]))
+    grid = np.arange(2 * step, deepest - _ALIGNED_WITHIN_MM, step)
+    if len(grid) < 8:
+        return 0.0
+    force = local_line(other.depth, other.force, grid, step).value
+    # Both have each of these errors: a zero, a slow and a white one, each as large as all that is stated; a gain.
+    between = np.abs(grid[:, None] - grid[None, :])
+    alike = 1.0 + np.mean([np.exp(-between / ways) for ways in SLOW_WAYS], axis=0) + 0.1 * np.eye(len(grid))
+    errors = 2.0 * (instrument.force_sd**2 * alike + _GAIN**2 * np.outer(force, force))
+    farthest = max(_ALIGNED_WITHIN_MM, 0.5 * deepest)
+    shifts = np.arange(-farthest, farthest + 0.01, 0.05)
+    still = local_line(branch.depth, branch.force, grid, step).value - force
+    gained = np.full(len(shifts), -np.inf)
+    for i, shift in enumerate(shifts):
+        inside = (grid + shift >= branch.depth[0]) & (grid + shift <= branch.depth[-1])
+        if inside.sum() > 0.5 * len(grid):
+            apart = local_line(branch.depth, branch.force, grid[inside] + shift, step).value - force[inside]
+            both = np.column_stack([still[inside], apart])
+            without, left = np.einsum("nk,nk->k", both, np.linalg.solve(errors[np.ix_(inside, inside)], both))
+            gained[i] = without - left
+    i = int(np.argmax(gained))
+    return _lowest(shifts, -gained, i) if gained[i] > _LEAST_GAIN else 0.0
 
 
 def _onto(branch: Branch, others: Sequence[Branch], step: float, in_air: bool = True) -> Branch:

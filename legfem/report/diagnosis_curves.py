@@ -13,7 +13,7 @@ from legfem.inverse.explanation import Explanation, Statement
 from legfem.inverse.location import runs
 from legfem.inverse.predictive import nearest_fit
 from legfem.inverse.verdict import Diagnosis
-from legfem.report.page import Curves, Line
+from legfem.report.curves import Curves, Line
 from legfem.report.render.figure import curves_figure
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
 

@@ -25,8 +25,7 @@ from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms, with_correction
 from legfem.legs.mechanisms import Mechanism, TissueMechanism
-from legfem.legs.mechanisms.compressibility import Compressibility
-from legfem.legs.mechanisms.strain_stiffening import StrainStiffening
+from legfem.legs.mechanisms.muscle import Compressibility, StrainStiffening
 from legfem.legs.nuisances import MATERIAL_LOG_SD
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.solve.path import ForceCurve

@@ -1,4 +1,4 @@
-"""The fat slides along the fascia."""
+"""The fat isn't as stiff as assumed, stiffens with strain, or slides along the fascia."""
 
 from __future__ import annotations
 
@@ -8,8 +8,56 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, strength
+from legfem.common.units import kpa_to_mpa
+from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, factor, strength
 from legfem.inverse.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class SuperficialStiffness(TissueMechanism):
+    """The fat's stiffness, over the one given."""
+
+    name: ClassVar[str] = "superficial-stiffness"
+    statement: ClassVar[str] = "the superficial tissue (fat) is stiffer or softer than assumed"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        factor("factor", "on C10", (0.1, 9.0), 0.9, "reported stiffness of fat differs tenfold"),
+    )
+    would_be: ClassVar[str] = "fat of {} times the assumed stiffness"
+    next_experiment: ClassVar[str] = (
+        "press gently with a small tip (2 mm deep), or image the fat's thickness under load"
+    )
+    measured_sd: ClassVar[float | None] = 0.25
+    """An estimate."""
+    strengths: ClassVar[tuple[float, ...]] = (0.4, 1.7, 3.5, 8.0)
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model with that parameter scaled."""
+        return Solution(scaled={"superficial.C10": values["factor"]})
+
+
+@dataclass(frozen=True)
+class FatStiffening(TissueMechanism):
+    """A second and a third coefficient of the fat's energy, where the model has one."""
+
+    name: ClassVar[str] = "superficial-stiffening"
+    statement: ClassVar[str] = "the superficial tissue (fat) stiffens as it is squeezed"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("coefficient", "kPa", "of the fat's energy's third power", 3.0, (0.0, 60.0)),
+    )
+    next_experiment: ClassVar[str] = "image the fat's thickness under load, at several depths"
+    strengths: ClassVar[tuple[float, ...]] = (1.0, 6.0, 25.0)
+
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
+        """Return the fat with more coefficients of its energy."""
+        from legfem.mechanics.materials import Yeoh
+        from legfem.mechanics.terms import Tissue
+
+        return [Tissue("superficial", Yeoh.of(leg.tissues.superficial))]
+
+    def solution(self, values: Values) -> Solution:
+        """Return the law with its third coefficient."""
+        return Solution(parameters={"superficial.C30": kpa_to_mpa(values["coefficient"])})
+
 
 _FREE = 0.999
 """Of the lowest elements' resistance to shear along the fascia what a free interface is without."""
