@@ -71,7 +71,7 @@ def chapter(found: Statistics) -> web.Chapter:
     if any(one.needed for one in some):
         blocks.append(_needed(some))
     if found.not_done:
-        blocks += [web.Prose("Not done:"), web.Bullets(found.not_done)]
+        blocks += [web.Prose("Not computed:"), web.Bullets(found.not_done)]
     return web.Chapter(TITLE, blocks or [web.Prose("There is nothing to compare.")])
 
 

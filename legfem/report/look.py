@@ -269,7 +269,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
         grade: [name for name, one in zip(names, seen, strict=True) if one.quality.grade == grade] for grade in GRADES
     }
     told = ", ".join(
-        f"{len(files)} {'is' if len(files) == 1 else 'are'} of grade {grade} ({GRADES[grade]})"
+        f"{len(files)} {'has' if len(files) == 1 else 'have'} grade {grade} ({GRADES[grade]})"
         for grade, files in grades.items()
         if files
     )
@@ -292,8 +292,8 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
                 (
                     "How sure",
                     "Columns, units and directions are inferred from names and from the "
-                    "motion: compare the curves with what you did. A grade judges the instrument, "
-                    "not what it pressed.",
+                    "motion: compare the curves with what you did. A grade judges the recording, "
+                    "not what was tested.",
                 ),
                 (
                     "What to do",

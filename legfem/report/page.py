@@ -67,7 +67,7 @@ class Headline:
 
 @dataclass(frozen=True)
 class Known:
-    """One number that the result has or rests on, and where it comes from."""
+    """One number in the result, or that it depends on, and where it comes from."""
 
     name: str
     value: str
