@@ -21,7 +21,8 @@ from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.geometry.typical_calf import Calf, calf_section
-from legfem.mechanics.contact import ContactSettings, RigidCylinder
+from legfem.mechanics.contact import ContactSettings
+from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue

@@ -107,7 +107,7 @@ def test_wrong_input_is_a_line_each_and_nothing_is_taken_for_a_leg(served, page,
     page.sees("Drop a folder here")
     page.drop([foreign])
     page.until("location.pathname === '/input/foreign'")
-    page.sees("no column is named", 3 * MINUTES)
+    page.sees("none of its columns", 3 * MINUTES)
     page.click("A leg that was pressed", "button")
     for quantity, column, unit in (("time", "foo", "s"), ("displacement", "bar", "mm"), ("force", "baz", "N")):
         page.choose(f"{quantity}: column", column)

@@ -29,6 +29,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
+from legfem.report.curves import Curves
 from legfem.report.diagnosis_channels import (
     channel_arrows,
     channel_chapter,
@@ -36,7 +37,6 @@ from legfem.report.diagnosis_channels import (
     channel_sentences,
     misfit_in_section,
 )
-from legfem.report.page import Curves
 from legfem.solve.protocol import Protocol
 
 FAT_MM, MUSCLE_MM = 10.0, 30.0

@@ -101,7 +101,7 @@ def test_the_page_says_who_can_be_believed_and_links_to_each():
     html, text, notes = rendered(page), plain_page(page, []), markdown_page(page)
     words = read(html).words
     counts = [sum(row.judged.tone == tone for row in rows) for tone in ("sound", "caution")]
-    assert f"Of 24 members: {counts[0]} believed, {counts[1]} with caution, 1 no result." in words
+    assert f"Of 24 members: {counts[0]} reliable, {counts[1]} with caution, 1 no result." in words
     assert "23 of 24 can be used" in words and "A: " in words
     for said in (html, text, notes):
         assert "diametre" in said

@@ -16,11 +16,11 @@ from legfem.mechanics.contact import (
     Coulomb,
     ExponentialPressure,
     Frictionless,
-    RigidCylinder,
     Rough,
     StiffPressure,
     Tape,
 )
+from legfem.mechanics.indenters import RigidCylinder
 
 LAWS = [
     pytest.param(ExponentialPressure(p0=1e-3, c0=0.02), id="exponential"),

@@ -115,7 +115,7 @@ def test_unexplained_page_warns_of_the_stiffness(found, subject):
     stiffness = [line for line in re.split("^- ", page, flags=re.MULTILINE) if "C10, " in line]
     told = [line for line in stiffness if "(95 %" in line]
     assert len(told) == 3 and all("DO NOT RELY ON IT" in flat(line) for line in told)
-    assert page.index("NO. Write down no number.") < page.index("DO NOT RELY")
+    assert page.index("NO. Report no number.") < page.index("DO NOT RELY")
     (searched,) = (p.bounds for p in found["unexplained"].base.fit.parameters if p.name == DEEP_C10)
     assert found["unexplained"].intervals[DEEP_C10] == searched, "it may be off by any amount"
 

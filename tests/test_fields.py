@@ -13,7 +13,8 @@ from mpi4py import MPI
 from legfem.fem.fields import fields_of, greatest_stretch, hydrostatic_pressure, von_mises_stress
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
-from legfem.mechanics.contact import RigidCylinder, StiffPressure
+from legfem.mechanics.contact import StiffPressure
+from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import Contraction, NormalContact, Tissue, Viscoelasticity

@@ -125,7 +125,7 @@ def test_a_lump_that_a_refit_hides_leaves_its_limit_open_and_the_answer_is_not_y
     assert found.limits[0] is limit and shift_of(limit, found.weighted_base.fit) > TRUSTED
     answer = headline(found, ())
     assert answer.heading.startswith("The model fits, and C10 may be off by ")
-    assert "Write down a range" in answer.sentence
+    assert "Report a range" in answer.sentence
     soft, hard = limit.ends
     assert soft.values["factor"] == pytest.approx(0.25) and hard.values["factor"] == pytest.approx(10.0)
     assert soft.open and hard.open and hard.c10 == pytest.approx(1e-3, rel=0.03)

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.legs.correction import smooth_ratio
-from legfem.mechanics.contact import FiniteCylinder
+from legfem.mechanics.indenters import FiniteCylinder
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
 from legfem.meshing.section import BONE, SKIN

@@ -25,7 +25,7 @@ from legfem.legs.experiments import plane_strain_test, spatial_test
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.placement import spatial_leg
-from legfem.mechanics.contact import FiniteCylinder
+from legfem.mechanics.indenters import FiniteCylinder
 from legfem.mechanics.materials import NeoHookean
 
 TISSUES = {"deep": NeoHookean(1e-3, 28.0), "superficial": NeoHookean(2e-3, 22.5)}

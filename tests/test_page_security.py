@@ -9,15 +9,14 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from legfem.report.curves import Curves, Line
 from legfem.report.page import (
     Bars,
     Bullets,
     Chapter,
-    Curves,
     Headline,
     Known,
     LabelledBar,
-    Line,
     PressedSection,
     Prose,
     Repeat,

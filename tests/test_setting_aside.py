@@ -125,7 +125,7 @@ def test_a_misfit_below_a_hundredth_of_the_force_that_hardly_moves_c10_is_good_e
     assert not found.withheld
     answer = headline(found, ())
     assert answer.heading.startswith("Good enough: the model misses by 0.")
-    assert answer.sentence.startswith("Write down")
+    assert answer.sentence.startswith("Report")
     assert "good enough" in verdict_sentence(found)
     low, high = found.intervals[DEEP_C10]
     assert low < BASE[DEEP_C10] < high

@@ -22,9 +22,8 @@ from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.laws import REFERENCE_MPA, specimen_law
-from legfem.specimens.mechanisms import Scale, mechanisms_of
+from legfem.specimens.mechanisms import Scale, SpecimenVariants, mechanisms_of
 from legfem.specimens.sizes import slipping
-from legfem.specimens.variants import SpecimenVariants
 
 STATED = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.002\n"
 

@@ -25,12 +25,12 @@ from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.curves import Curves, Line, ways
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_sentences import headline
 from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.kinds.leg import leg_page
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.page import Curves, Line, ways
 from legfem.report.render.html import rendered
 from legfem.report.section import Film, pressed_section
 
@@ -122,7 +122,7 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
         low, _ = model.shown(DEEP_C10).ci95
         assert f"{low:.2f} to " in page.words
     if verdict == "unexplained":
-        assert "Write down no number" in page.words and "Write down: C10" not in page.words
+        assert "Report no number" in page.words and "Report: C10" not in page.words
     if verdict in ("named", "ambiguous"):
         advice = page.words.lower().index("press to 25 mm (70 % chance")
         assert advice < page.words.index("Recordings and model")
@@ -167,7 +167,7 @@ def test_a_sound_model_whose_stiffness_may_be_moved_unseen_is_a_range_and_says_b
     headline = diagnosis_web_page(found, subject).headline
     answers = dict(headline.answers)
     assert headline.heading.startswith("The model fits, and C10 may be off by ")
-    assert headline.sentence.startswith("Write down a range: C10 between ")
+    assert headline.sentence.startswith("Report a range: C10 between ")
     assert moved.fit.mechanisms[0].statement in answers["What to do"]
     assert moved.fit.mechanisms[0].next_experiment in answers["What to do"]
 

@@ -23,7 +23,8 @@ from legfem.commands.plan import app
 from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_shape_motion import inward, stretch_round
-from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
+from legfem.report.curves import Curves, Line
+from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render.html import embed, rendered
 from legfem.report.specimen_page import specimen_page
@@ -49,7 +50,7 @@ def checked(page, *said: str):
         assert words.lower() in read_page.words.lower(), words
     first = read_page.words.index(page.headline.sentence)
     for warning in page.warnings:
-        assert first < read_page.words.index(warning) < read_page.words.index("To repeat it")
+        assert first < read_page.words.index(warning) < read_page.words.index("How to repeat it")
     assert first < read_page.words.index(page.chapters[0].title)
     for one in page.known:
         assert one.name in read_page.words and f'<span class="tag {one.provenance}">' in html
@@ -60,8 +61,8 @@ def checked(page, *said: str):
 def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
     page = pages.planned(tmp_path)
     best = pages.ranked()[0]
-    checked(page, "80 % or more, if it is there: fascia stiffness", "96 %", "40 %")
-    assert page.headline.sentence == f"Make this test first: {best.design.name}."
+    checked(page, "with a chance of 80 % or more: fascia stiffness", "96 %", "40 %")
+    assert page.headline.sentence == f"Do this test first: {best.design.name}."
     assert page.warnings == ["No test shows gain with a chance of 20 % or more."]
     assert page.headline.tone == "caution"
     seen = pages.ranked(((0.9, 0.3), (0.4, 0.2)))
@@ -108,7 +109,7 @@ def test_a_study_says_what_a_press_shows_and_what_to_measure(study):
     checked(page, "C20 of the deep tissue", "Poisson's ratio is", "slope 20-30 mm", "R2 predicted")
     assert not study.failed and len(to_measure(study)) >= 3
     # F/L grows with C20 d^2 before all, and C10 of fat and muscle hardly count.
-    assert page.headline.sentence.startswith("A press 30 mm deep shows C20 of the deep tissue")
+    assert page.headline.sentence.startswith("The force of a press 30 mm deep depends most on C20 of the deep tissue")
     assert not_seen(study) == ["C10 fat", "C10 deep"]
 
 
@@ -293,10 +294,10 @@ def test_files_that_were_looked_at_say_their_grades_and_how_they_were_read(tmp_p
     words = read(html).words
     assert len(html.encode()) < MOST_BYTES
     assert page.headline.tone == "wrong"
-    assert page.headline.sentence == ("Of 2 recordings, 1 is of grade A (good), 1 is of grade D (not to be used).")
+    assert page.headline.sentence == ("Of 2 recordings, 1 has grade A (good), 1 has grade D (not to be used).")
     (warning,) = page.warnings
     assert warning.startswith("saturated.csv: ") and "saturated" in warning
-    assert words.index(page.headline.sentence) < words.index(warning) < words.index("To repeat it")
+    assert words.index(page.headline.sentence) < words.index(warning) < words.index("How to repeat it")
     for said in (
         "displacement from 'displacement' (mm)",
         "good.csv",

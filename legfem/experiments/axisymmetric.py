@@ -27,7 +27,8 @@ from legfem.experiments.experiment import Solved
 from legfem.experiments.indentation import Attempt, IndentationModel, IndentationRequest, IndentationTest, leg_model
 from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
 from legfem.fem.system import System
-from legfem.mechanics.contact import ContactSettings, RigidBall, RigidIndenter, RigidPlate
+from legfem.mechanics.contact import ContactSettings
+from legfem.mechanics.indenters import RigidBall, RigidIndenter, RigidPlate
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.meshing.grid import Support

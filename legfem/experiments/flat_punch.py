@@ -11,7 +11,8 @@ import ufl
 from legfem.common.errors import check_positive
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
 from legfem.experiments.bodies import PunchOnLayer, check_rounding
-from legfem.mechanics.contact import ContactSettings, rounded_gap, rounded_normal
+from legfem.mechanics.contact import ContactSettings
+from legfem.mechanics.indenters import rounded_gap, rounded_normal
 from legfem.mechanics.kinematics import Expr
 from legfem.meshing.meridian import MeridianMeshSettings, supports
 

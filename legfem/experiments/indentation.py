@@ -18,7 +18,8 @@ from legfem.experiments.experiment import Meshed, Picklable, Solved, as_protocol
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.key import key_of
-from legfem.mechanics.contact import ContactSettings, RigidIndenter
+from legfem.mechanics.contact import ContactSettings
+from legfem.mechanics.indenters import RigidIndenter
 from legfem.mechanics.integration_domain import named_parameters
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel

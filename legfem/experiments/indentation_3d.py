@@ -15,7 +15,8 @@ from legfem.experiments.experiment import cached_in_process
 from legfem.experiments.indentation import IndentationModel, IndentationTest, leg_model
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
-from legfem.mechanics.contact import ContactSettings, FiniteCylinder, RigidCylinder, RigidIndenter
+from legfem.mechanics.contact import ContactSettings
+from legfem.mechanics.indenters import FiniteCylinder, RigidCylinder, RigidIndenter
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMesh, LegMeshSettings, mesh_leg, mesh_leg_section

@@ -12,7 +12,7 @@ import numpy as np
 from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.indentation_3d import Cylinder
-from legfem.mechanics.contact import RigidBall, RigidIndenter, TurnedCylinder
+from legfem.mechanics.indenters import RigidBall, RigidIndenter, TurnedCylinder
 
 _OUTLINE = 13
 """Points of an indenter's outline, along its axis."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
 from legfem.experiments.bodies import CylinderOnBlock
-from legfem.mechanics.contact import ContactSettings, RigidCylinder
+from legfem.mechanics.contact import ContactSettings
+from legfem.mechanics.indenters import RigidCylinder
 from legfem.meshing.meridian import MeridianMeshSettings, supports
 
 

@@ -34,7 +34,8 @@ from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.indenter import Indenter, first_touch
 from legfem.geometry.section import BONES, LegSection, across
-from legfem.mechanics.contact import ContactSettings, RigidCylinder
+from legfem.mechanics.contact import ContactSettings
+from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import BoneSprings

@@ -14,7 +14,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import ChannelFit, Fit
-from legfem.report.page import Curves, Line
+from legfem.report.curves import Curves, Line
 from legfem.report.render.figure import curves_figure
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 

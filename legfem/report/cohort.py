@@ -1,4 +1,4 @@
-"""A cohort on one page: who can be believed, what was found of all, what is odd, and how it was done."""
+"""A cohort on one page: which results are reliable, what was found of all, what is odd, and how it was done."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _shown(values: Sequence[Any]) -> str:
     return " or ".join(text for text, _ in Counter(map(str, flat)).most_common(3))
 
 
-ODD = "What is odd, and what is missing"
+ODD = "Unusual findings, and what is missing"
 """A chapter."""
 PAGE, TEXT = "cohort.html", "cohort.txt"
 _JUDGED: Mapping[str, str] = {
@@ -96,7 +96,7 @@ _JUDGED: Mapping[str, str] = {
     "wrong": "model does not fit",
     "open": "undecided",
     "caution": "with caution",
-    "sound": "believed",
+    "sound": "reliable",
 }
 """By the tone of a member's own page, the gravest first."""
 _DOUBT = "DOUBTFUL INPUT: "
@@ -129,7 +129,7 @@ def cohort_web_page(
     odd = suspicions(every, rows)
     found = dict((row.name, one) for row, one in measured(rows, model))
     chapters = [
-        web.Chapter("Who can be believed", _believed(every, rows)),
+        web.Chapter("Which results are reliable", _believed(every, rows)),
         web.Chapter("What was found", _numbers(every, rows, model, found)),
         *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
         cohort_statistics.chapter(statistics(every, rows)),
@@ -179,15 +179,15 @@ def _judged(row: Row) -> str:
 def _headline(members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Suspicion], model: str) -> web.Headline:
     counts = Counter(map(_judged, rows))
     said = ", ".join(f"{counts[name]} {name}" for name in reversed(list(_JUDGED.values())) if counts[name])
-    good = counts["believed"] + counts["with caution"]
-    tone: web.Tone = "sound" if counts["believed"] == len(rows) and not odd else "caution" if good else "wrong"
+    good = counts["reliable"] + counts["with caution"]
+    tone: web.Tone = "sound" if counts["reliable"] == len(rows) and not odd else "caution" if good else "wrong"
     failed = [row.name for row in rows if not row.done]
     people = len({one.person for one in members})
     answers = [
-        ("How many", f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"),
-        ("Without a result", listed(failed) if failed else "none"),
-        ("What is odd", f"{len(odd)} thing{'' if len(odd) == 1 else 's'} to look into" if odd else "nothing"),
-        *([("Compared under", model)] if model else []),
+        ("Members", f"{len(rows)}, of {people} {'person' if people == 1 else 'people'}."),
+        ("Members without a result", listed(failed) if failed else "None."),
+        ("Unusual findings", f"{len(odd)} to look into; they are listed below." if odd else "None."),
+        *([("Law used for the comparison", f"The {model} law.")] if model else []),
     ]
     return web.Headline(tone, f"Of {len(rows)} members: {said}.", answers, f"{good} of {len(rows)} can be used")
 
@@ -225,12 +225,12 @@ def _believed(members: Sequence[Member], rows: Sequence[Row]) -> list[web.Block]
     legend = [f"{letters[kind]}: {kind} ({counts[kind]})" for kind in named]
     return [
         web.Prose(
-            "The judgement is that of each member's own page: believed where the model fits and its stiffness is "
+            "The judgement is that of each member's own page: reliable where the model fits and its stiffness is "
             "determined; with caution where something limits it; undecided where several explanations are left."
         ),
         SortableTable(
             "believed",
-            "Judgements and warnings, the gravest first; a dot is a warning of the kind below.",
+            "Judgements and warnings, the most serious first; a dot marks a warning of the kind listed below.",
             header,
             [line(row) for row in ordered],
             [row.report for row in ordered],

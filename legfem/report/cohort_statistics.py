@@ -14,6 +14,7 @@ from legfem.cohort.members import Member
 from legfem.cohort.population_model import LEVELS, PopulationFit
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
+from legfem.report.curves import Curves, Line
 from legfem.report.style import DATA_COLOUR, new_figure, styled
 from legfem.report.words import short_probability
 
@@ -70,7 +71,7 @@ def chapter(found: Statistics) -> web.Chapter:
     if any(one.needed for one in some):
         blocks.append(_needed(some))
     if found.not_done:
-        blocks += [web.Prose("Not done:"), web.Bullets(found.not_done)]
+        blocks += [web.Prose("Not computed:"), web.Bullets(found.not_done)]
     return web.Chapter(TITLE, blocks or [web.Prose("There is nothing to compare.")])
 
 
@@ -123,11 +124,11 @@ def _limits(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
     return web.WebTable("Bland and Altman's limits of agreement, between which 95 % of differences lie", header, rows)
 
 
-def _plots(one: Analysed, each: Repeated) -> list[web.Curves]:
+def _plots(one: Analysed, each: Repeated) -> list[Curves]:
     return [_plot(one, each.by, pair) for pair in each.pairs[:1] if len(pair.mean) <= _MOST_POINTS]
 
 
-def _plot(one: Analysed, by: str, pair: Pair) -> web.Curves:
+def _plot(one: Analysed, by: str, pair: Pair) -> Curves:
     order = np.argsort(pair.mean)
     x = np.exp(pair.mean[order]) if one.logarithmic else pair.mean[order]
     y = 100 * np.expm1(pair.difference[order]) if one.logarithmic else pair.difference[order]
@@ -136,15 +137,15 @@ def _plot(one: Analysed, by: str, pair: Pair) -> web.Curves:
         return np.full(len(x), 100 * math.expm1(value) if one.logarithmic else value)
 
     lines = [
-        web.Line("difference", y, None, points=True),
-        web.Line("bias", level(pair.limits.bias), None, colour="#0072B2"),
-        web.Line("lower limit", level(pair.limits.low), None, colour="#D55E00", dash="dashed"),
-        web.Line("upper limit", level(pair.limits.high), None, colour="#D55E00", dash="dashed"),
+        Line("difference", y, None, points=True),
+        Line("bias", level(pair.limits.bias), None, colour="#0072B2"),
+        Line("lower limit", level(pair.limits.low), None, colour="#D55E00", dash="dashed"),
+        Line("upper limit", level(pair.limits.high), None, colour="#D55E00", dash="dashed"),
     ]
     unit = "%" if one.logarithmic else one.unit
     caption = f"{one.name}: difference of {by} {pair.levels[1]} from {by} {pair.levels[0]} over their mean, leg by leg."
     name = f"agreement-{one.name}-{by}"
-    return web.Curves(name, caption, x, f"mean ({one.unit})", f"difference ({unit})", "", lines)
+    return Curves(name, caption, x, f"mean ({one.unit})", f"difference ({unit})", "", lines)
 
 
 def _effects(some: Sequence[Analysed]) -> web.WebTable:

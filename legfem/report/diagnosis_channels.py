@@ -18,9 +18,10 @@ from legfem.legs.mechanisms.uneven_muscle import RADIUS_MM, UnevenMuscle, place_
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.channels import beside_curves
+from legfem.report.curves import Curves, Dash, Line
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
 from legfem.report.diagnosis_figures import matched
-from legfem.report.page import Arrow, Curves, Dash, Line, Mark, StillSection
+from legfem.report.page import Arrow, Mark, StillSection
 from legfem.report.section import still_section
 
 _LEAST = 1.0

@@ -272,7 +272,7 @@ def limit_cells(found: Diagnosis) -> Cells:
 def held_out_note(held: HeldOut) -> str:
     """Return what was held out, and what error noise alone makes."""
     return (
-        f"The held-out error is that of predicting {held.how}, from a fit to the others. The noise of a "
+        f"The held-out error is the error of predicting {held.how}, from a fit to the other trials. The noise of a "
         f"trial alone accounts for {held.noise:.3f} N."
     )
 

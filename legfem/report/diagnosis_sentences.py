@@ -244,23 +244,23 @@ def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
 
 def _write_down(found: Diagnosis) -> str:
     if found.withheld:
-        return "Write down no number."
+        return "Report no number."
     if DEEP_C10 not in found.base.fit.free:
         return "C10 was given, not found."
     low, high = _within(found)
     if found.verdict == "ambiguous" and not _alike(found):
-        return f"Write down a range: C10 between {low} and {high} kPa, {_moduli_between(found)}."
+        return f"Report a range: C10 between {low} and {high} kPa, {_moduli_between(found)}."
     best = found.models[0] if found.models else found.base
     if not determined(best, DEEP_C10):
-        return "Write down no number: this test cannot determine C10."
+        return "Report no number: this test cannot determine C10."
     if _wide(found):
         value = _value(found, best)
         return (
-            f"Write down a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present), "
+            f"Report a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present), "
             f"{_moduli_between(found)}."
         )
     c10, error = mpa_to_kpa(best.value(DEEP_C10)), _standard_error(found)
-    return f"Write down: C10 = {_value(found, best)} kPa ({low} to {high}), {moduli_text(c10, error)}."
+    return f"Report: C10 = {_value(found, best)} kPa ({low} to {high}), {moduli_text(c10, error)}."
 
 
 _MODULI = (2.0, 6.0)

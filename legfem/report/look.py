@@ -18,7 +18,8 @@ from legfem.data.quality import GRADES, Quality
 from legfem.data.reader import Proposal
 from legfem.data.recording import QUANTITIES, RecordedChannel
 from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
-from legfem.report.page import Bullets, Chapter, Curves, Headline, Line, Repeat, Tone, Verbatim, WebPage, WebTable
+from legfem.report.curves import Curves, Line
+from legfem.report.page import Bullets, Chapter, Headline, Repeat, Tone, Verbatim, WebPage, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
@@ -268,7 +269,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
         grade: [name for name, one in zip(names, seen, strict=True) if one.quality.grade == grade] for grade in GRADES
     }
     told = ", ".join(
-        f"{len(files)} {'is' if len(files) == 1 else 'are'} of grade {grade} ({GRADES[grade]})"
+        f"{len(files)} {'has' if len(files) == 1 else 'have'} grade {grade} ({GRADES[grade]})"
         for grade, files in grades.items()
         if files
     )
@@ -291,8 +292,8 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
                 (
                     "How sure",
                     "Columns, units and directions are inferred from names and from the "
-                    "motion: compare the curves with what you did. A grade judges the instrument, "
-                    "not what it pressed.",
+                    "motion: compare the curves with what you did. A grade judges the recording, "
+                    "not what was tested.",
                 ),
                 (
                     "What to do",

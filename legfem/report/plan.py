@@ -22,7 +22,7 @@ NOTHING = "nothing"
 NOTE = (
     "The chance that a test detects an effect of usual strength (a Bayes factor of twenty against a leg without "
     "it), with the stiffness fitted again and all uncertainties of the leg and the instruments. These "
-    "are simulations; no recording was used. An effect that no test shows may bias the stiffness without any sign."
+    "are simulations; no recording was used. An effect that no test shows may bias the stiffness unnoticed."
 )
 
 
@@ -96,7 +96,7 @@ def plan_web_page(
     """
     names = effects_of(ranked)
     return web.WebPage(
-        title=f"Which test of leg {subject.id} should be made first?",
+        title=f"Which test of leg {subject.id} should come first?",
         subject=subject.title,
         origin="simulated",
         headline=_headline(ranked, names),
@@ -131,17 +131,17 @@ def _headline(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.Headli
     shown, unseen = _shown(best, names, _LIKELY, 1.0), _never(ranked, names)
     return web.Headline(
         "caution" if unseen else "sound",
-        f"Make this test first: {best.design.name}.",
+        f"Do this test first: {best.design.name}.",
         [
             (
                 "What it would show",
-                f"With a chance of 80 % or more, if it is there: {', '.join(shown)}."
+                f"If present, these effects are detected with a chance of 80 % or more: {', '.join(shown)}."
                 if shown
-                else "No effect with a chance of 80 %; the table has all.",
+                else "It detects no effect with a chance of 80 % or more; the table lists all chances.",
             ),
             (
                 "What no test here shows",
-                f"{', '.join(unseen).capitalize()}: it could bias the stiffness without any sign."
+                f"No test here would show {', '.join(unseen)}, which could bias the stiffness unnoticed."
                 if unseen
                 else "Every effect that legfem knows would show in at least one of them.",
             ),

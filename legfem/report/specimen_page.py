@@ -10,7 +10,8 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.page import Bars, Curves, Dash, LabelledBar, Line
+from legfem.report.curves import Curves, Dash, Line
+from legfem.report.page import Bars, LabelledBar
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.words import ORIGINS, fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
@@ -143,7 +144,6 @@ def predictions(result: SpecimenFit) -> list[str]:
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
-_RETURNS = "Unloading, and everything after the first return, was not used."
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
     "change of stiffness, and changes the result without any sign of it.",
@@ -185,7 +185,11 @@ def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebP
                         [
                             *estimates.rests_on(best.estimates, followed(best)),
                             *_NOT_TESTED,
-                            *(() if best.details.folder.returns else (_RETURNS,)),
+                            *(
+                                ()
+                                if best.details.folder.returns
+                                else ("Unloading, and everything after the first return, was not used.",)
+                            ),
                         ]
                     )
                 ],
@@ -212,10 +216,11 @@ def _headline(best: SpecimenFit) -> web.Headline:
     doubtful = unsure or best.details.left_out or thickness
     tone: web.Tone = "wrong" if not best.goodness.fits else "caution" if doubtful else "sound"
     fitted = sum(one.fitted for one in best.tests)
+    together = "the recording" if fitted == 1 else f"the {fitted} recordings together"
     describes = "describes" if best.goodness.fits else "does not describe"
     return web.Headline(
         tone,
-        f"{_stiffness(best)}The {law} law {describes} {_together(fitted)} within {rms_percent(best):.2g} % of the "
+        f"{_stiffness(best)}The {law} law {describes} {together} within {rms_percent(best):.2g} % of the "
         f"greatest force{'' if best.goodness.fits else ', more than measurement errors explain'}.",
         [
             (
@@ -238,10 +243,6 @@ def _stiffness(best: SpecimenFit) -> str:
     """The asked number as a sentence; nothing where C10 wasn't free, or the law doesn't fit."""
     found = best.estimates.get(DEEP_C10)
     return f"{estimates.stiffness_sentence(found, 'Tissue')}. " if found is not None and best.goodness.fits else ""
-
-
-def _together(count: int) -> str:
-    return "the recording" if count == 1 else f"the {count} recordings together"
 
 
 _RELAXATION_WORDS = {

@@ -340,7 +340,7 @@ def _comfort(result: StockingResult) -> str:
         return "Unknown."
     where = place_in_fat(result.leg.bare, found.greatest_in_fat_at)
     return (
-        "The greatest pressure in the fat, where the receptors of pain are, is "
+        "The greatest pressure in the fat, which holds the pain receptors, is "
         f"{both_units(found.greatest_in_fat)}, {where}. It is {low_in_fat(result)}."
     )
 

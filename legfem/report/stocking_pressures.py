@@ -10,7 +10,8 @@ from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.geometry.leg_shape_motion import inward, stretch_round
 from legfem.inverse.intervals import quantile
-from legfem.report.page import Bars, Block, Curves, LabelledBar, Line, Prose, Slider, TurnedLeg, View, WebTable
+from legfem.report.curves import Curves, Line
+from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
@@ -191,7 +192,7 @@ def _inside(result: StockingResult, fat: FatPressures | None) -> list[Block]:
     where = place_in_fat(result.leg.bare, found.greatest_in_fat_at)
     blocks.append(
         Prose(
-            "The greatest pressure in the fat, where the receptors of pain are, is the second "
+            "The greatest pressure in the fat, which holds the pain receptors, is the second "
             f"paper's measure of discomfort. It is {where}."
         )
     )
@@ -356,21 +357,21 @@ def level_blocks(result: StockingResult) -> list[Block]:
         )
     )
     error = leg.accuracy
-    tension = (
-        f"{100 * error.tension_sd:g} % of the fabric's tension"
-        if error.tension_sd
-        else "none of the fabric's tension, which counts as exact until [accuracy] tension_relative_sd states its error"
-    )
+    tension = f"{100 * error.tension_sd:g} % of the fabric's tension; " if error.tension_sd else ""
     blocks.append(
         Prose(
-            f"The intervals include these standard deviations: {tension}; {100 * error.pressure_sd:g} % of the "
-            "pressure over an eighth of the girth; and, for the mesh, a tenth of the change that the leg's giving way "
-            "causes (a judgement)."
+            f"The intervals include these errors (standard deviations): {tension}{100 * error.pressure_sd:g} % of the "
+            "pressure on each eighth of the girth; and for the mesh, by judgement, a tenth of the change in pressure "
+            "that the leg's deformation causes." + ("" if error.tension_sd else f" {_EXACT_FABRIC}")
         )
     )
     return blocks
 
 
+_EXACT_FABRIC = (
+    "They do not include any error of the fabric's tension: state it as tension_relative_sd in the table [accuracy] of "
+    "leg.toml."
+)
 _BESIDE = {"within": "within", "too low": "too low for", "too high": "too high for"}
 _UNSURE = "which may or may not be within"
 

@@ -24,10 +24,9 @@ from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.nuisances import Accuracy
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.laws import SpecimenTissue
-from legfem.specimens.mechanisms import Scale, mechanisms_of
+from legfem.specimens.mechanisms import Scale, SpecimenVariants, mechanisms_of
 from legfem.specimens.size_dependence import SizeDependence, size_dependence
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in
-from legfem.specimens.variants import SpecimenVariants
 
 _POINTS = 60
 _BEYOND = 1.04
@@ -259,7 +258,7 @@ def solved_responses(
         {
             "model": "specimen with mechanisms",
             "given": variants.described(PLAIN.variant),
-            "code": code_fingerprint("legfem.specimens.variants", type(kind_in(sizes)).__module__),
+            "code": code_fingerprint("legfem.specimens.mechanisms", type(kind_in(sizes)).__module__),
         },
         step=depth / _POINTS,
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 from legfem.data.recording import write_recording
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
-from legfem.mechanics.contact import RigidIndenter, TurnedCylinder
+from legfem.mechanics.indenters import RigidIndenter, TurnedCylinder
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.solve.path import ForceCurve
 from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded, whole_curve

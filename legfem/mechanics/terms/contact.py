@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.mechanics.contact import PressureLaw, RigidIndenter, TangentialLaw
+from legfem.mechanics.contact import PressureLaw, TangentialLaw
+from legfem.mechanics.indenters import RigidIndenter
 from legfem.mechanics.integration_domain import Skin, named_parameters
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.model import Memoryless

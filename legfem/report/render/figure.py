@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from legfem.report.page import Curves, Dash, joined, ways
+from legfem.report.curves import Curves, Dash, joined, ways
 from legfem.report.style import DATA_COLOUR, FAINT, LOCATED_COLOUR, new_figure, panel, styled, title
 
 _STROKES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":", "dotdash": "-."}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from legfem.report.curves import Curves
 from legfem.report.many import SortableTable
 from legfem.report.page import (
     PROVENANCE,
@@ -12,7 +13,6 @@ from legfem.report.page import (
     Bars,
     Block,
     Bullets,
-    Curves,
     PressedSection,
     Prose,
     ResponseSurface,

@@ -58,6 +58,10 @@
           ctx.restore();
         },
       };
+      // Noise about zero alone is no reason for a tick below it.
+      const drawn = given.lines.flatMap((line) => line.values[place] ?? []).filter((one) => one !== null);
+      const [lowest, highest] = [drawn.reduce((a, b) => Math.min(a, b), 0), drawn.reduce((a, b) => Math.max(a, b), 0)];
+      const below = lowest < 0 && lowest > -0.05 * highest ? {min: lowest} : {};
       const chart = new Chart(canvas, {
         type: "line",
         data: {datasets},
@@ -72,7 +76,7 @@
           scales: {
             // With limits of its own the axis has its ticks at round numbers, not counted from the first reading.
             x: {type: "linear", min, max, ticks: {display: last, includeBounds: false}, title: {display: last, text: given.label}},
-            y: {ticks: {includeBounds: false}, title: {display: true, text: given.labels[place]}, afterFit: (axis) => { axis.width = EDGE; }},
+            y: {...below, ticks: {includeBounds: false}, title: {display: true, text: given.labels[place]}, afterFit: (axis) => { axis.width = EDGE; }},
           },
           plugins: {
             legend: {display: false},

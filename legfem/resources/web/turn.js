@@ -156,4 +156,5 @@
     input.addEventListener("input", draw);
   // In the next frame: drawing changes the height of what is observed.
   new ResizeObserver(() => requestAnimationFrame(draw)).observe(canvas.parentElement);
+  addEventListener("beforeprint", draw);
 })();

@@ -23,7 +23,7 @@ from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
 from legfem.report import page as web
-from legfem.report.page import Curves, Line
+from legfem.report.curves import Curves, Line
 from legfem.report.render.html import rendered
 from legfem.report.render.text import table
 from legfem.report.style import FAINT, new_figure, save, styled

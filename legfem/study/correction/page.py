@@ -13,7 +13,7 @@ from legfem.common.documents import Cells, column_cells, row_cells
 from legfem.common.units import FloatArray
 from legfem.legs.correction import DEFINITION, smooth_ratio
 from legfem.report import page as web
-from legfem.report.page import Curves, Dash, Line
+from legfem.report.curves import Curves, Dash, Line
 from legfem.report.style import FAINT, REGION_COLOURS, new_figure, panel, save, styled
 from legfem.study.correction import page as tables
 from legfem.study.correction.calibration import GRID, Calibrated, Calibration, versions

@@ -45,7 +45,7 @@ def to_know(result: StudyResult) -> str:
         return "Not computed: run it without --factorial-only."
     name, errors = ranked[0]
     moved = " and ".join(f"{label_of(one)} {10 * error:+.0f} %" for one, error in zip(IDENTIFIED, errors, strict=True))
-    return f"Above all, {label_of(name)}: if it is taken 10 % too high, it changes {moved}."
+    return f"The {label_of(name)} matters most: assumed 10 % too high, it changes {moved}."
 
 
 def to_measure(result: StudyResult) -> list[str]:
@@ -64,8 +64,8 @@ def to_measure(result: StudyResult) -> list[str]:
         first = f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial gives {halves}."
     else:
         first = (
-            f"A press of {depth:g} mm alone isn't enough: with fat and fascia known within their "
-            f"ranges only, it gives {halves}. Measure {label_of(ranked[0][0])} by another test."
+            f"One press of {depth:g} mm is not enough: if fat and fascia are only known within their "
+            f"ranges, it gives {halves}. Measure {label_of(ranked[0][0])} by another test."
         )
     depths = {n: information.told_from(n, within_ranges=True) for n in information.names if n in IDENTIFIED}
     return [
@@ -77,7 +77,9 @@ def to_measure(result: StudyResult) -> list[str]:
             "ranges only: don't identify it from this test alone."
             for name, at in depths.items()
         ),
-        "In the order of what errors in them do: know " + ", ".join(label_of(name) for name, _ in ranked) + ".",
+        "These assumed values matter, the most important first: "
+        + ", ".join(label_of(name) for name, _ in ranked)
+        + ".",
     ]
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.report import page as web
-from legfem.report.page import Bars, Curves, LabelledBar, Line, ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.report.curves import Curves, Line
+from legfem.report.page import Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.study.doe import tables
 from legfem.study.doe.claims import in_words, not_seen, to_know, to_measure, verdicts
@@ -32,7 +33,7 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
             "the centre. The bound on a coefficient is the largest of these relative errors "
             "times the mean size of the metric."
         )
-        table = web.WebTable("Errors, and what they can make of a coefficient", *numerics)
+        table = web.WebTable("Numerical errors, and how much they can change a coefficient", *numerics)
         chapters.append(web.Chapter("Numerical error of the metrics", [table, web.Prose(note)]))
     if sobol := tables.sobol_cells(result):
         note = (
@@ -49,18 +50,17 @@ def _variance(result: StudyResult) -> list[web.Block]:
     return [
         web.Bullets(result.run_notes()),
         web.Prose(f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. {_counting(result)}"),
-        web.WebTable("Sums of squares and what they say, a row a metric", *tables.anova_cells(result)),
+        web.WebTable("Analysis of variance of each metric", *tables.anova_cells(result)),
         web.WebTable(
             "Effects without an error estimate (Lenth), curvature at the centre, normality",
             *tables.effects_cells(result),
             folded=True,
         ),
         web.Prose(
-            "The runs are deterministic: what the t tests take for error is the surface's lack of "
-            "fit. Lenth's pseudo standard error (PSE) is that of the small contrasts among all; "
-            "beyond its simultaneous margin a contrast is no chance (95 % for all together). "
-            "'corners - centre' is 0 for a surface without squares. Normality: probabilities of "
-            "Shapiro and Wilk's test."
+            "The runs are deterministic, so the error in the t tests is the surface's lack of fit. Lenth's pseudo "
+            "standard error (PSE) is estimated from the small contrasts; a contrast beyond its simultaneous margin "
+            "is not due to chance (95 % for all together). 'corners - centre' is 0 for a surface without squared "
+            "terms. The column for normality gives the probability in Shapiro and Wilk's test."
         ),
     ]
 
@@ -85,14 +85,14 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
     depth, instrument = result.definition.depth, result.subject.instrument
     point = ", ".join(f"{label_of(name)} {value:.4g}" for name, value in zip(found.names, found.nominal, strict=True))
     return [
-        web.WebTable("95 % half-widths of the parameters by depth, the least that a test can have", *cells),
+        web.WebTable("Smallest possible 95 % half-widths of the parameters, by depth", *cells),
         web.Prose(
-            "Relative to the value: the least that any unbiased estimate can have, at "
-            f"{point} (MPa, mm), for one trial with one independent reading a mm, "
-            f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). A "
-            "curve's model error isn't in them. 'Others within their ranges': what isn't deep C10 "
-            "or C20 is known before the test, its range above being a 95 % interval of its logarithm. "
-            "Told: within 50 %."
+            "The half-widths are relative to the value. No unbiased estimate can have smaller ones at "
+            f"{point} (MPa, mm), from one trial with one independent reading a mm and errors of "
+            f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). They do not include the "
+            "model's own error. 'Others within their ranges' means that all parameters but the deep C10 and C20 are "
+            "known before the test, with the ranges above as 95 % intervals of their logarithms. A parameter is "
+            "called determined when it is known within 50 %."
         ),
         web.Prose("Eigenvectors of the information at full depth, best determined first:"),
         web.Bullets(_eigenvectors(found, depth)),
@@ -172,12 +172,12 @@ def _headline(result: StudyResult) -> web.Headline:
     unseen = not_seen(result)
     return web.Headline(
         "caution" if _warnings(result) else "sound",
-        f"A press {result.definition.depth:g} mm deep shows {in_words(factor)} most, which causes "
-        f"{100 * share:.0f} % of the variation of the {metric.label} over the ranges.",
+        f"The force of a press {result.definition.depth:g} mm deep depends most on {in_words(factor)}, which causes "
+        f"{100 * share:.0f} % of the variation in the {metric.label} over the ranges.",
         [
             (
                 "What it does not show",
-                f"{', '.join(unseen)}: below 1 % in every window."
+                f"It hardly depends on {' and '.join(unseen)}: below 1 % in every window."
                 if unseen
                 else "Every factor causes 1 % or more somewhere.",
             ),
@@ -305,8 +305,8 @@ def _surface(result: StudyResult) -> list[web.Block]:
     first, second, *_ = sorted(numbers, key=lambda symbol: -main[symbol])
     return [
         ResponseSurface(
-            "Map of the fitted surface over two factors, the others where their sliders stand; the "
-            "cross is there, too. Light is little, dark is much.",
+            "Map of the fitted surface over two factors. The other factors are where their sliders stand, and the "
+            "cross marks the sliders of these two. Dark is high, light is low.",
             [
                 SurfaceFactor(
                     f.label,

@@ -1,0 +1,199 @@
+"""Rigid indenters as analytic signed distances, so that no search for contact is needed.
+
+With :math:`y` the position of a skin point relative to the indenter, the gap is :math:`g(y)`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any, Protocol
+
+import ufl
+
+from legfem.common.errors import InputError, check_positive
+from legfem.mechanics.kinematics import Expr
+
+Scalar = Any
+
+
+class RigidIndenter(Protocol):
+    """A rigid body as the signed distance from its surface."""
+
+    def gap(self, y: Expr) -> Expr:
+        """Return the signed distance (mm) of a point relative to the indenter's centre."""
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the indenter."""
+
+
+@dataclass(frozen=True)
+class RigidCylinder:
+    """A rigid cylinder; in plane strain a disk.
+
+    Parameters
+    ----------
+    radius : float
+        Radius, mm.
+    """
+
+    radius: Scalar
+
+    def gap(self, y: Expr) -> Expr:
+        """Return the signed distance (mm) of a point at ``y`` from the axis, positive outside."""
+        return ufl.sqrt(ufl.dot(y, y)) - self.radius
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the indenter."""
+        return y / ufl.sqrt(ufl.dot(y, y))
+
+
+@dataclass(frozen=True)
+class RigidBall(RigidCylinder):
+    """A rigid ball, in 3D or in the meridional half plane: there it is a disk too.
+
+    Parameters
+    ----------
+    radius : float
+        Radius, mm.
+    """
+
+
+@dataclass(frozen=True)
+class RigidPlate:
+    """A rigid flat plate that reaches everywhere and faces down the second coordinate."""
+
+    def gap(self, y: Expr) -> Expr:
+        """Return the signed distance (mm) of a point at ``y`` from the plate's face."""
+        return -y[1]
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the plate."""
+        return ufl.as_vector([-1.0 if k == 1 else 0.0 for k in range(y.ufl_shape[0])])
+
+
+@dataclass(frozen=True)
+class FiniteCylinder:
+    r"""A rigid cylinder with its axis along the third coordinate and rounded end edges.
+
+    With the distance :math:`s` from the axis, :math:`a = s - (r - \rho)` and
+    :math:`b = |z| - (l - \rho)`, the signed distance is
+
+    .. math:: g = \sqrt{\max(a, 0)^2 + \max(b, 0)^2} + \min(\max(a, b), 0) - \rho,
+
+    which along the cylinder is that of `RigidCylinder`.
+
+    Parameters
+    ----------
+    radius : float
+        Radius, mm.
+    half_length : float
+        :math:`l` (mm), the rounding included.
+    edge : float
+        Radius :math:`\rho` of the rounding (mm).
+    """
+
+    radius: Scalar
+    half_length: Scalar
+    edge: Scalar
+
+    def __post_init__(self) -> None:
+        """Check the numbers, and that the rounding fits the cylinder."""
+        check_positive(self, "radius", "half_length", "edge")
+        numbers = (self.edge, self.radius, self.half_length)
+        if all(isinstance(n, Real) for n in numbers) and self.edge >= min(numbers[1:]):
+            raise InputError(
+                "cylinder",
+                "edge",
+                f"a rounding of {self.edge:g} mm doesn't fit the cylinder",
+                "give less than its radius and half its length",
+            )
+
+    def gap(self, y: Expr) -> Expr:
+        """Return the signed distance (mm), positive outside."""
+        return rounded_gap(*self._beyond(y), self.edge)
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the indenter."""
+        radial, axial = rounded_normal(*self._beyond(y))
+        s = _norm(y[0], y[1])
+        return ufl.as_vector([radial * y[0] / s, radial * y[1] / s, axial * ufl.conditional(ufl.lt(y[2], 0), -1, 1)])
+
+    def _beyond(self, y: Expr) -> tuple[Expr, Expr]:
+        a = _norm(y[0], y[1]) - (self.radius - self.edge)
+        b = abs(y[2]) - (self.half_length - self.edge)
+        return a, b
+
+
+def rounded_gap(a: Expr, b: Expr, edge: Scalar) -> Expr:
+    """Return the signed distance (mm) from a corner rounded with a radius, positive outside.
+
+    Its faces lie that radius beyond ``a = 0`` and ``b = 0``, where a and b (mm) grow outwards.
+    """
+    corner = _norm(ufl.max_value(a, 0), ufl.max_value(b, 0))
+    return corner + ufl.min_value(ufl.max_value(a, b), 0) - edge
+
+
+def rounded_normal(a: Expr, b: Expr) -> tuple[Expr, Expr]:
+    """Return the derivatives of `rounded_gap` by a and b; inside, those of the nearer face."""
+    corner = _norm(ufl.max_value(a, 0), ufl.max_value(b, 0))
+    inside = ufl.lt(ufl.max_value(a, b), 0)
+    return (
+        ufl.conditional(inside, _step(a - b), ufl.max_value(a, 0) / corner),
+        ufl.conditional(inside, 1.0 - _step(a - b), ufl.max_value(b, 0) / corner),
+    )
+
+
+def _norm(a: Expr, b: Expr) -> Expr:
+    """Return the length of (a, b), with a derivative at zero too."""
+    return ufl.sqrt(a**2 + b**2 + 1e-24)
+
+
+def _step(a: Expr) -> Expr:
+    return ufl.conditional(ufl.gt(a, 0), 1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class TurnedCylinder(FiniteCylinder):
+    """A rigid cylinder with rounded end edges and its axis along a unit vector.
+
+    See `FiniteCylinder`, which it is where the axis is the third coordinate's.
+
+    Parameters
+    ----------
+    radius, half_length, edge : float
+        As those of `FiniteCylinder`, mm.
+    axis_x, axis_y, axis_z : float
+        Components of the unit vector.
+    """
+
+    axis_x: Scalar = 0.0
+    axis_y: Scalar = 0.0
+    axis_z: Scalar = 1.0
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the indenter."""
+        radial, axial = rounded_normal(*self._beyond(y))
+        side = ufl.conditional(ufl.lt(self._along(y), 0), -1, 1)
+        return radial / self._away(y) * self._across(y) + axial * side * self._axis
+
+    @property
+    def _axis(self) -> Expr:
+        return ufl.as_vector([self.axis_x, self.axis_y, self.axis_z])
+
+    def _along(self, y: Expr) -> Expr:
+        return ufl.dot(y, self._axis)
+
+    def _across(self, y: Expr) -> Expr:
+        """Return the part of a position that is perpendicular to the axis."""
+        return y - self._along(y) * self._axis
+
+    def _away(self, y: Expr) -> Expr:
+        """Return the distance from the axis, with a derivative on it too."""
+        across = self._across(y)
+        return ufl.sqrt(ufl.dot(across, across) + 1e-24)
+
+    def _beyond(self, y: Expr) -> tuple[Expr, Expr]:
+        a = self._away(y) - (self.radius - self.edge)
+        b = abs(self._along(y)) - (self.half_length - self.edge)
+        return a, b
