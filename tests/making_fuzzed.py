@@ -11,11 +11,10 @@ from making_broken import broken_bytes, broken_text
 from making_scans import PARTS, labels, subject_of_scan, write_cross_sections, write_nifti, write_surfaces
 from making_sites import SITES, write_sites
 from making_specimens import write_bars
-from making_stocking import LEG_TOML
+from making_stocking import LEG_TOML, write_shape
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_shape_from_outlines import write_shape
 from legfem.legs.loading import load_subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.folder import load_specimen

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_shape_from_outlines import write_shape
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from studies.legs.shapes import parametric_leg, read_legs
@@ -28,6 +27,18 @@ compression_class = "2"
 COARSE = SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
 COARSEST = SolidMeshSettings(skin_size=16, inside_size=20, bone_size=12, layer_elements=0.3, turn_elements=6)
 """Where words and columns are looked at, and no number."""
+
+
+def write_shape(shape: LegShape, path: Path) -> None:
+    """Write a shape, to 0.1 micrometre."""
+    rows = ["level_mm,part,i,x_mm,y_mm"]
+    rows += [
+        f"{level:.4f},{part},{i},{x:.4f},{y:.4f}"
+        for part in shape.parts
+        for level, loop in zip(shape.levels, shape.contours[part], strict=True)
+        for i, (x, y) in enumerate(loop)
+    ]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
 def short_leg() -> LegShape:

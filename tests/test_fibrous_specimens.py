@@ -15,7 +15,7 @@ from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.bodies import PunchOnLayer, UniaxialSpecimen
 from legfem.experiments.lateral_cylinder import LateralCylinder
-from legfem.inverse.parse_parameters import Written
+from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
 from legfem.mechanics.contact import ContactSettings
@@ -26,7 +26,7 @@ from legfem.report.identification import write_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import AXES
-from legfem.specimens.laws import SpecimenTissue, asked_in_writing
+from legfem.specimens.laws import SpecimenTissue, request_of_texts
 from legfem.specimens.mechanisms import SpecimenVariants
 from legfem.specimens.nuisances import OwnStiffness
 from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text, slipping
@@ -206,7 +206,7 @@ def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path
     assert list(found.estimates) == ["deep.C10"] and found.values[RATIO] == 3.0
     assert found.estimates["deep.C10"].value == pytest.approx(C10, rel=0.02)
     with pytest.raises(InputError, match="less along the fibres than across"):
-        asked_in_writing(Written(fixed=[f"{RATIO}=0.5"]), folder.tissues)
+        request_of_texts(ParameterTexts(fixed=[f"{RATIO}=0.5"]), folder.tissues)
     (tmp_path / "specimen.toml").write_text(ON_BLOCK + '[fibres]\ndirection = "cylinder"\n')
     with pytest.raises(InputError, match="no fitted test strains fibres along the cylinder"):
         lf.identify(lf.load_specimen(tmp_path), "neo-hookean")

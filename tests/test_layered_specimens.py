@@ -14,13 +14,13 @@ import legfem as lf
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
 from legfem.experiments.bodies import BallOnLayer, PunchOnLayer
-from legfem.inverse.parse_parameters import Written
+from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.laws import SpecimenTissue, asked_in_writing, identified_law, tissues_of
+from legfem.specimens.laws import SpecimenTissue, identified_law, request_of_texts, tissues_of
 from legfem.specimens.mechanisms import Scale, SpecimenVariants, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
 from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text, slipping
@@ -103,15 +103,15 @@ def test_layers_are_read_from_the_top_and_stand_from_the_base() -> None:
 
 
 def test_what_is_stated_is_held_and_what_is_open_is_free() -> None:
-    open_law = identified_law("reduced-polynomial", OPEN, 5e-3, False, asked_in_writing(Written(), OPEN))
+    open_law = identified_law("reduced-polynomial", OPEN, 5e-3, False, request_of_texts(ParameterTexts(), OPEN))
     assert open_law.names == ("muscle.C10", "muscle.C20", "fat.C10", "fat.C20")
     stated = (OPEN[0], SpecimenTissue("fat", "neo-hookean", stated={"C10": 2e-3}))
-    law = identified_law("neo-hookean", stated, 5e-3, False, asked_in_writing(Written(), stated))
+    law = identified_law("neo-hookean", stated, 5e-3, False, request_of_texts(ParameterTexts(), stated))
     assert law.names == ("muscle.C10",) and law.fixed["fat.C10"] == 2e-3
     # D1 isn't held: it follows from C10 and Poisson's ratio.
     assert not any(name.endswith("D1") for name in law.fixed)
-    written = Written(priors=["fat.C10=2 x/ 1.2 kPa"], fixed=["muscle.C10=7 kPa"])
-    law = identified_law("neo-hookean", OPEN, 5e-3, False, asked_in_writing(written, OPEN))
+    written = ParameterTexts(priors=["fat.C10=2 x/ 1.2 kPa"], fixed=["muscle.C10=7 kPa"])
+    law = identified_law("neo-hookean", OPEN, 5e-3, False, request_of_texts(written, OPEN))
     assert law.names == ("fat.C10",) and law.parameters[0].prior is not None
 
 

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 from making import circle
+from making_stocking import write_shape
 from scipy.spatial.transform import Rotation
 
 from legfem.common.errors import InputError
@@ -20,7 +21,7 @@ from legfem.geometry.leg_shape import (
     perimeter,
     shape_of_contours,
 )
-from legfem.geometry.leg_shape_from_outlines import read_shape, smoothed, write_shape
+from legfem.geometry.leg_shape_from_outlines import read_shape, smoothed
 from legfem.geometry.leg_shape_motion import displaced, rigidly_moved, without_layer
 from legfem.geometry.leg_surface import PartSurface
 from studies.legs.shapes import round_leg

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_stocking import LEG_TOML
+from making_stocking import LEG_TOML, write_shape
 from shapely import Point, Polygon
 
 from legfem.common.errors import InputError
 from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_shape_from_outlines import write_shape
 from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.stockings.leg import GAP, default_veins
 from legfem.stockings.loading import LEGS, load_leg

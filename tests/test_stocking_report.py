@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_stocking import COARSEST, short_leg
+from making_stocking import COARSEST, short_leg, write_shape
 from matplotlib.image import imread
 from reading_page import read
 from test_page_security import PLANTED, Elements
@@ -21,7 +21,6 @@ from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
 from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import SKIN
-from legfem.geometry.leg_shape_from_outlines import write_shape
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
 from legfem.inverse.intervals import quantile

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings
     from legfem.inverse.catalogue import Values
     from legfem.inverse.parameter import Parameter
-    from legfem.inverse.parse_parameters import Written
+    from legfem.inverse.parse_parameters import ParameterTexts
     from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
     from legfem.specimens.folder import SpecimenFolder
     from legfem.specimens.laws import ParameterRequest
@@ -137,7 +137,7 @@ def identify(
     from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
     from legfem.specimens.folder import SpecimenFolder
 
-    wanted = Wanted.of(identify, prior, fix, c10_bounds, c20_bounds)
+    wanted = AskedParameters.of(identify, prior, fix, c10_bounds, c20_bounds)
     check_finite("depth", depth)
     check_whole("jobs", jobs, 1)
     if out is not None:
@@ -175,7 +175,7 @@ def identify(
 def _of_leg(
     given: Subject | SitedLeg,
     law: str | None,
-    wanted: Wanted,
+    wanted: AskedParameters,
     request: SearchRequest,
     correction: str,
     in_3d: bool,
@@ -203,7 +203,7 @@ def _of_leg(
     nominal = nominal_of(leg, solid)
     free, held = wanted.parameters(nominal), wanted.held(nominal)
     of_law = [one for one in free if one.name not in INSTRUMENT]
-    laws = wanted.written.laws(law, of_law, leg.sites[0].tissues["deep"].C20, held)
+    laws = wanted.texts.laws(law, of_law, leg.sites[0].tissues["deep"].C20, held)
     request = replace(request, parameters=free, fixed=held)
     solid_numbers = _solid_settings(mesh) if solid else None
     section = None if solid else section_forward(leg, request, _plane_settings(mesh))
@@ -217,7 +217,7 @@ def _of_leg(
 def _of_specimens(
     folder: SpecimenFolder,
     law: str | None,
-    wanted: Wanted,
+    wanted: AskedParameters,
     leave_out: Sequence[str],
     request: SearchRequest,
     progress: bool,
@@ -255,17 +255,17 @@ def _wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class AskedParameters:
     """What a call asks to be free and held: names and texts as the command has them, parameters and numbers."""
 
-    written: Written
+    texts: ParameterTexts
     given: Mapping[str, Parameter]
     """Parameters that were given whole, by name."""
     numbers: Values
     """Values to hold, in the model's units."""
 
     @classmethod
-    def of(cls, identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_bounds: Any) -> Wanted:
+    def of(cls, identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_bounds: Any) -> AskedParameters:
         """What arguments of `identify` ask for.
 
         Raises
@@ -275,7 +275,7 @@ class Wanted:
         """
         from legfem.inverse.catalogue import check_held
         from legfem.inverse.parameter import Parameter
-        from legfem.inverse.parse_parameters import Written
+        from legfem.inverse.parse_parameters import ParameterTexts
 
         listed = "a list of full names or of legfem.inverse.parameter.Parameter"
         if not isinstance(identify, list | tuple | None):
@@ -308,16 +308,16 @@ class Wanted:
             check_held("--fix", f"{name}={value:g}", str(name), float(value))
             if name in names:
                 raise wrong("fix", name, "is to be identified too", "leave one of them out")
-        return cls(Written(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
+        return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
 
     @property
     def names(self) -> set[str]:
         """Full names of all that is asked for, held or given a prior."""
-        return {*self.written.names, *self.given, *self.numbers}
+        return {*self.texts.names, *self.given, *self.numbers}
 
     def parameters(self, nominal: Values) -> tuple[Parameter, ...]:
         """What is free in a leg whose values are assumed to be ``nominal``, with bounds that suit legs."""
-        free = {one.name: one for one in self.written.parameters(nominal)}
+        free = {one.name: one for one in self.texts.parameters(nominal)}
         for name, one in self.given.items():
             known = free[name].prior if name in free else None
             free[name] = replace(one, prior=known or one.prior)
@@ -325,13 +325,13 @@ class Wanted:
 
     def held(self, nominal: Values) -> dict[str, float]:
         """What is held, in the model's units."""
-        return {**self.written.held(nominal), **self.numbers}
+        return {**self.texts.held(nominal), **self.numbers}
 
     def asked(self, folder: SpecimenFolder) -> ParameterRequest:
         """What is free and held in the tissues of specimens."""
-        from legfem.specimens.laws import asked_in_writing
+        from legfem.specimens.laws import request_of_texts
 
-        found = asked_in_writing(self.written, folder.tissues)
+        found = request_of_texts(self.texts, folder.tissues)
         priors = {name: one.prior for name, one in self.given.items() if one.prior is not None}
         bounds = {name: one.bounds for name, one in self.given.items()}
         return replace(

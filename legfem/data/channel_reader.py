@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind, Frames, FramesError, FramesFile, Read
 from legfem.channels.registry import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
@@ -37,8 +37,9 @@ _OF_IMAGES_AND_FILMS = {
 
 
 _ERRORS = {"sd": "reading", "bias": "bias", "slow": "slow"}
-"""Keys of standard deviations in a channel's unit, and what of its accuracy each is: of a single reading, of a constant
-error, and of one that changes slowly within a trial."""
+"""Keys of standard deviations in a channel's unit, and what of its accuracy each is."""
+_OF = {"sd": "a reading", "bias": "a constant error", "slow": "an error that changes slowly within a trial"}
+"""What each of these is the standard deviation of."""
 
 
 def _key(error: str, unit: str) -> str:
@@ -120,10 +121,14 @@ class RecordedChannelEntry(FileTable):
         return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
-_BY_UNIT: dict[str, Any] = {
-    _key(name, unit): ((Positive if name == "sd" else NotNegative) | None, None)
-    for name, unit in product(_ERRORS, UNITS)
-}
+def _field(error: str, unit: str) -> Any:
+    """Return the type and description of one of these."""
+    of = "without a unit" if unit == "-" else f"in {unit}"
+    said = f"Standard deviation of {_OF[error]}, for a channel {of}."
+    return ((Positive if error == "sd" else NotNegative) | None, Field(None, description=said))
+
+
+_BY_UNIT = {_key(error, unit): _field(error, unit) for error, unit in product(_ERRORS, UNITS)}
 _ENTRY = create_model("ChannelEntry", __base__=RecordedChannelEntry, __module__=__name__, **_BY_UNIT)
 """With the errors of channels of every unit."""
 _FIELDS: dict[str, Any] = dict.fromkeys((*(kind.name for kind in OF_LEGS), *OF_FRAMES), (_ENTRY | None, None))

@@ -146,21 +146,6 @@ def nested_shape(
     return shape
 
 
-HEADER = ("level_mm", "part", "i", "x_mm", "y_mm")
-
-
-def write_shape(shape: LegShape, path: Path) -> None:
-    """Write a shape, to 0.1 micrometre."""
-    rows = [",".join(HEADER)]
-    rows += [
-        f"{level:.4f},{part},{i},{x:.4f},{y:.4f}"
-        for part in shape.parts
-        for level, loop in zip(shape.levels, shape.contours[part], strict=True)
-        for i, (x, y) in enumerate(loop)
-    ]
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-
-
 def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> LegShape:
     """Read a shape and check that its parts nest.
 

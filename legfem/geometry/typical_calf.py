@@ -9,6 +9,7 @@ import numpy as np
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_section
+from legfem.geometry.curve import closed_lengths, outward_normals
 from legfem.geometry.section import LegSection, girth
 
 MOST_OVER_SHIN_MM = 6.0
@@ -88,7 +89,7 @@ def calf_section(calf: Calf, points: int = 240) -> LegSection:
     shape = oval(angle, calf.aspect, calf.bulge, calf.asymmetry)
     unit = np.column_stack([np.cos(angle), np.sin(angle)])
     outline = shape[:, None] * unit
-    radius = calf.girth_mm / _perimeter(outline)
+    radius = calf.girth_mm / float(closed_lengths(outline))
     skin = radius * outline
     fascia = skin - (calf.fat_mm * calf.relative_fat(angle))[:, None] * outward_normals(skin)
     tibia = bone_outline(calf.tibia_mm, (-0.20 * calf.side * radius, 0.46 * radius), 0.16, 3, 0.4 * calf.side)
@@ -114,14 +115,3 @@ def bone_outline(radius: float, centre: tuple[float, float], lobe: float, lobes:
     angle = 2 * np.pi * np.arange(60) / 60
     reach = radius * (1 + lobe * np.cos(lobes * (angle - turn)) / lobes)
     return np.asarray(centre) + reach[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _perimeter(closed: FloatArray) -> float:
-    return float(np.linalg.norm(closed - np.roll(closed, 1, axis=0), axis=1).sum())
-
-
-def outward_normals(closed: FloatArray) -> FloatArray:
-    """Return unit normals at the points of a counter-clockwise contour, (n, 2)."""
-    tangent = np.roll(closed, -1, axis=0) - np.roll(closed, 1, axis=0)
-    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True)

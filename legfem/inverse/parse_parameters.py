@@ -41,8 +41,8 @@ _FIX_EXAMPLE = "'deep.D1=28 1/MPa'"
 
 
 @dataclass(frozen=True)
-class Written:
-    """What a command line asks for.
+class ParameterTexts:
+    """What a command line asks to be free and held, in its own words.
 
     Parameters
     ----------

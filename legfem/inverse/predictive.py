@@ -124,6 +124,15 @@ _KEPT = 0.3
 """Of the readings, at least, without a part."""
 
 
+def nearest_fit(problem: LinearisedProblem, fitted: LinearisedFit) -> LinearisedFit:
+    """Return a model as near to the recordings as it gets: by equal weights, its mechanisms' numbers held.
+
+    What a weighted fit leaves may lie in errors that trials share, and isn't what the model can't follow.
+    """
+    held = {f"{m.name}.{p.name}" for m in fitted.mechanisms for p in m.parameters}
+    return fit(equally_weighted(problem, fitted.residual), fitted.mechanisms, fitted.values, held)
+
+
 @dataclass(frozen=True)
 class Misfit:
     """A misfit's size."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from legfem.common.units import FloatArray
 from legfem.inverse.explanation import Explanation, Statement
 from legfem.inverse.location import runs
+from legfem.inverse.predictive import nearest_fit
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.curves import Curves, Line
 from legfem.report.render.figure import curves_figure
@@ -196,18 +197,20 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
         ]
     prediction = rows(found.base.fit.prediction).mean(axis=0)
     lines.append(Line(BASE_NAME, prediction, base.mean(axis=0), BASE_COLOUR, "dashed"))
+    left = [f"{BASE_NAME} {_rms(base):.2g} N"]
     for shown in shown_models(found)[:1]:
-        fit = shown.model.fit
+        fit = nearest_fit(shown.model.problem, shown.model.fit)
         name = f"with {shown.name}" if shown.suits else shown.name
         lines.append(Line(name, rows(fit.prediction).mean(axis=0), -rows(fit.residual).mean(axis=0), REPAIRED_COLOUR))
+        left.append(f"{name} {_rms(rows(fit.residual)):.2g} N")
     places = [place for place in places_of(found) if place.protocol == number]
     sd = np.sqrt(np.mean(rows(found.errors.trial_sd) ** 2, axis=0))
     stations = observed.protocols[number]
     return Curves(
         f"recording{number}-{axis}",
         f"Force over {label.split(' ')[0]}, {stations.label}: recorded, and of the "
-        f"{LAW_NAMES[found.law]} model; beneath, model less recorded; for single trials, the "
-        f"{BASE_NAME} less the trial.",
+        f"{LAW_NAMES[found.law]} model, each as near to the recordings as it gets; beneath, model less recorded; for "
+        f"single trials, the {BASE_NAME} less the trial. Root mean square over all trials: {', '.join(left)}.",
         x,
         label,
         "force (N)",
@@ -218,6 +221,10 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
         [place.time if axis else place.displacement for place in places],
         "where the base model is wrong" if places else "",
     )
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def relative_change(before: float, after: float) -> str:

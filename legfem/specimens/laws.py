@@ -26,7 +26,7 @@ from legfem.inverse.catalogue import (
 from legfem.inverse.fibre_ratio import USUAL_RATIO, ratio_of
 from legfem.inverse.instrument import INSTRUMENT, RELAXATION
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.inverse.parse_parameters import Written, read_prior
+from legfem.inverse.parse_parameters import ParameterTexts, read_prior
 from legfem.mechanics.materials import ExponentialStiffening, Hyperelastic, NeoHookean, ReducedPolynomial, Yeoh
 from legfem.specimens.relaxation import relaxation_parameters
 from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile
@@ -186,7 +186,7 @@ def laws_named(name: str | None) -> tuple[LawName, ...]:
     return found
 
 
-def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> ParameterRequest:
+def request_of_texts(texts: ParameterTexts, tissues: Sequence[SpecimenTissue]) -> ParameterRequest:
     """Return what a command line asks for.
 
     Raises
@@ -197,7 +197,7 @@ def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> Par
     known = dict[str, float]()
     for law in KINDS:
         known |= known_values([replace(one.of_law(law), stated={}) for one in tissues], 1.0)
-    given = {DEEP_C10: written.c10_bounds, DEEP_C20: written.c20_bounds}
+    given = {DEEP_C10: texts.c10_bounds, DEEP_C20: texts.c20_bounds}
     bounds = dict[str, tuple[float, float]]()
     if any(given.values()):
         if DEEP_C10 not in known:
@@ -207,15 +207,13 @@ def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> Par
                 "are layers",
                 "leave it out, or say by --prior LAYER.C10 what is known",
             )
-        checked = {one.name: one.bounds for one in replace(written, identify=()).parameters(known)}
+        checked = {one.name: one.bounds for one in replace(texts, identify=()).parameters(known)}
         bounds = {name: checked[name] for name, limits in given.items() if limits is not None}
-    held = written.held(known)
+    held = texts.held(known)
     for name, value in held.items():
         if is_ratio(name) and value < RATIO_BOUNDS[0]:
             raise InputError("--fix", name, f"{value:g} is less along the fibres than across", "give at least 1")
-    return ParameterRequest(
-        tuple(written.identify), dict(read_prior(text, known) for text in written.priors), bounds, held
-    )
+    return ParameterRequest(tuple(texts.identify), dict(read_prior(text, known) for text in texts.priors), bounds, held)
 
 
 def known_values(tissues: Sequence[SpecimenTissue], c10: float) -> dict[str, float]:
