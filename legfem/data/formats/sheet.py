@@ -237,6 +237,13 @@ def sheet_of_rows(
             f"no row with the names of {len(columns)} columns stands above the numbers",
             "give each column a name with its unit, such as Time (s)",
         )
+    if _width(titles) > width and not all(_text(_at(titles, c)) for c in columns):
+        raise InputError(
+            path,
+            f"{where}line {start + 1}",
+            f"{_width(titles)} names, the first of them empty, stand above {width} columns: which is whose isn't clear",
+            "give each column a name with its unit, such as Time (s)",
+        )
     found = []
     for k, c in enumerate(columns):
         column, unit = name_and_unit(_text(_at(titles, c)))
