@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal, norm
 
 from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, ErrorModel
-from legfem.inverse.evidence import Evidence, Linearisation, probabilities
+from legfem.inverse.evidence import Evidence, Linearisation, factor_of, probabilities
 from legfem.inverse.posterior import Posterior
 from legfem.inverse.trial_noise import Noise
 
@@ -218,3 +218,14 @@ def test_effects_of_what_is_not_known_are_found_in_standard_deviations():
 def test_probabilities_are_shares_of_weights_however_large():
     np.testing.assert_allclose(probabilities([np.log(3.0), 0.0]), [0.75, 0.25])
     np.testing.assert_allclose(probabilities([-2e4, -2e4 - np.log(4)]), [0.8, 0.2])
+
+
+def test_effects_beyond_rounding_have_a_factor_yet():
+    """The sum's smallest eigenvalue is 1, which rounding of 1e19 takes away."""
+    one = np.random.default_rng(1).normal(size=(40, 1))
+    effects = 3e9 * np.hstack([one, one + 1e-9 * np.random.default_rng(2).normal(size=(40, 1))])
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(np.eye(2) + effects.T @ effects)
+    factor = factor_of(effects)
+    assert (np.diag(factor) > 0).all() and factor[0, 1] == 0
+    np.testing.assert_allclose(factor @ factor.T, np.eye(2) + effects.T @ effects, rtol=1e-9)

@@ -182,6 +182,19 @@ def test_a_specimen_pressed_to_a_tenth_of_its_length_ends_with_a_verdict(tmp_pat
     assert diagnosed(tmp_path).diagnosis is not None
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kept", ["a", "bb", "ccc"])
+def test_so_does_one_recording_of_it(tmp_path: Path, kept: str) -> None:
+    """Whose mechanisms have effects beyond what rounding bears."""
+    law = NeoHookean(5e-3, 1.0)
+    repeats(tmp_path, lambda d: compressed(law, d))
+    for path in (tmp_path / "recordings").glob("*.csv"):
+        if path.stem != kept:
+            path.unlink()
+    (tmp_path / "specimen.toml").write_text(BAR.replace("length_mm = 10.0", "length_mm = 3.3") + STATED)
+    assert diagnosed(tmp_path).diagnosis is not None
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [

@@ -123,7 +123,7 @@ class Evidence:
             white = solve_triangular(factor.lower, mine, lower=True, check_finite=False)
             fixed, sized = np.hstack([white[:, 1:], factor.columns[:, :k]]), factor.columns[:, k:]
             # What has one size is eliminated once, by its Schur complement; then all sizes of gains and zeros at once.
-            lower = np.linalg.cholesky(np.eye(p + k) + fixed.T @ fixed)
+            lower = factor_of(fixed)
             given = np.column_stack([fixed.T @ white[:, 0], fixed.T @ sized, np.eye(p + k)[:, :p]])
             solved = solve_triangular(lower, solve_triangular(lower, given, lower=True), lower=True, trans="T")
             alone, taken, own = solved[:, 0], solved[:, 1 : 1 + 2 * trials], solved[:p, 1 + 2 * trials :]
@@ -189,3 +189,17 @@ def probabilities(log_weights: Sequence[float]) -> FloatArray:
     """Return probabilities of logarithms of weights."""
     logs = np.asarray(log_weights, dtype=float)
     return np.asarray(np.exp(logs - logsumexp(logs)))
+
+
+def factor_of(effects: FloatArray) -> FloatArray:
+    """Return the Cholesky factor of 1 + V^T V (k, k) for effects V (n, k).
+
+    Effects of a model that is wrong by far may be so large that rounding takes the sum's definiteness; the factor then
+    comes from V itself.
+    """
+    count = effects.shape[1]
+    try:
+        return np.linalg.cholesky(np.eye(count) + effects.T @ effects)
+    except np.linalg.LinAlgError:
+        upper = np.linalg.qr(np.vstack([np.eye(count), effects]), mode="r")
+        return np.asarray((upper * np.where(np.diag(upper) < 0, -1.0, 1.0)[:, None]).T)

@@ -222,6 +222,8 @@ def _steps(
     sd = float(np.sqrt(fitted.covariance[k, k]))
     first = _held(problem, fitted, k, float(np.clip(fitted.prior_z[k], *ends)), of)
     found = [first]
+    if not np.isfinite(first.log_likelihood):
+        return found
     for end, side in zip(ends, (-1.0, 1.0), strict=True):
         last, size = first, sd
         for _ in range(_MOST):
@@ -231,6 +233,9 @@ def _steps(
             # What would be left to the bound isn't worth a step.
             z = end if side * (end - further) < 0.3 * size else further
             step = _held(problem, last.fit, k, z, of)
+            if not np.isfinite(step.log_likelihood):
+                # A model that has no prediction, or one beyond all numbers, is no step.
+                break
             if abs(step.log_density - last.log_density) < _FLAT:
                 size *= _GROWS
             last = step
