@@ -423,6 +423,10 @@ def _commas(head: str, *columns, **ways) -> str:
     return head + "\n" + rows(*(columns or (T, D, F)), **ways)
 
 
+def _spared(head: str) -> str:
+    return head + "".join(f"\n20.0\t\t{line}" for line in rows(D, F, T, delimiter="\t").splitlines())
+
+
 def _mach1() -> str:
     head = "<Mach-1 File>\n<INFO>\nTime:\t12:03:11 PM\nMach-1:\tV500css\n<END INFO>\n<Stress Relaxation>\n<DATA>\n"
     names = "Time, s\tPosition (z), mm\tPosition (x), mm\tFx, N\tFz, N"
@@ -460,6 +464,8 @@ ODD = {
     "units after in": _tabs("Zeit [in s]\tWeg [in mm]\tKraft in N"),
     "units with dots": _semicolons("Time [sec.];Position [mm.];Force [N.]"),
     "a comma before a bracket": _commas('"Time, [s]","Position, [mm]","Force, [N]"'),
+    "a remark behind the unit": _commas("Time [s],Displacement (mm) [LVDT],Load [N] (filtered)"),
+    "names as R writes them": _commas("Time..s.,Position..mm.,Load..N."),
     "letters": _semicolons("t/s;s/mm;F/N"),
     "units above": _commas("s,mm,N\nTime,Position,Force"),
     "units in words": _commas("Time,Position,Force\nSeconds,Millimeters,Newtons"),
@@ -490,6 +496,7 @@ ODD = {
     "apostrophes": _swiss("'"),
     "spaces": _swiss(" "),
     "a cell that is never loaded": _commas("Time (s),Position (mm),Force 1 (N),Force 2 (N)", T, D, F, 0 * T),
+    "an empty column between tabs": _spared("Temperature (°C)\tSpare\tPosition (mm)\tLoad (N)\tTime (s)"),
     "statistics below": _commas("Time (s),Position (mm),Force (N)") + "Max,22.0,11.1\nMean,10.0,2.0\n",
     "a step's own time": _commas("Segment,Time (s),Step time (s),Position (mm),Force (N)", T // 10, T, T % 10, D, F),
 }

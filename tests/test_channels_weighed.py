@@ -30,7 +30,13 @@ from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
 from legfem.report.curves import Curves
-from legfem.report.diagnosis_channels import channel_chapter, channel_misfits, channel_sentences, misfit_in_section
+from legfem.report.diagnosis_channels import (
+    channel_arrows,
+    channel_chapter,
+    channel_misfits,
+    channel_sentences,
+    misfit_in_section,
+)
 from legfem.solve.protocol import Protocol
 
 FAT_MM, MUSCLE_MM = 10.0, 30.0
@@ -349,6 +355,29 @@ def test_the_section_is_marked_where_channels_depart() -> None:
         away = skin.distance(seen_at("lateral_force"))
         assert away > 24.9
     assert not misfit_in_section(diagnosed_of(replace(both, channels=()), ("force-drift",), library=Seen()), subject)
+
+
+def test_what_is_left_at_places_is_drawn_as_arrows() -> None:
+    """Both parts of a displacement make one arrow at its point, of deep readings alone; a pressure presses inwards."""
+    subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
+    site = Site(subject.section, subject.indenter)
+    at = [tuple(site.deepest + depth * site.direction) for depth in (6.0, 12.0)]
+    places = tuple((float(x), float(y), way) for x, y in at for way in (0.0, 1.0))
+    planned = (
+        PlannedChannel("section_displacement", places=places),
+        PlannedChannel("contact_pressure", places=((0, 6),)),
+    )
+    moves, pressure = blank_observations([Protocol.ramp(20.0, 0.4)], planned).channels
+    deep = moves.displacement > 0.7 * moves.displacement.max()
+    near, far = channel_arrows(moves, np.where(deep, np.choose(moves.course, (0.3, -0.4, 0.0, 0.1)), 9.0), site)
+    assert (near.x, -near.y) == pytest.approx(at[0]) and (far.x, -far.y) == pytest.approx(at[1])
+    assert near.name.endswith("0.5 mm at most")
+    assert np.array([near.dx, near.dy]) == pytest.approx(14.0 * np.array([0.6, 0.8]))
+    assert np.hypot(far.dx, far.dy) == pytest.approx(0.2 * 14.0) and far.dx == 0.0
+    (pressed,) = channel_arrows(pressure, np.ones(len(pressure.values)), site)
+    away = np.array([pressed.x, -pressed.y]) - site.touch
+    assert np.linalg.norm(away) == pytest.approx(site.indenter.radius)
+    assert np.array([pressed.dx, -pressed.dy]) == pytest.approx(14.0 * away / np.linalg.norm(away))
 
 
 def test_repeats_that_differ_by_more_than_stated_widen_their_channels_errors() -> None:

@@ -154,6 +154,12 @@ def test_nothing_remains_beside_an_explanation_that_suits():
     for share, in_part in ((INEXACT, False), (INEXACT + 0.1, False), (0.8, True), (1.0, True)):
         posterior = replace(model.posterior, discrepancy_probability=share)
         assert replace(model, posterior=posterior).in_part is in_part  # no coin's toss
+    # Nor where trials differ by more than the stated instruments make: no name tells of that.
+    noise = replace(model.problem.errors.noise, beyond_force=0.07)
+    differing = replace(model.problem, errors=replace(model.problem.errors, noise=noise))
+    assert replace(model, problem=differing).in_part
+    aside = replace(differing, aside=np.zeros(len(model.fit.residual), dtype=bool))
+    assert not replace(model, problem=aside).in_part, "the part that differs was set aside"
     assert residual_intervals(found, model) == []
     assert explained_share(found, model) > 0.9
     assert explained_share(found, found.weighted_base) == pytest.approx(0.0, abs=1e-9)

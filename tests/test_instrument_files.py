@@ -159,6 +159,11 @@ MANGLED = {
         written("a.csv", b"Time,Position,Force\n" + b"1.5 s,2.5 mm,3.5 N\n" * 60),
         "its cells hold units beside the numbers ('1.5 s')",
     ),
+    "names that are shifted": (table(",Time (s),Stroke (mm),Load (N)", T, D, F), "4 names, the first of them empty"),
+    "names of two words": (
+        written("a.txt", ("load cell force time_s position_mm\n" + rows(F, T, D, delimiter=" ")).encode()),
+        "no row with the names of 3 columns",
+    ),
     "hours or minutes": (
         written("a.csv", timed("Time,Position (mm),Force (N)", ["12:30"] * len(T)).encode()),
         "its times are a clock's without seconds ('12:30')",

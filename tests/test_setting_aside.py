@@ -43,6 +43,21 @@ def test_a_muscle_that_tenses_in_one_hold_is_set_aside_and_the_rest_gives_c10(tr
     assert found.aside.described in dict(answer.answers)["Problems found"]
 
 
+def test_of_two_trials_that_differ_in_the_hold_both_holds_are_set_aside():
+    """Nobody knows which of them is sound; what they did before and after gives C10."""
+    observed, predictor = observations([one for one in two_rates() if "rate0.4" in one.trial][:2])
+    hold = observed.time[observed.phase == "hold"].min()
+    twitch = np.exp(-0.5 * ((observed.time - hold - 25.0) / 8.0) ** 2) * (observed.trial == 1)
+    found = diagnosed_of(noisy(observed, predictor(BASE, []) * (1 + 0.15 * twitch), 1), ASKED)
+    assert found.aside is not None
+    assert found.aside.described == " and ".join(observed.trials) + ", hold"
+    low, high = found.intervals[DEEP_C10]
+    assert low < BASE[DEEP_C10] < high
+    assert found.best.value(DEEP_C10) == pytest.approx(BASE[DEEP_C10], rel=0.05)
+    sound = diagnosed_of(noisy(observed, predictor(BASE, []), 1), ASKED)
+    assert sound.aside is None
+
+
 def tensed(drawn):
     """Return a share of force that one of three trials has more: from any time in the hold on, tiring, or a twitch."""
     observed, predictor = observations([one for one in two_rates() if "rate0.4" in one.trial])
@@ -87,13 +102,16 @@ def test_trials_that_differ_by_their_gain_and_noise_alone_are_not_set_aside():
         assert touched_part(observed.with_force(observed.force * gains[observed.trial]), errors) is None
 
 
-def test_of_two_trials_none_is_set_aside_for_nobody_knows_which():
+def test_of_two_trials_a_part_is_set_aside_in_both_and_all_of_them_never():
+    """From the hold on; and where the whole of one departs from the other, beside which nothing would be left."""
     observed, predictor = observations([one for one in two_rates(2) if "rate0.4" in one.trial])
-    force = predictor(BASE, [])
-    later = (observed.trial == 1) & (observed.phase != "loading")
-    observed = noisy(observed, force * (1 + 0.2 * later), 1)
-    found = diagnosed_of(observed, ASKED[:1])
-    assert touched_part(observed, found.errors) is None
+    second = observed.trial == 1
+    later, everywhere = second & (observed.phase != "loading"), second * np.sin(observed.time / 4.0)
+    for touched, described in ((later, "hold and unloading"), (everywhere, None)):
+        parted = noisy(observed, predictor(BASE, []) * (1 + 0.2 * touched), 1)
+        found = touched_part(parted, diagnosed_of(parted, ASKED[:1]).errors)
+        assert (found is None) == (described is None)
+        assert found is None or found.described == f"{' and '.join(observed.trials)}, {described}"
 
 
 @pytest.fixture(scope="module")

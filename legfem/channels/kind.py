@@ -230,6 +230,13 @@ class ChannelFile(ABC):
         """Return where in the section it is seen (2,), mm: where the cylinder touches, if it doesn't say otherwise."""
         return site.touch
 
+    def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
+        """Return where readings at places (k, q) are, mm, and unit vectors that they count along, (k, 2).
+
+        None, (0, 2), of what has no direction.
+        """
+        return np.zeros((0, 2)), np.zeros((0, 2))
+
     def apart(self, places: FloatArray) -> FloatArray:
         """Return how far apart readings at places (k, q) are, (k, k), mm; infinite where errors aren't alike."""
         return np.zeros((len(places), len(places)))

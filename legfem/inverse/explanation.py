@@ -99,12 +99,21 @@ class Explanation:
 
     @property
     def in_part(self) -> bool:
-        """Whether the recordings ask for something unknown beside its mechanisms.
+        """Whether the recordings ask for something unknown beside its mechanisms, or their trials do.
 
         Where they tell nothing of it, its probability is its prior's.
         """
         asked_for = expit(logit(INEXACT) + ADDS_FROM)
-        return bool(self.names and self.posterior.discrepancy_probability > asked_for)
+        return bool(self.names and (self.posterior.discrepancy_probability > asked_for or self.trials_differ))
+
+    @property
+    def trials_differ(self) -> bool:
+        """Whether repeats differ by more than stated instruments make, and no part of one is set aside for it.
+
+        What is larger than that is taken for no noise, but nothing that acts in all trials alike explains it.
+        """
+        noise = self.problem.errors.noise
+        return self.problem.aside is None and (noise.beyond_force > 0.0 or noise.beyond_way > 0.0)
 
     @property
     def leaves_discrepancy(self) -> bool:

@@ -7,7 +7,7 @@ is given an error without bounds, which is to leave it out, and all else is judg
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from legfem.inverse.errors import ErrorModel
 from legfem.inverse.observations import Observations
 
 LEAST_TRIALS = 3
-"""Of a programme: of two that differ nobody knows which one is sound."""
+"""Of a programme: of two that differ nobody knows which one is sound, and the part is set aside in both."""
 _STANDS_OUT = 4.0
 """Root mean square of a part's departure over the noise, from which something touched it."""
 _REST = 2.0
@@ -50,7 +50,8 @@ class SetAside:
 def touched_part(observed: Observations, errors: ErrorModel) -> SetAside | None:
     """Return the smallest part of a trial beside which that agrees with the others, if one stands out.
 
-    The trial is that which departs most: what touched it is in the others' mean, too.
+    The trial is that which departs most: what touched it is in the others' mean, too. Of two trials both are touched
+    in a part beside which they agree.
 
     Parameters
     ----------
@@ -61,9 +62,10 @@ def touched_part(observed: Observations, errors: ErrorModel) -> SetAside | None:
     """
     found: list[tuple[float, int, SetAside]] = []
     for members in observed.repeated:
-        if len(members) < LEAST_TRIALS:
+        if len(members) < 2:
             continue
-        for trial in members:
+        both = len(members) < LEAST_TRIALS
+        for trial in members[:1] if both else members:
             others = [k for k in members if k != trial]
             here = np.flatnonzero(observed.trial == trial)
             mean = np.mean([observed.force[observed.trial == k] for k in others], axis=0)
@@ -71,8 +73,10 @@ def touched_part(observed: Observations, errors: ErrorModel) -> SetAside | None:
             for part, whole in _parts(observed.segment[here]):
                 away = _departure(observed.force[here], mean, observed.stiffness[here], noise, part)
                 inside, outside = _size(away[part] / noise[part]), _size(away[~part] / noise[~part])
-                if part.sum() > _FEWEST and inside > _STANDS_OUT and outside < _REST:
-                    found.append((inside, int(part.sum()), _set_aside(observed, trial, here[part], whole, away[part])))
+                if part.sum() > _FEWEST and inside > _STANDS_OUT and outside < _REST and not (both and whole):
+                    touched = members if both else [trial]
+                    aside = _set_aside(observed, touched, observed.segment[here[part]], whole, away[part])
+                    found.append((inside, int(part.sum()), aside))
     if not found:
         return None
     most = max(found, key=lambda one: one[0])[2].trial
@@ -104,9 +108,9 @@ def _size(values: FloatArray) -> float:
 
 
 def _set_aside(
-    observed: Observations, trial: int, stations: NDArray[np.int_], whole: bool, away: FloatArray
+    observed: Observations, trials: Sequence[int], segments: NDArray[np.int_], whole: bool, away: FloatArray
 ) -> SetAside:
-    mine = np.zeros(len(observed.force), dtype=bool)
-    mine[stations] = True
-    phases = tuple(dict.fromkeys(str(name) for name in observed.phase[stations]))
-    return SetAside(observed.trials[trial], phases, whole, mine[observed.nearest], float(away[np.argmax(np.abs(away))]))
+    mine = np.isin(observed.trial, trials) & np.isin(observed.segment, segments)
+    phases = tuple(dict.fromkeys(str(name) for name in observed.phase[mine]))
+    names = " and ".join(observed.trials[trial] for trial in trials)
+    return SetAside(names, phases, whole, mine[observed.nearest], float(away[np.argmax(np.abs(away))]))

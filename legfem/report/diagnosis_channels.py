@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from legfem.channels.registry import FILE_OF
 from legfem.channels.site import Site
 from legfem.common.units import FloatArray
+from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.mechanisms.uneven_muscle import RADIUS_MM, UnevenMuscle, place_in_section
@@ -20,7 +21,7 @@ from legfem.report.channels import beside_curves
 from legfem.report.curves import Curves, Dash, Line
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
 from legfem.report.diagnosis_figures import matched
-from legfem.report.page import Mark, StillSection
+from legfem.report.page import Arrow, Mark, StillSection
 from legfem.report.section import still_section
 
 _LEAST = 1.0
@@ -161,28 +162,67 @@ def _by_trial(readings: NDArray[np.int_], trial: NDArray[np.int_]) -> NDArray[np
 
 _SHARE = 0.3
 """Of the misfit: a place that would explain less isn't marked."""
-_CHANNEL_MM = 3.0
+_CHANNEL_MM, _ARROW_MM = 3.0, 14.0
+"""Of a circle's radius, and of the longest arrow."""
+_DEEP = 0.7
+"""Of the loading's depth: readings from there on make an arrow."""
 
 
 def misfit_in_section(found: Diagnosis, subject: Subject) -> list[StillSection]:
     """Return the section with marks where the misfit lies; nothing without channels, or where none stands out."""
-    marks = [*_channel_marks(found, subject), *_stiffness_marks(found, subject)]
-    if not found.observed.channels or not marks:
+    departs = [one for one in found.observed.channels if any(w.channel == one.name for w in found.assessment.windows)]
+    site, left = Site(subject.section, subject.indenter), left_of(found.weighted_base)
+    spans = dict(zip((one.name for one in found.observed.channels), found.observed.data.spans[1:], strict=True))
+    arrows = [arrow for one in departs if one.places for arrow in channel_arrows(one, left[spans[one.name]], site)]
+    marks = [*_channel_marks([one for one in departs if not one.places], site), *_stiffness_marks(found, subject)]
+    if not found.observed.channels or not (marks or arrows):
         return []
     caption = (
-        "Where the misfit lies. Small circles: where a channel departs from the base model. Large circles: where a "
-        "stiffer or softer region of the muscle would match the misfit, and how much of it; other causes may match it, "
-        "too."
+        "Where the misfit lies. Small circles: where a channel departs from the base model; arrows: by how much, at "
+        "each place. Large circles: where a stiffer or softer region of the muscle would match the misfit, and how "
+        "much of it; other causes may match it, too."
     )
-    return [replace(still_section(subject), caption=caption, marks=marks)]
+    return [replace(still_section(subject), caption=caption, marks=marks, arrows=arrows)]
 
 
-def _channel_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:
-    departs = {window.channel for window in found.assessment.windows}
-    for one in found.observed.channels:
-        if one.name in departs:
-            x, y = FILE_OF[one.name].place(one.kind, Site(subject.section, subject.indenter))
-            yield Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR)
+def channel_arrows(one: StationChannel, left: FloatArray, site: Site) -> list[Arrow]:
+    """Return what is left of a channel's readings at its places, at the deepest of the loading, as arrows.
+
+    Parameters
+    ----------
+    one
+        The channel.
+    left
+        Recorded less predicted of its readings, (k,), in its unit.
+    site
+        Where it was read.
+    """
+    points, ways = FILE_OF[one.name].arrows(np.array(one.places), site)
+    loading = one.speed > 0
+    if not len(points) or one.course is None or not loading.any():
+        return []
+    deep = loading & (one.displacement > _DEEP * one.displacement[loading].max())
+    by_point: dict[tuple[float, ...], FloatArray] = {}
+    for number, (point, way) in enumerate(zip(points, ways, strict=True)):
+        mine = deep & (one.course == number)
+        if mine.any():
+            key = tuple(point.tolist())
+            by_point[key] = by_point.get(key, np.zeros(2)) + float(left[mine].mean()) * way
+    most = max((float(np.linalg.norm(away)) for away in by_point.values()), default=0.0)
+    if most == 0.0:
+        return []
+    name = f"{one.kind.title}: recorded less the base model's, {most:.2g} {one.kind.unit} at most"
+    scale = _ARROW_MM / most
+    return [
+        Arrow(name, x, -y, scale * float(away[0]), -scale * float(away[1]), BASE_COLOUR)
+        for (x, y), away in by_point.items()
+    ]
+
+
+def _channel_marks(departs: Sequence[StationChannel], site: Site) -> Iterator[Mark]:
+    for one in departs:
+        x, y = FILE_OF[one.name].place(one.kind, site)
+        yield Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR)
 
 
 def _stiffness_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:

@@ -88,6 +88,8 @@ def _in_part(found: Diagnosis, model: Explanation) -> str:
         return ""
     left = residual_intervals(found, model)
     share = f" It explains {percent(explained_share(found, model))} of the misfit"
+    if model.trials_differ and not left:
+        return f"{share}; trials differ by more than instruments of the stated accuracy make."
     if not left:
         return f"{share}; what remains is below a trial's noise."
     most = left[0]

@@ -206,6 +206,18 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Arrow:
+    """An arrow on a section, y downwards, mm."""
+
+    name: str
+    x: float
+    y: float
+    dx: float
+    dy: float
+    colour: str
+
+
+@dataclass(frozen=True)
 class StillSection:
     """The contours of a section and the indenter where it first touches."""
 
@@ -220,6 +232,7 @@ class StillSection:
     travel: tuple[float, float, float, float]
     """Line from the centre along the indenter's travel."""
     marks: Sequence[Mark] = ()
+    arrows: Sequence[Arrow] = ()
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ from legfem.channels.kind import (
 )
 from legfem.channels.site import Site
 from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.geometry.section import across
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
@@ -86,6 +87,13 @@ class ContactPressures(FramesFile):
             f"the pressures add up to {np.median(found):.2g} times the force",
             "check their unit, and that angles are those of the sensels' middles about the cylinder's axis",
         )
+
+    def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
+        """Return the sensels' middles on the face at first touch, and the directions in which they press."""
+        angle = places.mean(axis=1) / site.indenter.radius
+        left = across(site.direction)
+        ways = np.cos(angle)[:, None] * site.direction + np.sin(angle)[:, None] * left
+        return site.touch + site.indenter.radius * ways, ways
 
     def apart(self, places: FloatArray) -> FloatArray:
         """Return how far the sensels' middles are apart along the face."""

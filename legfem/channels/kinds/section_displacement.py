@@ -102,6 +102,10 @@ class SectionDisplacements(FramesFile):
             )
         return None
 
+    def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
+        """Return the points, and the directions of the outlines' coordinates."""
+        return places[:, :2], np.eye(2)[places[:, 2].astype(int)]
+
     def apart(self, places: FloatArray) -> FloatArray:
         """Return the distance of readings of one direction; those of different ones err by themselves."""
         between = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=-1)

@@ -121,6 +121,9 @@ _VALUE_WITH_UNIT = re.compile(r"[+-]?\d+([.,]\d+)?\s?(?P<unit>[^\W\d]{1,3})")
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[(\[<{]\s*(?P<unit>[^)\]>}]*?)\s*[)\]>}]\s*$")
 _AT_THE_END = re.compile(r"^(?P<name>.+?)(?:_|[,;:]\s*|\s*/\s*|\s+-\s+|\s+in\s+|\s+)(?P<unit>[^\W\d_]+\.?)$")
 
+_BY_R = re.compile(r"^(?P<name>.+?)\.\.(?P<unit>[^\W\d_]+)\.$")
+"""``Load..N.``: R writes points for all that can't be in its names."""
+
 
 @dataclass(frozen=True, eq=False)
 class Column:
@@ -177,9 +180,12 @@ def name_and_unit(label: str) -> tuple[str, str | None]:
     """Part a column's label, such as ``Load (N)``, ``Kraft [N]`` or ``force_N``."""
     label = " ".join(label.split())
     bracketed = _IN_BRACKETS.match(label)
+    before = _IN_BRACKETS.match(bracketed["name"]) if bracketed else None
+    if bracketed and before and unit_named(bracketed["unit"]) is None and unit_named(before["unit"]):
+        return f"{before['name']} ({bracketed['unit']})", before["unit"]
     if bracketed:
         return bracketed["name"].rstrip(" ,;:"), bracketed["unit"].removeprefix("in ") or None
-    ended = _AT_THE_END.match(label)
+    ended = _AT_THE_END.match(label) or _BY_R.match(label)
     if ended and unit_named(ended["unit"]) is not None:
         return ended["name"], ended["unit"]
     return label, None
@@ -229,6 +235,13 @@ def sheet_of_rows(
             path,
             f"{where}line {start + 1}",
             f"no row with the names of {len(columns)} columns stands above the numbers",
+            "give each column a name with its unit, such as Time (s)",
+        )
+    if _width(titles) > width and not all(_text(_at(titles, c)) for c in columns):
+        raise InputError(
+            path,
+            f"{where}line {start + 1}",
+            f"{_width(titles)} names, the first of them empty, stand above {width} columns: which is whose isn't clear",
             "give each column a name with its unit, such as Time (s)",
         )
     found = []

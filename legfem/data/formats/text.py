@@ -55,7 +55,12 @@ def read_text(path: Path) -> list[Sheet]:
         grouped += count + further + more
     _check_thousands(path, lines)
     delimiter, decimal = _dialect(path, lines)
-    rows = [[_cell(c, decimal) for c in cells] for cells in _parted(lines, delimiter)]
+    parted = _parted(lines, delimiter)
+    if delimiter == " ":
+        # Words of another number than the columns name none of them: one of theirs would be its neighbour's.
+        width = len(parted[_middle_of(lines)])
+        parted = [row if len(row) == width else [" ".join(row)] for row in parted]
+    rows = [[_cell(c, decimal) for c in cells] for cells in parted]
     remarks: tuple[str, ...] = (
         f"text in {encoding}, columns parted by {_DELIMITERS[delimiter]}, decimals by "
         f"{'points' if decimal == '.' else 'commas'}: so the numbers are complete",
@@ -108,6 +113,11 @@ def _decoded(path: Path) -> tuple[str, str]:
         return raw.decode("cp1252", errors="replace"), "cp1252 (it isn't utf-8)"
 
 
+def _middle_of(lines: list[str]) -> int:
+    filled = [k for k, line in enumerate(lines) if line.strip()]
+    return filled[len(filled) // 2]
+
+
 def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
     """Return delimiter and decimal mark with which the last lines are numbers throughout."""
     filled = [line for line in lines if line.strip()]
@@ -118,6 +128,8 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
     fits = [
         (delimiter, decimal, widths.pop())
         for delimiter in _DELIMITERS
+        # Of an empty column between tabs, and of nothing else, spaces would make no cell.
+        if delimiter != " " or not all("\t" in line.strip() for line in tried)
         for decimal in ".,"
         if decimal != delimiter or any('"' in line for line in tried)
         if len(widths := _widths(tried, delimiter, decimal)) == 1
@@ -147,7 +159,8 @@ def _with_other_columns(lines: list[str]) -> list[tuple[str, str, int]]:
     """Return the dialects in which two columns or more are numbers, of those the ones with most numbers a cell."""
     found: list[tuple[float, tuple[str, str, int]]] = []
     # A sentence's words and years are no columns, unless a clock stands before them.
-    words = set() if all(any(map(CLOCK.fullmatch, line.split())) for line in lines) else {" "}
+    clocks = all(any(map(CLOCK.fullmatch, line.split())) for line in lines)
+    words = set() if clocks and not all("\t" in line for line in lines) else {" "}
     for delimiter in set(_DELIMITERS) - words:
         rows = _parted(lines, delimiter)
         width = max(map(len, rows))
