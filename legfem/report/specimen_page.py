@@ -153,15 +153,7 @@ _NOT_TESTED = (
 
 
 def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebPage:
-    """Return the page of specimens.
-
-    Parameters
-    ----------
-    results
-        One a law, of one folder.
-    command
-        That was given; empty where there was none.
-    """
+    """Return the page of specimens' fits, one a law, and of the command that was given."""
     best = estimates.least_akaike(results)
     left = dict.fromkeys(one for result in results for one in result.details.left_out)
     warnings = [
