@@ -29,14 +29,16 @@ _COLUMN = "neo_hookean_c10_deep"
 def errors_found(table: pd.DataFrame, tests: Sequence[Tested]) -> FloatArray:
     """Return the error of ln C10, its standard error and whether its interval holds the truth, (n, 3).
 
-    Of tests that nothing was done to: no drift, no exchanged sides, nothing hidden or broken.
+    Of tests that nothing was done to (no drift, no exchanged sides, nothing hidden or broken) and whose model fits.
     """
     person, session = EXCHANGED
     touched = {LUMPY, *BROKEN, *(f"{person}/{side}-{session}" for side in ("left", "right"))}
     rows = table.set_index("member")
     found = []
     for one in tests:
-        if one.drifted or one.folder in touched or rows.loc[one.folder, "judgement"] == "wrong":
+        if one.drifted or one.folder in touched or one.folder not in rows.index:
+            continue
+        if rows.loc[one.folder, "judgement"] == "wrong":
             continue
         value, low, high, sd = (
             float(rows.loc[one.folder, f"{_COLUMN}{part}_kPa"]) for part in ("", "_low", "_high", "_standard_error")
@@ -117,8 +119,8 @@ def scored(
         ]
         off, sd, held = errors.T
         text = markdown_table(header, lines) + (
-            f"\n{len(off)} tests that nothing was done to: ln C10 is {off.mean():+.3f} off in the mean, with a "
-            f"standard deviation of {off.std():.3f}; their own standard errors are {np.sqrt(np.mean(sd**2)):.3f}, "
+            f"\n{len(off)} tests that nothing was done to and that fit: ln C10 is {off.mean():+.3f} off in the mean, "
+            f"with a standard deviation of {off.std():.3f}; own standard errors are {np.sqrt(np.mean(sd**2)):.3f}, "
             f"errors over them {np.sqrt(np.mean((off / sd) ** 2)):.2f} (root mean square); {held.sum():.0f} of the "
             "intervals hold the truth.\n"
             f"A drift of {100 * (spread.drift - 1):.0f} % is pointed out in {noticed} of {draws} draws.\n"

@@ -156,7 +156,7 @@ def _moved(name: str, fits: Sequence[LegFit]) -> str:
         for found, estimate in fit.estimates.items()
         if math.isfinite(estimate.moves.get(name, math.nan))
     ]
-    return f"10 % higher: {', '.join(moved)}" if moved else ""
+    return f"if it were 10 % higher: {', '.join(moved)}" if moved else ""
 
 
 def how_done(fits: Sequence[LegFit]) -> list[Block]:
