@@ -201,5 +201,5 @@ def factor_of(effects: FloatArray) -> FloatArray:
     try:
         return np.linalg.cholesky(np.eye(count) + effects.T @ effects)
     except np.linalg.LinAlgError:
-        upper = np.linalg.qr(np.vstack([np.eye(count), effects]), mode="r")
-        return np.asarray((upper * np.where(np.diag(upper) < 0, -1.0, 1.0)[:, None]).T)
+        upper = np.asarray(np.linalg.qr(np.vstack([np.eye(count), effects]), mode="r"))
+        return (upper * np.where(np.diag(upper) < 0, -1.0, 1.0)[:, None]).T
