@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-from legfem.channels.kind import Frames, FramesError
+from legfem.channels.kind import ChannelAccuracy, Frames, FramesError
 from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
@@ -21,7 +21,7 @@ _FEWEST, _STEP_MM = 4, 0.5
 """Places of a frame that have a gradient, and the step that it is taken over."""
 
 
-def in_tissue(points: FloatArray, site: Site, beyond: float) -> NDArray[np.bool_]:
+def _in_tissue(points: FloatArray, site: Site, beyond: float) -> NDArray[np.bool_]:
     """Return which of points (n, 2) lie in soft tissue, or up to some mm beyond it (within, if these are below 0)."""
     section = site.section
     tissue = section.polygon("skin").buffer(beyond)
@@ -38,7 +38,7 @@ def tissue_points(frames: Sequence[Frames], site: Site, beyond: float) -> list[N
     FramesError
         If most don't.
     """
-    inside = [in_tissue(one.columns[:, :2], site, beyond) for one in frames]
+    inside = [_in_tissue(one.columns[:, :2], site, beyond) for one in frames]
     kept, every = sum(int(own.sum()) for own in inside), sum(len(one.columns) for one in frames)
     if 2 * kept < every:
         raise FramesError(
@@ -78,7 +78,46 @@ def cells_of(points: Sequence[FloatArray], origin: FloatArray, most: int) -> Cel
     return Cells(middles, tuple(np.split(cell, np.cumsum([len(one) for one in points])[:-1])))
 
 
-def gradient(at: FloatArray, values: FloatArray) -> FloatArray:
+def cell_means(
+    time: FloatArray, cell: NDArray[np.int_], values: FloatArray
+) -> tuple[FloatArray, NDArray[np.int_], FloatArray]:
+    """Return time and cell of every cell in every frame, (m,), and the means (m, q) of its points' values (n, q)."""
+    keys, row, count = np.unique(np.column_stack([time, cell]), axis=0, return_inverse=True, return_counts=True)
+    means = np.column_stack([np.bincount(row.ravel(), column) / count for column in values.T])
+    return keys[:, 0], keys[:, 1].astype(int), means
+
+
+def displaced_image(
+    at: FloatArray, values: FloatArray, group: NDArray[np.int_], accuracy: ChannelAccuracy
+) -> dict[str, FloatArray]:
+    """Return by name what a shift of the image in either direction does, and a turn about its middle, (k,).
+
+    By where readings are taken alone: what a turn does to a reading's direction is its kind's.
+
+    Parameters
+    ----------
+    at
+        Places of the readings, (k, 2), mm.
+    values
+        Predicted, (k,).
+    group
+        Number of the field that each is of, one a frame and direction, (k,).
+    accuracy
+        Of the image's place.
+    """
+    slopes = np.zeros((len(values), 2))
+    for number in np.unique(group):
+        rows = group == number
+        slopes[rows] = _gradient(at[rows], values[rows])
+    x, y = (at - at.mean(axis=0)).T
+    return {
+        "shift in x": accuracy.shift * slopes[:, 0],
+        "shift in y": accuracy.shift * slopes[:, 1],
+        "turn": np.deg2rad(accuracy.turn) * (slopes[:, 1] * x - slopes[:, 0] * y),
+    }
+
+
+def _gradient(at: FloatArray, values: FloatArray) -> FloatArray:
     """Return the gradient (n, 2) at places (n, 2) of a thin-plate spline through values (n,) there; 0 of a few."""
     if len(at) < _FEWEST or np.linalg.matrix_rank(at - at.mean(axis=0)) < 2:
         return np.zeros((len(at), 2))

@@ -156,10 +156,10 @@ _MANY_TRIALS = 8
 
 def curves_of(found: Diagnosis, number: int) -> list[Curves]:
     """Return force over displacement and, where there is more than a loading, over time."""
-    stations = found.observed.protocols[number]
-    blocks = [_over(found, number, stations.displacement, "displacement (mm)", 0)]
+    stations, (lines, left) = found.observed.protocols[number], _lines_of(found, number)
+    blocks = [_over(found, number, stations.displacement, "displacement (mm)", 0, lines, left)]
     if len(np.unique(stations.segment)) > 1:
-        blocks.append(_over(found, number, stations.time, "time (s)", 1))
+        blocks.append(_over(found, number, stations.time, "time (s)", 1, lines, left))
     return blocks
 
 
@@ -179,7 +179,8 @@ def recording_figure(found: Diagnosis, number: int, subject: str, origin: str) -
     return curves_figure(curves_of(found, number), what, subject, origin)
 
 
-def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -> Curves:
+def _lines_of(found: Diagnosis, number: int) -> tuple[list[Line], list[str]]:
+    """Return the recordings and models of a protocol, and what each model leaves, in words."""
     observed = found.observed
     trials = observed.trials_of(number)
 
@@ -203,8 +204,16 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
         name = f"with {shown.name}" if shown.suits else shown.name
         lines.append(Line(name, rows(fit.prediction).mean(axis=0), -rows(fit.residual).mean(axis=0), REPAIRED_COLOUR))
         left.append(f"{name} {_rms(rows(fit.residual)):.2g} N")
+    return lines, left
+
+
+def _over(
+    found: Diagnosis, number: int, x: FloatArray, label: str, axis: int, lines: list[Line], left: list[str]
+) -> Curves:
+    observed = found.observed
     places = [place for place in places_of(found) if place.protocol == number]
-    sd = np.sqrt(np.mean(rows(found.errors.trial_sd) ** 2, axis=0))
+    spread = [observed.forces_of(k, found.errors.trial_sd) for k in observed.trials_of(number)]
+    sd = np.sqrt(np.mean(np.array(spread) ** 2, axis=0))
     stations = observed.protocols[number]
     return Curves(
         f"recording{number}-{axis}",

@@ -158,23 +158,20 @@ def _covariance(one: SpecimenRecording, readings: ChannelReadings, predicted: Fl
 
 def _readings(one: SpecimenRecording, reach: float) -> ChannelReadings | None:
     """Return the stretches in the loading, as far as a model reaches (mm); None without any."""
-    recording, begins = one.recording, one.course.contact.displacement
-    after = recording.displacement - begins
-    touched, deepest = one.trial.touched, float(recording.time[np.argmax(after)])
-    found = []
-    for channel in recording.channels:
-        if channel.name != LATERAL_STRETCH.name:
-            continue
-        depth = np.interp(channel.time, recording.time, after)
-        loading = np.flatnonzero((channel.time <= deepest) & (depth >= 0.0) & (depth <= reach))
-        for samples in grouped(loading, LOADING):
-            variance = noise_of(channel) ** 2 / len(samples)
-            time = float(channel.time[samples].mean()) - touched
-            found.append((float(depth[samples].mean()), time, float(channel.values[samples].mean()), variance))
-    if not found:
+    recording = one.recording
+    channel = next((each for each in recording.channels if each.name == LATERAL_STRETCH.name), None)
+    if channel is None:
         return None
-    depths, times, values, variances = map(np.array, zip(*found, strict=True))
-    speed = np.full(len(found), one.course.rate)
-    accuracy = next(channel.accuracy for channel in recording.channels if channel.name == LATERAL_STRETCH.name)
-    trial = np.zeros(len(found), dtype=int)
-    return ChannelReadings(LATERAL_STRETCH, accuracy, trial, depths, times, speed, values, variances)
+    after = recording.displacement - one.course.contact.displacement
+    depth = np.interp(channel.time, recording.time, after)
+    loading = channel.time <= recording.time[np.argmax(after)]
+    groups = grouped(np.flatnonzero(loading & (depth >= 0.0) & (depth <= reach)), LOADING)
+    if not groups:
+        return None
+    depths, times, values = (
+        np.array([each[samples].mean() for samples in groups])
+        for each in (depth, channel.time - one.trial.touched, channel.values)
+    )
+    variances = noise_of(channel) ** 2 / np.array([len(samples) for samples in groups])
+    trial, speed = np.zeros(len(groups), dtype=int), np.full(len(groups), one.course.rate)
+    return ChannelReadings(LATERAL_STRETCH, channel.accuracy, trial, depths, times, speed, values, variances)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.channels.image import CELL_MM, cells_of, gradient, tissue_points
+from legfem.channels.image import CELL_MM, cell_means, cells_of, displaced_image, tissue_points
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelKind,
@@ -120,23 +120,13 @@ class SectionDisplacements(FramesFile):
         accuracy: ChannelAccuracy,
     ) -> dict[str, FloatArray]:
         """Return what a shift of the image in either direction does, and a turn about its middle."""
-        found: dict[str, FloatArray] = {name: np.zeros(len(values)) for name in ("shift in x", "shift in y", "turn")}
-        middle = places[:, :2].mean(axis=0)
-        angle = np.deg2rad(accuracy.turn)
+        at, way = places[:, :2], places[:, 2].astype(int)
+        found = displaced_image(at, values, 2 * frame + way, accuracy)
         for number in np.unique(frame):
-            rows = np.flatnonzero(frame == number)
-            at = places[rows, :2] - middle
-            way = places[rows, 2].astype(int)
-            slopes, other = np.zeros((len(rows), 2)), np.zeros(len(rows))
-            for k in (0, 1):
-                mine = way == k
-                slopes[mine] = gradient(at[mine], values[rows[mine]])
-                other[mine] = _beside(places[rows[mine], :2], places[rows[~mine], :2], values[rows[~mine]])
-            turned = slopes[:, 1] * at[:, 0] - slopes[:, 0] * at[:, 1]
-            # e_z x u is (-uy, ux).
-            found["turn"][rows] = angle * (turned + np.where(way == 0, other, -other))
-            for k, name in enumerate(("shift in x", "shift in y")):
-                found[name][rows] = accuracy.shift * slopes[:, k]
+            for k, sign in ((0, 1.0), (1, -1.0)):
+                mine, others = (np.flatnonzero((frame == number) & (way == one)) for one in (k, 1 - k))
+                # e_z x u is (-uy, ux).
+                found["turn"][mine] += sign * np.deg2rad(accuracy.turn) * _beside(at[mine], at[others], values[others])
         return found
 
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
@@ -156,12 +146,9 @@ class SectionDisplacements(FramesFile):
 
 
 def _means(time: FloatArray, cell: NDArray[np.int_], moved: FloatArray, places: tuple[tuple[float, ...], ...]) -> Read:
-    keys, row, count = np.unique(np.column_stack([time, cell]), axis=0, return_inverse=True, return_counts=True)
-    means = np.column_stack([np.bincount(row.ravel(), moved[:, k]) / count for k in (0, 1)])
-    course = 2 * keys[:, 1].astype(int)
-    return Read(
-        INSIDE.name, np.repeat(keys[:, 0], 2), means.ravel(), np.column_stack([course, course + 1]).ravel(), places
-    )
+    times, cells, means = cell_means(time, cell, moved)
+    course = np.column_stack([2 * cells, 2 * cells + 1]).ravel()
+    return Read(INSIDE.name, np.repeat(times, 2), means.ravel(), course, places)
 
 
 def _beside(at: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:

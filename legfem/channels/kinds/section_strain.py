@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.channels.image import CELL_MM, cells_of, gradient, tissue_points
+from legfem.channels.image import CELL_MM, cell_means, cells_of, displaced_image, tissue_points
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelKind,
@@ -108,15 +108,7 @@ class SectionStrains(FramesFile):
 
         By where strains are read; that the beam is turned too is a share of the turn's square, and of the shear.
         """
-        found: dict[str, FloatArray] = {name: np.zeros(len(values)) for name in ("shift in x", "shift in y", "turn")}
-        at, angle = places - places.mean(axis=0), np.deg2rad(accuracy.turn)
-        for number in np.unique(frame):
-            rows = np.flatnonzero(frame == number)
-            slopes = gradient(at[rows], values[rows])
-            found["turn"][rows] = angle * (slopes[:, 1] * at[rows, 0] - slopes[:, 0] * at[rows, 1])
-            for k, name in enumerate(("shift in x", "shift in y")):
-                found[name][rows] = accuracy.shift * slopes[:, k]
-        return found
+        return displaced_image(places, values, frame, accuracy)
 
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the cells' mean strains, of points whose window lies in tissue."""
@@ -126,9 +118,8 @@ class SectionStrains(FramesFile):
         places = tuple((round(float(x), 3), round(float(y), 3)) for x, y in cells.middles)
         found = []
         for one, kept, own in zip(frames, inside, cells.of_trial, strict=True):
-            keys, row = np.unique(np.column_stack([one.time[kept], own]), axis=0, return_inverse=True)
-            means = np.bincount(row.ravel(), one.columns[kept, 2]) / np.bincount(row.ravel())
-            found.append([Read(STRAIN.name, keys[:, 0], means, keys[:, 1].astype(int), places)])
+            times, course, means = cell_means(one.time[kept], own, one.columns[kept, 2:])
+            found.append([Read(STRAIN.name, times, means[:, 0], course, places)])
         return found
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
