@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from legfem.common.errors import InputError
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import (
     FEWEST_ROWS,
+    NAMELESS,
     OWN,
     Column,
     Quantity,
@@ -41,6 +43,7 @@ _LEAST_CORRELATION = 0.6
 # What a test of soft tissue lasts, and how far apart its readings are.
 _LEAST_TEST_S, _LONGEST_TEST_S = 0.5, 10_000.0
 _LEAST_STEP_S, _LONGEST_STEP_S = 1e-4, 5.0
+_BY_PLACE = ("column 1:UNIT", "column 2:UNIT", "column 3:UNIT")
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,19 @@ def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and run: "
             f"legfem data preview {shlex.quote(str(path.parent.parent))}",
         )
+    if any(NAMELESS in sheet.remarks for sheet in sheets) and not any(has.values()):
+        sheet = next(sheet for sheet in sheets if NAMELESS in sheet.remarks)
+        first = sheet.columns[0].values
+        odd = ""
+        if first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0]) and np.ptp(np.diff(first)) < 0.01 * np.ptp(first):
+            odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time"
+        raise InputError(
+            path,
+            "columns",
+            f"its {len(sheet.columns)} columns have no names{odd}",
+            "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "
+            f"places: {_look(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True)))}",
+        )
     if not any(has.values()):
         few = ", ".join(f"'{c.name}'" for c in columns[:6]) + (", ..." if len(columns) > 6 else "")
         raise InputError(
@@ -174,17 +190,23 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
                 options[quantity] = "NAME:UNIT"
             elif stated is not None and stated.quantity is None:
                 return f"export '{column.name}' in {OWN[quantity]}, or correct its unit in the file"
+            elif column.unit and stated is None and re.search(r"\d", column.unit):
+                return f"export '{column.name}' in {OWN[quantity]}: '{column.unit}' has a factor in it"
             elif sum(c.name == column.name for c in sheet.columns) > 1:
                 return f"give the columns '{column.name}' names of their own in the file, then name one"
             else:
-                unit = column.unit if measured_by(column) == quantity and column.unit else OWN[quantity]
+                unit = _likely_unit(column, quantity)
                 options[quantity] = f"{column.name}:{unit}"
                 assumed.append(f"{quantity} is '{column.name}' in {unit}")
     if len(sheets) > 1 and sheet.name:
         options["sheet"] = sheet.name
     missing = [quantity for quantity, text in options.items() if text == "NAME:UNIT"]
     if not missing:
-        return f"if {', '.join(assumed)}: {_look(path, options)}"
+        unknown = any(text.endswith(":UNIT") for text in options.values())
+        told = "give in place of UNIT what it means" if unknown else f"if {', '.join(assumed)}"
+        return f"{told}: {_look(path, options)}"
+    if missing == ["time"] and not any(measured_by(c) == "time" for c in sheet.columns):
+        return "add a column Time (s): the number of the sample over the samples taken in a second"
     taken = {text.rpartition(":")[0] for text in options.values()}
     left = [
         c.name
@@ -195,6 +217,15 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
         return f"record {' and '.join(missing)}, too, and export all three columns"
     among = f" (of {', '.join(map(repr, left))})"
     return f"name {' and '.join(missing)}{among}: {_look(path, options)}"
+
+
+def _likely_unit(column: Column, quantity: Quantity) -> str:
+    """Return the unit that a column is said to be in, perhaps by a sign that an encoding lost; else legfem's own."""
+    if not column.unit:
+        return OWN[quantity]
+    if measured_by(column) == quantity:
+        return column.unit
+    return "u" + column.unit[1:] if column.unit[0] in "?\ufffd" and measured_by(column) is None else "UNIT"
 
 
 def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
@@ -280,17 +311,23 @@ def _goes_on(column: Column, quantity: Quantity) -> bool:
 
 
 def _unit_of_time(column: Column) -> tuple[str, str] | None:
-    """Return the one unit of s and ms in which a time without a unit is a test's, and why; None where both may be."""
+    """Return the one unit in which a time without a unit is a test's, and why; None where several may be.
+
+    In days a spreadsheet keeps a date's time.
+    """
     whole = float(np.ptp(column.values))
     step = whole / max(len(column.values) - 1, 1)
-    fits = {
-        unit: _LEAST_TEST_S <= factor * whole <= _LONGEST_TEST_S and _LEAST_STEP_S <= factor * step <= _LONGEST_STEP_S
-        for unit, factor in (("s", 1.0), ("ms", 1e-3))
-    }
-    if not _goes_on(column, "time") or sum(fits.values()) != 1:
+    units = {"s": 1.0, "ms": 1e-3, "days": 86400.0}
+    fits = [
+        unit
+        for unit, factor in units.items()
+        if _LEAST_TEST_S <= factor * whole <= _LONGEST_TEST_S and _LEAST_STEP_S <= factor * step <= _LONGEST_STEP_S
+    ]
+    if not _goes_on(column, "time") or len(fits) != 1:
         return None
-    unit, other = ("s", "ms") if fits["s"] else ("ms", "s")
-    factor = 1.0 if other == "s" else 1e-3
+    unit = fits[0]
+    other = "ms" if unit == "s" else "s"
+    factor = units[other]
     would = f"the test would last {factor * whole:.3g} s, with a reading every {factor * step:.2g} s"
     return unit, f"it states no unit, and in {other} {would}"
 

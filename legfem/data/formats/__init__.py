@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
 import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import IO
 
 from legfem.common.errors import InputError
 from legfem.data.formats.force_curves import refuse_force_curve
-from legfem.data.formats.sheet import Column, Sheet, check_size
+from legfem.data.formats.no_tables import refuse_what_holds_no_table
+from legfem.data.formats.sheet import MOST_BYTES, Column, Sheet, check_size
 from legfem.data.formats.text import read_text
 
 __all__ = ["READERS", "Column", "Sheet", "read_sheets"]
@@ -72,16 +77,29 @@ def _zipped(path: Path) -> list[Sheet]:
         if len(files) != 1:
             raise InputError(path, "file", f"holds {len(files)} files", "unpack it, and look at one of them")
         check_size(path, files[0].file_size)
-        with tempfile.TemporaryDirectory() as folder:
-            inner = Path(folder) / (Path(files[0].filename).name)
-            inner.write_bytes(archive.read(files[0]))
-            try:
-                refuse_force_curve(inner)
-                if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
-                    raise InputError(inner, "file", "holds another archive", "unpack it")
-                return read_sheets(inner)
-            except InputError as error:
-                raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
+        return _read_within(path, Path(files[0].filename).name, archive.read(files[0]))
+
+
+def _packed(path: Path) -> list[Sheet]:
+    """Read the file that gzip, bzip2 or xz packed."""
+    with _UNPACK[path.suffix.lower()](path) as file:
+        content = file.read(MOST_BYTES + 1)
+    check_size(path, len(content))
+    return _read_within(path, path.stem, content)
+
+
+def _read_within(path: Path, name: str, content: bytes) -> list[Sheet]:
+    """Read a file out of the one that holds it."""
+    with tempfile.TemporaryDirectory() as folder:
+        inner = Path(folder) / name
+        inner.write_bytes(content)
+        try:
+            refuse_force_curve(inner)
+            if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
+                raise InputError(inner, "file", "holds another archive", "unpack it")
+            return read_sheets(inner)
+        except InputError as error:
+            raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
 
 
 def _xls(path: Path) -> list[Sheet]:
@@ -89,6 +107,7 @@ def _xls(path: Path) -> list[Sheet]:
     return (_by_content(path) or read_text)(path)
 
 
+_UNPACK: dict[str, Callable[[Path], IO[bytes]]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 READERS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
@@ -99,6 +118,7 @@ READERS: dict[str, Reader] = {
     ".mat": _matlab,
     **dict.fromkeys((".h5", ".hdf5"), _hdf5),
     ".zip": _zipped,
+    **dict.fromkeys(_UNPACK, _packed),
 }
 _BEGIN: dict[bytes, Reader] = {
     b"\x89HDF": _hdf5,
@@ -144,6 +164,7 @@ def read_sheets(path: Path) -> list[Sheet]:
         raise InputError(path, "file", "is empty", "copy or export it again")
     check_size(path, path.stat().st_size)
     refuse_force_curve(path)
+    refuse_what_holds_no_table(path)
     reader = READERS.get(ending) or _by_content(path)
     try:
         sheets = (reader or read_text)(path)
