@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import gzip
 import lzma
+import os
 import re
 import shlex
 import time
 import tomllib
 import zipfile
+from datetime import datetime
 from pathlib import Path
 
 import h5py
@@ -321,6 +323,67 @@ def test_what_holds_no_table_is_refused_as_what_it_is(tmp_path, what):
     run = look(written(file, content)(tmp_path), "--out", tmp_path / "out")
     assert run.exit_code == 2 and run.output.count("\n") == 1
     assert f"file: is {what}" in run.output
+
+
+@pytest.mark.parametrize(
+    ("make", "called"), [(workbook, "a.csv"), (zwick, "a.xlsx"), (tdms_with_times_of_day, "a.dat")]
+)
+def test_a_file_is_read_as_what_it_is_whatever_it_is_called(tmp_path, make, called):
+    made = make(tmp_path)
+    _check_read(made.rename(tmp_path / called))
+
+
+def test_another_file_s_index_beside_a_tdms_is_not_trusted(tmp_path):
+    path = tdms_with_times_of_day(tmp_path)
+    path.with_suffix(".tdms_index").write_bytes(path.read_bytes()[:200])
+    _check_read(path)
+
+
+def test_integers_that_stand_for_scaled_numbers_are_scaled(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values, unit in (("time", T, "seconds since 2024-05-03"), ("position", D, "mm"), ("force", F, "N")):
+            packed = file.create_dataset(name, data=np.round(2e4 * (values - 1.0)).astype("i4"))
+            packed.attrs.update({"units": unit, "scale_factor": 5e-5, "add_offset": 1.0})
+    _check_read(tmp_path / "a.h5")
+
+
+def _in_cells(path: Path, cell) -> Path:
+    book = Workbook()
+    book.active.append(["Time (s)", "Position (mm)", "Force (N)"])
+    for k, (t, d, f) in enumerate(zip(T.tolist(), D.tolist(), F.tolist(), strict=True), 2):
+        book.active.append([t, d, cell(k, f)])
+    book.save(path / "a.xlsx")
+    return path / "a.xlsx"
+
+
+@pytest.mark.parametrize(
+    ("cell", "cause"),
+    [
+        (lambda k, f: f"=A{k}*0+{f}", "its 751 formulas were never calculated; open it in a spreadsheet, and save it"),
+        (lambda k, f: datetime(2024, 5, 3) if k == 40 else f, "'2024-05-03' is a date, which a spreadsheet took"),
+        (lambda k, f: -9999.0 if k % 90 == 0 else f, "8 readings are -9999, which stands for missing ones"),
+    ],
+)
+def test_what_spreadsheets_make_of_numbers_is_told(tmp_path, cell, cause):
+    run = look(_in_cells(tmp_path, cell), "--out", tmp_path / "out")
+    assert run.exit_code == 2 and cause in run.output
+
+
+def _a_folder(path: Path) -> None:
+    path.mkdir()
+
+
+def _a_link(path: Path) -> None:
+    path.symlink_to("gone.csv")
+
+
+@pytest.mark.parametrize(
+    ("make", "cause"), [(_a_folder, "is a folder"), (_a_link, "is a link to a file that isn't"), (os.mkfifo, "a pipe")]
+)
+def test_what_is_no_file_is_called_what_it_is(tmp_path, make, cause):
+    make(tmp_path / "a.csv")
+    run = look(tmp_path / "a.csv", "--out", tmp_path / "out")
+    assert run.exit_code == 2 and cause in run.output
 
 
 def test_columns_without_names_are_named_by_their_places(tmp_path):

@@ -17,6 +17,7 @@ from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import (
     FEWEST_ROWS,
     NAMELESS,
+    NOT_CALCULATED,
     OWN,
     Column,
     Quantity,
@@ -43,6 +44,8 @@ _LEAST_CORRELATION = 0.6
 # What a test of soft tissue lasts, and how far apart its readings are.
 _LEAST_TEST_S, _LONGEST_TEST_S = 0.5, 10_000.0
 _LEAST_STEP_S, _LONGEST_STEP_S = 1e-4, 5.0
+_MOST_IN_A_ROW = 50
+"""Numbers in a row, beyond which a table of few rows is one that lies on its side."""
 _BY_PLACE = ("column 1:UNIT", "column 2:UNIT", "column 3:UNIT")
 
 
@@ -150,19 +153,12 @@ def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and run: "
             f"legfem data preview {shlex.quote(str(path.parent.parent))}",
         )
-    if any(NAMELESS in sheet.remarks for sheet in sheets) and not any(has.values()):
-        sheet = next(sheet for sheet in sheets if NAMELESS in sheet.remarks)
-        first = sheet.columns[0].values
-        odd = ""
-        if first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0]) and np.ptp(np.diff(first)) < 0.01 * np.ptp(first):
-            odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time"
-        raise InputError(
-            path,
-            "columns",
-            f"its {len(sheet.columns)} columns have no names{odd}",
-            "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "
-            f"places: {_look(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True)))}",
-        )
+    formulas = next((remark for sheet in sheets for remark in sheet.remarks if NOT_CALCULATED in remark), None)
+    if formulas is not None:
+        raise InputError(path, "file", f"its {formulas}", "open it in a spreadsheet, and save it")
+    nameless = next((sheet for sheet in sheets if NAMELESS in sheet.remarks), None)
+    if nameless is not None and not any(has.values()):
+        raise _without_names(path, nameless)
     if not any(has.values()):
         few = ", ".join(f"'{c.name}'" for c in columns[:6]) + (", ..." if len(columns) > 6 else "")
         raise InputError(
@@ -171,6 +167,27 @@ def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             f"is no recording: none of its columns ({few}) is named, or has a unit, like time, displacement or force",
             f"if three of them are, name them: {_look(path, dict.fromkeys(QUANTITIES, 'NAME:UNIT'))}",
         )
+
+
+def _without_names(path: Path, sheet: Sheet) -> InputError:
+    count, first = len(sheet.columns), sheet.columns[0].values
+    if len(first) < FEWEST_ROWS and count > _MOST_IN_A_ROW:
+        return InputError(
+            path,
+            "columns",
+            f"its numbers stand in rows of {count}, not in columns",
+            "turn the table round: in a spreadsheet, Paste Special, Transpose",
+        )
+    to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])
+    height = to_zero and np.ptp(np.diff(first)) < 0.01 * np.ptp(first)
+    odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time" if height else ""
+    return InputError(
+        path,
+        "columns",
+        f"its {count} columns have no names{odd}",
+        "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "
+        f"places: {_look(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True)))}",
+    )
 
 
 def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str:

@@ -102,16 +102,11 @@ def _read_within(path: Path, name: str, content: bytes) -> list[Sheet]:
             raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
 
 
-def _xls(path: Path) -> list[Sheet]:
-    """Read what is called .xls: a workbook of either kind, or text, which many programs call so."""
-    return (_by_content(path) or read_text)(path)
-
-
 _UNPACK: dict[str, Callable[[Path], IO[bytes]]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 READERS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
-    ".xls": _xls,
+    ".xls": _old_workbook,
     ".ods": _open_document,
     ".tdms": _tdms,
     ".lvm": _lvm,
@@ -128,7 +123,8 @@ _BEGIN: dict[bytes, Reader] = {
     b"LabVIEW Measurement": _lvm,
     b"PK\x03\x04": _zipped,
 }
-"""By what a file begins with, where its name doesn't say."""
+"""By what a file begins with."""
+_WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 
 
 def recording_files(folder: Path) -> list[Path]:
@@ -141,10 +137,15 @@ def is_litter(path: Path) -> bool:
     return path.name.startswith((".", "~$")) or "__MACOSX" in path.parts
 
 
-def _by_content(path: Path) -> Reader | None:
+def _reader_of(path: Path) -> Reader | None:
+    """Return what reads a file: by what it begins with, whatever it is called, or else by its ending."""
     with path.open("rb") as file:
         begin = file.read(32)
-    return next((reader for mark, reader in _BEGIN.items() if begin.startswith(mark)), None)
+    reader = next((reader for mark, reader in _BEGIN.items() if begin.startswith(mark)), None)
+    ending = path.suffix.lower()
+    # Many programs call text a workbook's name.
+    text = ending in _WORKBOOKS and b"\0" not in begin
+    return reader or (read_text if text else READERS.get(ending))
 
 
 def read_sheets(path: Path) -> list[Sheet]:
@@ -157,15 +158,13 @@ def read_sheets(path: Path) -> list[Sheet]:
     """
     ending = path.suffix.lower()
     if not path.is_file():
-        if ending not in READERS and ending:
-            raise _no_kind(path)
-        raise InputError(path, "file", "not found", "check the path")
+        raise _no_file(path)
     if path.stat().st_size == 0:
         raise InputError(path, "file", "is empty", "copy or export it again")
     check_size(path, path.stat().st_size)
     refuse_force_curve(path)
     refuse_what_holds_no_table(path)
-    reader = READERS.get(ending) or _by_content(path)
+    reader = _reader_of(path)
     try:
         sheets = (reader or read_text)(path)
     except (InputError, MemoryError):
@@ -188,6 +187,18 @@ def read_sheets(path: Path) -> list[Sheet]:
             "export time, displacement and force, each with its name",
         )
     return sheets
+
+
+def _no_file(path: Path) -> InputError:
+    if path.is_dir():
+        return InputError(path, "file", "is a folder", "give a file in it")
+    if path.is_symlink() and not path.exists():
+        return InputError(path, "file", "is a link to a file that isn't there", "copy the file itself")
+    if path.exists():
+        return InputError(path, "file", "is a device or a pipe", "write what comes from it into a file")
+    if path.suffix and path.suffix.lower() not in READERS:
+        return _no_kind(path)
+    return InputError(path, "file", "not found", "check the path")
 
 
 def _no_kind(path: Path) -> InputError:

@@ -28,10 +28,12 @@ _BEGINS: dict[bytes, tuple[str, str]] = {
         "a NumPy array, whose columns have no names",
         "save it as CSV with a line of names above the numbers",
     ),
+    b"bplist00": ("a property list of macOS, perhaps what iCloud left of a file", "download the file in Finder"),
     b"\x80\x04\x95": ("a pickle of Python's", "save the table as CSV: in pandas, to_csv"),
 }
 _PACKED = {b"\x1f\x8b": "gz", b"BZh": "bz2", b"\xfd7zXZ": "xz"}
 _IN_ARCHIVES = {
+    "xl/workbook.bin": ("a binary workbook (.xlsb)", "save it as .xlsx"),
     "word/document.xml": ("a Word document", "save the table in it as CSV"),
     "ppt/presentation.xml": ("a PowerPoint presentation", _AS_CSV),
     "Index/Document.iwa": ("a workbook of Apple's Numbers", "export it as Excel or CSV: File, Export To"),

@@ -90,7 +90,8 @@ def unit_named(name: str) -> Unit | None:
     Capitals count in mN and MN, nm and Nm: nobody measures soft tissue in meganewtons, so that
     isn't known, and a newton metre is no length. A micro sign that was decoded by another code page is one.
     """
-    plain = name.strip(" ()[]<>").removeprefix("in ").rstrip(".").replace("μ", "µ")
+    # As in ``seconds since 2024-05-03``, of NetCDF.
+    plain = name.partition(" since ")[0].strip(" ()[]<>").removeprefix("in ").rstrip(".").replace("μ", "µ")
     plain = _WRONG_MICRO.sub("µ", plain)
     if plain in ("Nm", "NM"):
         return Unit(None, 1.0)
@@ -118,6 +119,7 @@ CLOCK = re.compile(
     re.IGNORECASE,
 )
 """A time of day with perhaps a date before it."""
+_MIDNIGHT = re.compile(r"\d{4}-\d\d-\d\d 00:00:00")
 _DAY_S = 86400.0
 THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
 
@@ -200,6 +202,8 @@ def name_and_unit(label: str) -> tuple[str, str | None]:
 
 NAMELESS = "its columns have no names"
 """Remark on a table whose columns are named by their places."""
+NOT_CALCULATED = "formulas were never calculated"
+"""Remark on what a program wrote, and no spreadsheet has evaluated."""
 
 
 def sheet_of_rows(
@@ -291,6 +295,8 @@ def sheet_of_rows(
 def why_no_number(cell: str) -> tuple[str, str] | None:
     """Return what keeps a cell from being a number, and how to mend it; None for anything else."""
     grouped, valued = THOUSANDS.fullmatch(cell), _VALUE_WITH_UNIT.fullmatch(cell)
+    if _MIDNIGHT.fullmatch(cell):
+        return f"'{cell[:10]}' is a date, which a spreadsheet took a number for", "import the text with numbers as text"
     if CLOCK.fullmatch(cell):
         return f"its times are a clock's without seconds ('{cell}')", "export time in seconds since the start"
     if grouped is not None:
@@ -394,12 +400,9 @@ def _check_row(path: Path, where: str, row: Sequence[Cell], columns: Sequence[in
         found = f"'{str(strange)[:40]}'" if strange not in (None, "") else f"{_width(row)} cells"
         if strange in (None, "") and width in (None, _width(row)):
             found = "an empty cell"
-        raise InputError(
-            path,
-            where,
-            f"{found} where {len(columns)} numbers are needed",
-            "keep one trial a file, and take out what is no number",
-        )
+        problem = f"{found} where {len(columns)} numbers are needed"
+        told = why_no_number(strange) if isinstance(strange, str) else None
+        raise InputError(path, where, *(told or (problem, "keep one trial a file, and take out what is no number")))
     if not np.isfinite(cells).all():  # type: ignore[arg-type]
         raise InputError(path, where, "a number isn't finite", "take the row out, or record again")
 

@@ -28,8 +28,6 @@ _BETWEEN_WORDS = re.compile(r"\s+(?![(\[<])")
 """Not before a unit in brackets."""
 _BARE_THOUSANDS = re.compile(r'(?<![\d."])\d{1,3}(,\d{3})+\.\d+(?![\d"])')
 _LINES_TRIED = 40
-_MOST_IN_A_ROW = 50
-"""Numbers in a row, beyond which a table of few rows is one that lies on its side."""
 
 
 def read_text(path: Path) -> list[Sheet]:
@@ -58,7 +56,6 @@ def read_text(path: Path) -> list[Sheet]:
         parted[last] = []
         remarks.append(f"line {last + 1}, the last, breaks off within a number, and is left out")
     rows = [[_cell(c, decimal) for c in cells] for cells in parted]
-    _check_direction(path, rows)
     found = sheet_of_rows(path, "", rows, tuple(remarks))
     return [] if found is None else [found]
 
@@ -84,18 +81,6 @@ def _is_cut(rows: Sequence[Sequence[str]], decimal: str) -> bool:
     digits = {len(row[-1].partition(decimal)[2]) for row in before[1:]}
     begun = last[-1] in ("", "-", "+") or _are_numbers(last[-1:], decimal)
     return begun and len(digits) == 1 and len(last[-1].partition(decimal)[2]) < digits.pop()
-
-
-def _check_direction(path: Path, rows: Sequence[Sequence[Cell]]) -> None:
-    filled = [row for row in rows if row]
-    numbers = [sum(isinstance(cell, float) for cell in row) for row in filled]
-    if 1 < len(filled) < FEWEST_ROWS and sum(count > _MOST_IN_A_ROW for count in numbers) >= 2:
-        raise InputError(
-            path,
-            "file",
-            f"its numbers stand in rows of {max(numbers)}, not in columns",
-            "turn the table round: in a spreadsheet, Paste Special, Transpose",
-        )
 
 
 def _check_thousands(path: Path, lines: list[str]) -> None:
