@@ -421,10 +421,12 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
     path = Path(path)
     if channels is not None:
         return recording_of(path, read_sheets(path), channels, area)
+    if _breaks_off(path) and (found := _other_dialect(path, area)) is not None:
+        return found
     try:
         return read_own_table(path, area)
     except InputError as error:
-        if error.field in ("file", "rows"):
+        if not path.is_file() or error.field == "rows":
             raise
         found = _other_dialect(path, area)
         if found is not None:
@@ -435,15 +437,20 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
         raise
 
 
+def _breaks_off(path: Path) -> bool:
+    """Tell whether a file doesn't end where a line does: its last number may be cut."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return False
+    with path.open("rb") as file:
+        file.seek(-1, 2)
+        return file.read(1) not in b"\r\n"
+
+
 def _other_dialect(path: Path, area: float | None) -> Recording | None:
-    """Return what a table with semicolons, tabs or decimal commas holds; None where that isn't said clearly.
+    """Return what a table of another dialect than legfem's own CSV holds; None where that isn't said clearly.
 
     Clear are columns by name and unit, which grow as the test presses: nothing of them is guessed.
     """
-    lines = path.read_bytes()[:4000].decode("utf-8", "replace").splitlines()
-    head, first = [*lines, "", ""][:2]
-    if not any(mark in head for mark in ";\t") and '"' not in first:
-        return None
     try:
         sheets = read_sheets(path)
         if area is not None:

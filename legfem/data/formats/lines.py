@@ -79,6 +79,9 @@ def read_lines(path: Path) -> Lines:
     # A line in quotes as a whole is one that a spreadsheet took for a cell.
     given = [found[1] if (found := _QUOTED_LINE.fullmatch(line)) else line for line in given]
     first = _first_of_numbers(given)
+    broken = next((k for k in range(first, len(given)) if "\0" in given[k]), None)
+    if broken is not None:
+        raise InputError(path, f"line {broken + 1}", "holds a null byte: it is damaged", "copy it again")
     remarks = [f"{left} null bytes at its end are left out: it was not written to its end"] if left else []
     texts, grouped, comments = [], 0, 0
     for k, line in enumerate(given):
@@ -87,7 +90,8 @@ def read_lines(path: Path) -> Lines:
             comments += 1
             continue
         # In quotes, and with a decimal mark of the other kind, there is but one way to read them.
-        plain, count = _QUOTED_THOUSANDS.subn(_without_thousands, _COMMENT.sub("", line))
+        plain = _COMMENT.sub("", line.replace("\0", ""))
+        plain, count = _QUOTED_THOUSANDS.subn(_without_thousands, plain)
         plain, further = _SPACED_THOUSANDS.subn("", plain)
         plain, more = _SPACED_CELL.subn(lambda found: found[0].replace(" ", ""), plain)
         texts.append(plain)
@@ -152,8 +156,7 @@ def _decoded(path: Path) -> tuple[str, str, int]:
                 "copy it again from the instrument",
             )
         raise InputError(path, "file", "is no text (it holds null bytes)", "export it as CSV from its program")
-    plain = whole.replace(b"\0", b"")
     try:
-        return plain.decode("utf-8"), "utf-8", left if left > 1 else 0
+        return whole.decode("utf-8"), "utf-8", left if left > 1 else 0
     except UnicodeDecodeError:
-        return plain.decode("cp1252", errors="replace"), "cp1252 (it isn't utf-8)", left if left > 1 else 0
+        return whole.decode("cp1252", errors="replace"), "cp1252 (it isn't utf-8)", left if left > 1 else 0
