@@ -125,7 +125,7 @@ def _joined_doubts(trial: Segmentation) -> Iterator[Doubt]:
     d, force = trial.recording.displacement, trial.recording.force
     back = (np.diff(d) < -_JOINED * np.ptp(d)) & (np.diff(force) < -_JOINED * np.ptp(force))
     deep = d[0] + 0.5 * float(np.ptp(d))
-    joins = [k for k in np.flatnonzero(back).tolist() if (d[k + 1 :] > deep).any()]
+    joins = [int(k) for k in np.flatnonzero(back) if (d[k + 1 :] > deep).any()]
     if joins:
         k = joins[0]
         yield Doubt(

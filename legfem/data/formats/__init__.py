@@ -9,7 +9,6 @@ import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO
 
 from legfem.common.errors import InputError
 from legfem.data.formats.force_curves import refuse_force_curve
@@ -83,7 +82,7 @@ def _zipped(path: Path) -> list[Sheet]:
 def _packed(path: Path) -> list[Sheet]:
     """Read the file that gzip, bzip2 or xz packed."""
     with _UNPACK[path.suffix.lower()](path) as file:
-        content = file.read(MOST_BYTES + 1)
+        content = bytes(file.read(MOST_BYTES + 1))
     check_size(path, len(content))
     return _read_within(path, path.stem, content)
 
@@ -102,7 +101,11 @@ def _read_within(path: Path, name: str, content: bytes) -> list[Sheet]:
             raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
 
 
-_UNPACK: dict[str, Callable[[Path], IO[bytes]]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
+_UNPACK: dict[str, type[gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile]] = {
+    ".gz": gzip.GzipFile,
+    ".bz2": bz2.BZ2File,
+    ".xz": lzma.LZMAFile,
+}
 READERS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
