@@ -1,7 +1,5 @@
 """``legfem study doe``: simulates every definition and writes a folder each, with the page on the paper's claims."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Sequence

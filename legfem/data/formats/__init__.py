@@ -1,7 +1,5 @@
 """Instruments' files: which reader reads what."""
 
-from __future__ import annotations
-
 import tempfile
 import zipfile
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A page's curves as a figure: blocks beside each other, each with its two panels."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A page as Markdown, for notes, issues and electronic lab books."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -7,8 +7,6 @@ takes a tenth of the time. P is a ratio of two forces on the same grid, so that 
 error cancels in it, and again in the difference of two coarse ones.
 """
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace

@@ -1,7 +1,5 @@
 """Both models of one idealised leg, pressed and compared; outcomes are kept for a rerun."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -83,7 +81,7 @@ class CorrectionCase:
             )
 
     @property
-    def asked(self) -> CorrectionCase:
+    def asked(self) -> "CorrectionCase":
         """What the outcome depends on: any linear solver finds the same."""
         return replace(self, settings=replace(self.settings, linear=_ANY_SOLVER))
 

@@ -1,7 +1,5 @@
 """What ``legfem study correction`` does and writes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """P(d) of a subject's own leg in 3D, beside that of the table of idealised legs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

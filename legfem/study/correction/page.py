@@ -1,7 +1,5 @@
 """A calibrated 3D correction on paper: tables, Fig. 4 with what P depends on, and report.html."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What follows from studies: advice to who wants to test a leg, and the paper's claims, with the page on them."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
