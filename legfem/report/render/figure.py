@@ -1,4 +1,4 @@
-"""A page's curves as a figure: blocks beside each other, each with its two panels."""
+"""A page's curves as a figure: blocks beside each other, each with its panels."""
 
 import re
 import textwrap
@@ -33,9 +33,10 @@ def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str
     """
     across = min(len(blocks), _ACROSS)
     down = -(-len(blocks) // across)
-    figure = new_figure(5.4 * across + (0.6 if across > 1 else 2.0), 6.4 * down)
+    heights = (2.2, 1.0) if any(block.below_label for block in blocks) else (1.0, 0.0)
+    figure = new_figure(5.4 * across + (0.6 if across > 1 else 2.0), 6.4 * down if heights[1] else 4.4 * down)
     title(figure, what, subject, origin)
-    grid = figure.subplots(2 * down, across, squeeze=False, height_ratios=[2.2, 1.0] * down)
+    grid = figure.subplots(2 * down, across, squeeze=False, height_ratios=heights * down)
     pairs = [pair for row in range(down) for pair in grid[2 * row : 2 * row + 2].T]
     for k, (above, below) in enumerate(pairs):
         if k < len(blocks):

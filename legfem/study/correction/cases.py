@@ -167,7 +167,7 @@ def skin_state(experiment: IdealisedLegIndentation) -> FloatArray:
     return np.concatenate(experiment.comm.allgather(local))
 
 
-def remembered_case(case: CorrectionCase, folder: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> CaseOutcome:
+def remembered_case(folder: Path, case: CorrectionCase, comm: MPI.Intracomm = MPI.COMM_SELF) -> CaseOutcome:
     """Return a case's outcome, from a folder if it is there, else solved and kept if complete."""
     store = Store(folder, CaseOutcome, modules=(__name__,))
     states = folder / f"{store.key(case.asked)}-states"
