@@ -1,7 +1,5 @@
 """A file or folder that isn't there, and the one in its place that is perhaps meant."""
 
-from __future__ import annotations
-
 import unicodedata
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Why a text is no TOML, in words for whoever wrote it: people type as in other formats, and editors change quotes."""
 
-from __future__ import annotations
-
 import re
 
 _LINE = re.compile(r"at line (\d+), column (\d+)")

@@ -1,7 +1,5 @@
 """What readings can't have been: a clock that counts rows, a cell at its limit, a spike, an offset, a drift, a copy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 

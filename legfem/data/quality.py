@@ -1,7 +1,5 @@
 """How good a recording is: rates, gaps, steps, saturation, drops, noise, and a grade."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reading a recording: which columns are time, displacement and force, in which units and directions."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The schema of what a folder's file says a leg's shape is taken from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import ClassVar
 
@@ -41,7 +39,7 @@ class ShapeEntry(FileTable):
     """Keys of which one says what the shape is taken from, in words."""
 
     @model_validator(mode="after")
-    def _one_source(self) -> ShapeEntry:
+    def _one_source(self) -> "ShapeEntry":
         given = [name for name in self.sources if getattr(self, name)]
         if len(given) != 1:
             *others, last = self.sources.values()

@@ -1,7 +1,5 @@
 """Instruments' files: which reader reads what."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import lzma

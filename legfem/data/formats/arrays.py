@@ -1,7 +1,5 @@
 """Arrays with names: MATLAB's .mat (by pymatreader, any version) and HDF5 (by h5py)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

@@ -4,8 +4,6 @@ A curve has a piezo's height and a lever's deflection, often without a clock, an
 none of legfem's tests. Read by its columns' names alone it would pass for one.
 """
 
-from __future__ import annotations
-
 import re
 import zipfile
 from pathlib import Path

@@ -5,8 +5,6 @@ waveform properties ``wf_increment``, ``wf_start_offset`` and ``unit_string`` of
 Format*.
 """
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The lines of a text as they were meant, without what encodings, spreadsheets and interrupted writing leave there."""
 
-from __future__ import annotations
-
 import codecs
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Files that are called like a table and hold none: told by how they begin, so that a refusal says what they are."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A table of named columns of numbers with their units, as an instrument's file holds it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ row of units, semicolons, decimal commas), Bose WinTest's (quoted, a comma at th
 and a null byte after the first). All are names, perhaps units, and numbers below what else.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Sequence

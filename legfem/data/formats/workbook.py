@@ -4,8 +4,6 @@ Libraries that read OpenDocument expand what a file says of repeated cells befor
 here rows are read one by one. Source: OASIS, *OpenDocument v1.3, part 3*, sections 9.1 and 19.
 """
 
-from __future__ import annotations
-
 import re
 import zipfile
 from collections.abc import Iterable, Sequence
