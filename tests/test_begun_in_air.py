@@ -1,7 +1,5 @@
 """Sound repeats that begin in air by different ways: not called a misfit, and C10 within its interval."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

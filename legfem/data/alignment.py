@@ -10,8 +10,6 @@ they tell the :math:`\delta_k` and :math:`b_k` less their means. Where all rise 
 (`legfem.data.contact.common_onset`), whether or not one by itself shows air.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,11 +47,11 @@ class Branch:
     leverage: FloatArray
     """Variance of the smoothed displacement over that of a reading."""
 
-    def moved(self, by: float, offset: float = 0.0) -> Branch:
+    def moved(self, by: float, offset: float = 0.0) -> "Branch":
         """Return the branch with ``by`` mm and ``offset`` N taken off."""
         return Branch(self.depth - by, self.force - offset, self.leverage)
 
-    def loaded(self) -> Branch:
+    def loaded(self) -> "Branch":
         """Return the part after first contact."""
         kept = self.depth >= 0.0
         return Branch(self.depth[kept], self.force[kept], self.leverage[kept])

@@ -1,7 +1,5 @@
 """The mean loading curve of repeated trials, with its covariance."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
