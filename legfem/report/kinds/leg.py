@@ -30,7 +30,7 @@ from legfem.report.render.figure import curves_figure
 from legfem.report.section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.turned import pressed_leg
-from legfem.report.words import fit_probability, options_of
+from legfem.report.words import BEYOND_A_FIT, fit_probability, options_of
 
 type LegFit = Fit[LegDetails]
 
@@ -225,7 +225,7 @@ def _headline(chosen: LegFit) -> web.Headline:
         sentence = f"{_stiffness(chosen)}. The {law} law describes {where}."
         wrong = "None in the loading part of the recordings, which is all that was checked."
         if _suspect(chosen).indenter.lies_along:
-            wrong += " An effect that looks like a change of C10 is not detected here; legfem diagnose looks for it."
+            wrong += f" {BEYOND_A_FIT}"
     c10 = _c10_value(chosen)
     return web.Headline(
         tone,
@@ -239,9 +239,8 @@ def _headline(chosen: LegFit) -> web.Headline:
                 f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is "
                 f"missing."
                 if tone == "wrong"
-                else f"No correction is needed: C10 is {c10}. If the assumed stiffness of fat or fascia, the "
-                f"units or the "
-                "sizes are wrong, C10 changes: the table of numbers and “What could not be tested” "
+                else f"Nothing that shows changes it: C10 is {c10}. If the assumed stiffness of fat or fascia, the "
+                "units or the sizes are wrong, C10 changes: the table of numbers and “What could not be tested” "
                 "say by how much.",
             ),
             ("What to do", _next(chosen)[0]),
