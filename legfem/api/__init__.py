@@ -8,9 +8,8 @@ from legfem.api import cohorts, diagnosed, identification, leg_in_stocking, load
 from legfem.api.arguments import front
 from legfem.api.cohorts import Cohort
 from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg
-from legfem.api.leg_in_stocking import LegInStocking
 from legfem.api.planned import PlannedTests
-from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
+from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen, LegInStocking
 
 cohort = front(cohorts.cohort)
 diagnose = front(diagnosed.diagnose)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from legfem.api.results import Identification
     from legfem.cohort.population_model import PopulationFit
     from legfem.legs.subject import SitedLeg, Subject
     from legfem.report.page import WebPage
@@ -308,20 +309,12 @@ def _unheard() -> Iterator[None]:
 def _identified(options: Options, member: Member, folder: Path) -> list[Row]:
     from legfem.api.identification import identify
     from legfem.legs.identification import as_leg
-    from legfem.report.estimates import preferred
-    from legfem.report.kinds import kind_of
     from legfem.specimens.folder import SpecimenFolder
 
     given = opened(member.folder)
     found = identify(given, out=folder, **options.given)
-    report = found.write(folder, every_rank=True)
-    content = found.document()
-    page = kind_of(found.fits).page(found.fits, None, "", "")
-    best = preferred(found.fits)
     shape = Shape() if isinstance(given, SpecimenFolder) else _shape(as_leg(given).sites[0])
-    row = _row(member, content, page, best.law, given.origin, report, shape)
-    settings = content["laws"][best.law]["settings"]
-    return [replace(row, recordings=_recordings(given), settings=settings)]
+    return [replace(_fitted(found, member, folder), shape=shape, recordings=_recordings(given))]
 
 
 def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
@@ -354,13 +347,18 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
 
 def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
     from legfem.api.leg_in_stocking import stocking
-    from legfem.report.stocking_page import stocking_web_page
 
-    leg = load_leg(member.folder)
-    found = stocking(leg, out=folder, **options.given)
-    report = found.write(folder)
-    page = stocking_web_page(found.result)
-    return [_row(member, found.document(), page, "", leg.origin, report, Shape())]
+    return [_fitted(stocking(load_leg(member.folder), out=folder, **options.given), member, folder)]
+
+
+def _fitted(found: Identification, member: Member, folder: Path) -> Row:
+    from legfem.report.kinds import kind_of
+
+    report = found.write(folder, every_rank=True)
+    content, law = found.document(), found.best.law
+    page = kind_of(found.fits).page(found.fits)
+    row = _row(member, content, page, law, content["origin"], report, Shape())
+    return replace(row, settings=content["laws"][law]["settings"])
 
 
 _DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}

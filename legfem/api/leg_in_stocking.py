@@ -2,69 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from legfem.api.arguments import check_folder, check_whole, wrong
 from legfem.api.loading import Given, load_leg
-from legfem.api.results import Result, row
+from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from mpi4py import MPI
 
-    from legfem.report.page import WebPage
     from legfem.stockings.leg import StockingLeg
-    from legfem.stockings.result import StockingResult
-
-
-@dataclass(frozen=True, eq=False)
-class LegInStocking(Result):
-    """Stiffness and pressures of a leg in a compression stocking."""
-
-    result: StockingResult
-
-    def summary(self) -> str:
-        """Return what was found, in words."""
-        from legfem.report.render.text import brief
-        from legfem.report.stocking_page import stocking_web_page
-        from legfem.report.stocking_pressures import PRESSURES
-        from legfem.report.stocking_stiffness import STIFFNESS
-
-        return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
-
-    def document(self) -> dict[str, Any]:
-        """Return what ``result.json`` holds."""
-        from legfem.stockings.document import stocking_document
-
-        return stocking_document(self.result)
-
-    def plot(self) -> Figure:
-        """Return the pressure of the stocking on the skin, unrolled and on the leg."""
-        from legfem.report.stocking_figures import stocking_pressure_figure
-
-        return stocking_pressure_figure(self.result)
-
-    def write(self, folder: Given) -> Path:
-        """Write result.json, report.txt, figures and fields; return the report's path."""
-        from legfem.report.page import command_line
-        from legfem.report.stocking import write_stocking_report
-
-        return write_stocking_report(self.result, Path(folder), command_line())
-
-    def _page(self) -> WebPage:
-        from legfem.report.stocking import moved_surfaces
-        from legfem.report.stocking_page import stocking_web_page
-
-        return stocking_web_page(self.result, moved_surfaces(self.result))
-
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for name, entry in self.document()["stiffness"].items():
-            yield row(name, entry["identified"] or entry["used_for_pressures"])
 
 
 def stocking(
@@ -75,7 +25,7 @@ def stocking(
     out: Given | None = None,
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
-) -> LegInStocking:
+) -> Identification:
     """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
 
     Parameters
@@ -96,8 +46,9 @@ def stocking(
 
     Returns
     -------
-    LegInStocking
-        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
+    Identification
+        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``; its ``best`` is a
+        `legfem.inverse.fit.Fit`, whose details are `legfem.stockings.details.StockingDetails`.
 
     Raises
     ------
@@ -106,7 +57,7 @@ def stocking(
     """
     from mpi4py import MPI
 
-    from legfem.stockings.identification import StockingSettings, run_leg
+    from legfem.stockings.identification import StockingSettings, identify_in_stocking
     from legfem.stockings.leg import StockingLeg
 
     known = load_leg(leg) if isinstance(leg, str | Path) else leg
@@ -125,4 +76,5 @@ def stocking(
     kept = None if out is None else Path(out) / "equilibria"
     ranks = comm or MPI.COMM_SELF
     with progress_on(quiet=not progress or ranks.rank > 0) as told:
-        return LegInStocking(run_leg(known, StockingSettings(cells, nelder_mead), told, ranks, folder=kept))
+        fit = identify_in_stocking(known, StockingSettings(cells, nelder_mead), told, ranks, folder=kept)
+    return Identification(known, (fit,))

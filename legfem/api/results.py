@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from legfem.legs.subject import SitedLeg, Subject
     from legfem.report.page import WebPage
     from legfem.specimens.folder import SpecimenFolder
+    from legfem.stockings.leg import StockingLeg
 
 
 class Result(ABC):
@@ -73,9 +74,12 @@ class Result(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Identification(Result):
-    """Stiffness identified from recordings of a leg, of its sites together, or of specimens."""
+    """Stiffness identified from a leg's recordings, of its sites together, from specimens, or from both scans of a leg.
 
-    given: Subject | SitedLeg | SpecimenFolder
+    Of a leg in its stocking also the pressures on the skin and inside.
+    """
+
+    given: Subject | SitedLeg | SpecimenFolder | StockingLeg
     fits: tuple[Fit[Any], ...]
     """One a law."""
     _section: JointForward[PlaneStrainForward] | None = None
@@ -101,7 +105,8 @@ class Identification(Result):
         from legfem.report.kinds import kind_of
         from legfem.report.render.text import brief
 
-        return brief(kind_of(self.fits).page(self.fits, None, "", ""))
+        kind = kind_of(self.fits)
+        return brief(kind.page(self.fits), kind.told)
 
     def document(self) -> dict[str, Any]:
         """What ``result.json`` holds; its laws are members."""
@@ -150,7 +155,7 @@ class Identification(Result):
         return kind_of(self.fits).page(self.fits, pressed, "", "")
 
 
-IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = Identification
+IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = LegInStocking = Identification
 """Names that the result had when each kind had its own."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -79,7 +79,16 @@ class Estimate:
     @property
     def relative_half_width(self) -> float:
         """Half the interval over the value; see `legfem.inverse.intervals.Estimated`."""
-        return Estimated(self.parameter, self.value, self.standard_error, self.ci95).relative_half_width
+        return self._known.relative_half_width
+
+    @property
+    def adds_nothing(self) -> bool:
+        """Whether the data say nothing beyond the prior."""
+        return self._known.error_over_prior > ADDS_NOTHING
+
+    @property
+    def _known(self) -> Estimated:
+        return Estimated(self.parameter, self.value, self.standard_error, self.ci95)
 
     @property
     def shown(self) -> Shown:
@@ -97,6 +106,7 @@ _TOLD = {
     "superficial.C10": "if the assumed C10 of the fat were 10 % higher",
     "fascia.C10": "if the assumed C10 of the fascia were 10 % higher",
 }
+_LAW_MISSES = "the law misses the recordings, so the value depends on the depth used"
 _RULED_BY: Mapping[ErrorSource, str] = {
     "differences": "differences of recordings by a factor",
     "model": "the model's own error",
@@ -185,7 +195,8 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             interval = optimum.departure.carried(float(at[k]), interval, parameter.bounds)
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
-        why = _why(known, optimum.law_fits, _trade(law.names, k, correlations), own)
+        trade = trade_of(law.names, k, correlations)
+        why = reasons(known, "" if optimum.law_fits else _LAW_MISSES, trade, own)
         if optimum.departure.by:
             why += f"; {optimum.departure.text}"
         source = main_source(shares[k])
@@ -222,7 +233,7 @@ def _moves(linear: Linearised, change: FloatArray) -> FloatArray:
     return np.where(np.isfinite(moves), moves, math.nan)
 
 
-def _trade(names: tuple[str, ...], k: int, correlations: FloatArray) -> str:
+def trade_of(names: Sequence[str], k: int, correlations: FloatArray) -> str:
     """Return with which other parameter one trades off most, and how much; "" if none does."""
     others = [j for j in range(len(names)) if j != k]
     if not others:
@@ -236,37 +247,62 @@ def _trade(names: tuple[str, ...], k: int, correlations: FloatArray) -> str:
     )
 
 
-def _why(known: Estimated, law_fits: bool, trade: str, moves: Mapping[str, float]) -> str:
+def reasons(
+    known: Estimated,
+    missed: str = "",
+    trade: str = "",
+    moves: Mapping[str, float] | None = None,
+    data: str = "the recordings",
+) -> str:
+    """Return why a parameter is known as well as it is.
+
+    Parameters
+    ----------
+    known
+        Value and interval.
+    missed
+        What it means that the model misses the data; empty where it meets them.
+    trade
+        See `trade_of`.
+    moves
+        As those of an `Estimate`.
+    data
+        What was measured, in words.
+    """
     parameter = known.parameter
     unit, factor = readable_unit(parameter.unit)
     low, high = (factor * end for end in known.ci95)
     if known.at_bound == "lower":
-        reasons = [f"the optimum stands at the lower bound; at most {high:.3g} {unit} fits (95 %)"]
+        found = [f"the optimum stands at the lower bound; at most {high:.3g} {unit} fits (95 %)"]
     elif known.at_bound == "upper":
-        reasons = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
+        found = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
     else:
         share = _percent(known.relative_half_width)
         of = " of the range before" if parameter.scale == "linear" else ""
-        reasons = [f"95 % interval {low:.3g} to {high:.3g} {unit}, {share}{of} either side"]
+        found = [f"95 % interval {_between(low, high)} {unit}, {share}{of} either side"]
     if parameter.prior is not None:
         left = known.error_over_prior
-        reasons.append(
-            "the recordings add nothing to its prior"
+        found.append(
+            f"{data} add nothing to its prior"
             if left > ADDS_NOTHING
-            else f"the recordings narrow its prior to {100 * left:.0f} % of its width"
+            else f"{data} narrow its prior to {100 * left:.0f} % of its width"
         )
-    if not law_fits:
-        reasons.append("the law misses the recordings, so the value depends on the depth used")
-    if trade:
-        reasons.append(trade)
+    found += [text for text in (missed, trade) if text]
     told = [
         f"{100 * change:+.1f} % {_TOLD[name]}"
-        for name, change in moves.items()
+        for name, change in (moves or {}).items()
         if name in _TOLD and math.isfinite(change)
     ]
     if told:
-        reasons.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))
-    return "; ".join(reasons)
+        found.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))
+    return "; ".join(found)
+
+
+def _between(low: float, high: float) -> str:
+    """Return an interval, in words where it is open."""
+    if math.isfinite(high):
+        return f"{low:.3g} to {high:.3g}"
+    return f"at least {low:.3g}"
 
 
 def _percent(share: float) -> str:

@@ -26,8 +26,9 @@ from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName
 from legfem.inverse.fibre_ratio import check_in_plane
-from legfem.inverse.fit import Fit, fit, fit_with
+from legfem.inverse.fit import Fit
 from legfem.inverse.outcome import Forward, FullSolver, JointForward
+from legfem.inverse.problem import fit, fit_with
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction

@@ -15,24 +15,11 @@ from legfem.common.errors import InputError, doubt_lines
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
-from legfem.inverse.fit import (
-    EXACT,
-    ChannelFit,
-    Fit,
-    Goodness,
-    Identity,
-    TestFit,
-    cost_of,
-    fit,
-    goodness_of,
-    log_of,
-    optimum_of,
-    search_settings,
-    versions,
-)
+from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
 from legfem.inverse.instrument import READINGS
 from legfem.inverse.intervals import quantile
 from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
+from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
@@ -52,7 +39,7 @@ from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, bare, kin
 
 @dataclass(frozen=True, eq=False)
 class SpecimenProblem:
-    """A law beside all recordings of a folder; a `legfem.inverse.fit.Problem`.
+    """A law beside all recordings of a folder; a `legfem.inverse.problem.Problem`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""``result.json`` of a leg in its stocking: every number with its unit."""
+"""What ``details.json`` of a leg in its stocking has beside that of any fit: the leg as worn, and its pressures."""
 
 from __future__ import annotations
 
@@ -7,107 +7,63 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import json_types, versions_of
-from legfem.common.errors import doubt_documents
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.leg_shape import fat_thickness_around
-from legfem.inverse.parameter import Prior
-from legfem.legs.elastography import elastography_priors
-from legfem.stockings.estimates import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
-from legfem.stockings.fabric import stocking_load
+from legfem.geometry.slices import CONTOURS
+from legfem.inverse.catalogue import key_of
+from legfem.stockings.details import StockingDetails, StockingFit
+from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.leg import ComparedSensor
-from legfem.stockings.levels import LevelPressure, PressureAlong, pressures_at_levels
-from legfem.stockings.notices import stocking_notices, unloaded_skin
-from legfem.stockings.pressures import FatPressures, too_low_by
-from legfem.stockings.result import StockingResult
+from legfem.stockings.levels import LevelPressure
+from legfem.stockings.notices import unloaded_skin
+from legfem.stockings.pressures import too_low_by
 from legfem.stockings.scan_fit import by_name
 
-SCHEMA = "legfem.stocking/1"
 
+class StockingDocument:
+    """A `legfem.inverse.document.KindDocument`."""
 
-def stocking_document(result: StockingResult, fat: FatPressures | None = None) -> dict[str, Any]:
-    """Return a result as JSON types; what isn't finite is null.
-
-    Parameters
-    ----------
-    result
-        Of a run.
-    fat
-        Pressures in the fat, if the worn state was found.
-    """
-    leg, solves = result.leg, sum(search.solves for search in result.searches)
-    return json_types(
-        {
-            "schema": SCHEMA,
-            "leg": leg.id,
-            "title": leg.title,
-            "origin": leg.origin,
-            "doubts": doubt_documents(leg.doubts),
-            "stiffness": _stiffness(result),
-            "searches": [_search(search) for search in result.searches],
-            "starts_agree": starts_agree(result.weighted) if result.weighted else None,
-            "contours": _contours(result),
-            "mismatch": _discrepancy(result),
-            "registration": _registration(result),
-            "stocking": _stocking(result),
-            "pressures": _pressures(result),
-            "makers_levels": [_level(one) for one in levels_of(result)],
-            "sensors": [_sensor(one) for one in result.sensors],
-            "fat": _fat(result, fat),
-            "worn_state": {
-                "found": result.equilibrium.state.report.complete,
-                "reason": result.equilibrium.state.report.reason,
-                "converged": result.equilibrium.converged,
-                "relative_pressure_changes": list(result.equilibrium.changes),
+    def of_fit(self, fit: StockingFit) -> dict[str, Any]:
+        """Stiffness that the pressures are of, searches, fabric, pressures, and the state as worn."""
+        details = fit.details
+        weighted, worn = details.weighted, details.equilibrium
+        return {
+            "stiffness_of_the_pressures": {
+                "given": details.leg.known,
+                **{key_of(name): {"value": mpa_to_kpa(c10), "unit": "kPa"} for name, c10 in details.parameters.items()},
             },
-            "warnings": list(stocking_notices(result)),
-            "model": _model(result),
-            "solves": {"identification": solves, "all": result.states},
-            "wall_s": result.wall_s,
-            "versions": versions(),
+            "searches": [_search(search) for search in details.searches],
+            "starts_agree": starts_agree(weighted) if weighted else None,
+            "contours": _contours(details),
+            "mismatch": _discrepancy(details),
+            "registration": _registration(details),
+            "stocking": _stocking(details),
+            "pressures": _pressures(details),
+            "makers_levels": [_level(one) for one in details.at_levels],
+            "sensors": [_sensor(one) for one in details.sensors],
+            "fat": _fat(details),
+            "worn_state": {
+                "found": worn.state.report.complete,
+                "reason": worn.state.report.reason,
+                "converged": worn.converged,
+                "relative_pressure_changes": list(worn.changes),
+            },
+            "model": _model(details),
+            "solves": {"identification": fit.log.forward_solves, "all": details.states},
         }
-    )
 
-
-def versions() -> dict[str, str]:
-    """Return those of the programs that make a result."""
-    return versions_of("legfem", "dolfinx", "numpy", "scipy", "python")
-
-
-def _stiffness(result: StockingResult) -> dict[str, Any]:
-    identified = {known.name: known for known in result.estimates}
-    priors = elastography_priors(result.leg.elastography)
-    return {
-        _key(name): {
-            "used_for_pressures": {"value": mpa_to_kpa(value), "unit": "kPa"},
-            "prior": _prior(priors.get(name)),
-            "given": result.leg.known,
-            "identified": _known(identified[name]) if name in identified else None,
-        }
-        for name, value in result.parameters.items()
-    }
-
-
-def _prior(prior: Prior | None) -> dict[str, Any] | None:
-    if prior is None:
-        return None
-    return {"value": mpa_to_kpa(prior.centre), "sd": mpa_to_kpa(prior.sd), "unit": "kPa", "source": prior.source}
-
-
-def _known(known: StiffnessEstimate) -> dict[str, Any]:
-    return {
-        "value": mpa_to_kpa(known.value),
-        "unit": "kPa",
-        "ci95": [mpa_to_kpa(value) for value in known.ci95],
-        "relative_half_width": known.relative_half_width,
-        "at_bound": known.at_bound,
-        "identifiability": known.identifiability,
-    }
+    def of_test(self, fit: StockingFit, number: int) -> dict[str, Any]:
+        """Points of the contours that are compared, in the channels' order."""
+        misfit = fit.details.misfit
+        assert misfit is not None
+        contours = [misfit.target.contours(name).reshape(-1, 2) for name in CONTOURS]
+        named = zip(fit.tests[number].channels, contours, strict=False)
+        return {"points_mm": {one.channel.name: dict(zip("xy", points.T, strict=True)) for one, points in named}}
 
 
 def _search(search: StiffnessFit) -> dict[str, Any]:
     def both(values: FloatArray) -> dict[str, float]:
-        return {f"{_key(name)}_kPa": mpa_to_kpa(value) for name, value in by_name(values).items()}
+        return {f"{key_of(name)}_kPa": mpa_to_kpa(value) for name, value in by_name(values).items()}
 
     return {
         "method": search.method,
@@ -130,11 +86,11 @@ def _search(search: StiffnessFit) -> dict[str, Any]:
     }
 
 
-def _contours(result: StockingResult) -> dict[str, Any] | None:
-    misfit, accuracy = result.misfit, result.leg.accuracy
+def _contours(details: StockingDetails) -> dict[str, Any] | None:
+    misfit, accuracy = details.misfit, details.leg.accuracy
     if misfit is None:
         return None
-    bare = misfit.distances(result.leg.bare)
+    bare = misfit.distances(details.leg.bare)
     return {
         "levels_mm": misfit.target.levels.tolist(),
         "expected_rms_distance_mm": expected_rms(accuracy),
@@ -150,8 +106,8 @@ def _contours(result: StockingResult) -> dict[str, Any] | None:
     }
 
 
-def _discrepancy(result: StockingResult) -> dict[str, Any] | None:
-    found = result.discrepancy
+def _discrepancy(details: StockingDetails) -> dict[str, Any] | None:
+    found = details.discrepancy
     if found is None:
         return None
     after = found.parameters_after
@@ -166,8 +122,8 @@ def _discrepancy(result: StockingResult) -> dict[str, Any] | None:
     }
 
 
-def _registration(result: StockingResult) -> dict[str, Any] | None:
-    found = result.leg.registration
+def _registration(details: StockingDetails) -> dict[str, Any] | None:
+    found = details.leg.registration
     if found is None:
         return None
     return {
@@ -183,8 +139,8 @@ def _registration(result: StockingResult) -> dict[str, Any] | None:
     }
 
 
-def _stocking(result: StockingResult) -> dict[str, Any]:
-    stocking, load, shape = result.leg.stocking, result.equilibrium.load, result.leg.bare
+def _stocking(details: StockingDetails) -> dict[str, Any]:
+    stocking, load, shape = details.leg.stocking, details.equilibrium.load, details.leg.bare
     return {
         "stiffness_N_per_mm": stocking.stiffness,
         "bending_length_mm": stocking.bending_length,
@@ -196,18 +152,6 @@ def _stocking(result: StockingResult) -> dict[str, Any]:
         "mean_pressure_kPa": mpa_to_kpa(load.pressure.mean(axis=1)).tolist(),
         "share_of_skin_without_pressure": unloaded_skin(shape, load).tolist(),
     }
-
-
-def pressure_along(result: StockingResult) -> PressureAlong:
-    """Return the stocking's pressure by height."""
-    leg, tension = result.leg, None if result.best is None else result.best.tension
-    on_bare = stocking_load(leg.bare, leg.stocking).times(1.0 if tension is None else 1 + tension.value)
-    return PressureAlong.of(leg.bare, result.equilibrium.load, on_bare, leg.accuracy)
-
-
-def levels_of(result: StockingResult) -> list[LevelPressure]:
-    """Return the pressure at every level of makers that the modelled part of the leg has."""
-    return pressures_at_levels(pressure_along(result), result.leg.makers, result.leg.bare)
 
 
 def _level(one: LevelPressure) -> dict[str, Any]:
@@ -223,20 +167,20 @@ def _level(one: LevelPressure) -> dict[str, Any]:
     }
 
 
-def _pressures(result: StockingResult) -> dict[str, Any] | None:
-    found = result.pressures
+def _pressures(details: StockingDetails) -> dict[str, Any] | None:
+    found = details.pressures
     if found is None:
         return None
-    posture = result.leg.posture
-    scanned = None if result.scan_load is None else mpa_to_kpa(result.scan_load.mean_pressure)
+    posture = details.leg.posture
+    scanned = None if details.scan_load is None else mpa_to_kpa(details.scan_load.mean_pressure)
     return {
         "mean_interface_kPa": mpa_to_kpa(found.mean_interface),
-        "least_interface_kPa": mpa_to_kpa(float(result.equilibrium.load.pressure.min())),
+        "least_interface_kPa": mpa_to_kpa(float(details.equilibrium.load.pressure.min())),
         "greatest_interface_kPa": mpa_to_kpa(found.greatest_interface),
         "mean_interface_of_scanned_shape_kPa": scanned,
         "mean_in_muscle_kPa": mpa_to_kpa(found.mean_in_muscle),
         "greatest_in_fat_kPa": mpa_to_kpa(found.greatest_in_fat),
-        "greatest_in_fat_too_low_by": list(too_low_by(result.tetrahedra)),
+        "greatest_in_fat_too_low_by": list(too_low_by(details.tetrahedra)),
         "greatest_in_fat_at_mm": found.greatest_in_fat_at.tolist(),
         "veins": [
             {
@@ -252,7 +196,7 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
                     for name, inside in posture.inside(float(vein.position[2])).items()
                 },
             }
-            for vein, pressure, sd in zip(result.leg.veins, found.at_veins, found.at_veins_sd, strict=True)
+            for vein, pressure, sd in zip(details.leg.veins, found.at_veins, found.at_veins_sd, strict=True)
         ],
     }
 
@@ -269,9 +213,9 @@ def _sensor(one: ComparedSensor) -> dict[str, Any]:
     }
 
 
-def _fat(result: StockingResult, fat: FatPressures | None) -> dict[str, Any]:
-    shape = result.leg.bare
-    middle = int(np.argmin(np.abs(shape.levels - np.median(result.leg.slices))))
+def _fat(details: StockingDetails) -> dict[str, Any]:
+    shape, fat = details.leg.bare, details.fat
+    middle = int(np.argmin(np.abs(shape.levels - np.median(details.leg.slices))))
     thickness = fat_thickness_around(shape)
     pressed = (
         {}
@@ -291,20 +235,14 @@ def _fat(result: StockingResult, fat: FatPressures | None) -> dict[str, Any]:
     }
 
 
-def _model(result: StockingResult) -> dict[str, Any]:
-    spaces, settings = result.model.compression.spaces, result.model.compression.settings
+def _model(details: StockingDetails) -> dict[str, Any]:
+    spaces, settings = details.model.compression.spaces, details.model.compression.settings
     return {
-        "tetrahedra": result.tetrahedra,
+        "tetrahedra": details.tetrahedra,
         "unknowns": spaces.unknowns,
         "formulation": settings.formulation,
         "degree": settings.degree,
         "follower_load": settings.follower,
         "ends": settings.ends,
-        "D1_per_MPa": {name: float(law.D1) for name, law in result.leg.tissues.items()},
+        "D1_per_MPa": {name: float(law.D1) for name, law in details.leg.tissues.items()},
     }
-
-
-def _key(name: str) -> str:
-    """Return a parameter's key: ``c10_deep`` of ``deep.C10``."""
-    tissue, _, symbol = name.partition(".")
-    return f"{symbol.lower()}_{tissue}"

@@ -8,14 +8,13 @@ import numpy as np
 
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.legs.elastography import elastography_priors
 from legfem.legs.notices import disagreement
+from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.equilibrium import EquilibriumSettings
 from legfem.stockings.estimates import MISSED_BEYOND, expected_rms, model_misses, starts_agree
 from legfem.stockings.fabric import StockingLoad
 from legfem.stockings.leg import ComparedSensor
 from legfem.stockings.leg_model import PARAMETERS
-from legfem.stockings.result import StockingResult
 from legfem.stockings.scan_fit import by_name
 
 TISSUES = dict(zip(PARAMETERS, ("muscle", "fat"), strict=True))
@@ -27,15 +26,17 @@ REGISTERED_WITHIN = 0.5
 """Residual of the registration (mm) that is no cause of concern: half a voxel."""
 
 
-def stocking_notices(result: StockingResult) -> tuple[str, ...]:
+def stocking_notices(fit: StockingFit) -> tuple[str, ...]:
     """Return the warnings as sentences, the gravest first."""
+    details = fit.details
     return tuple(
         [
-            *_of_the_state(result),
-            *_of_the_searches(result),
-            *_of_the_scans(result),
-            *_of_the_load(result),
-            *sensor_notices(result.sensors),
+            *_of_the_state(details),
+            *_of_the_searches(details),
+            *_of_the_stiffness(fit),
+            *_of_the_scans(details),
+            *_of_the_load(details),
+            *sensor_notices(details.sensors),
         ]
     )
 
@@ -63,8 +64,8 @@ def unloaded_skin(shape: LegShape, load: StockingLoad) -> FloatArray:
     return np.where(load.tension > 0, share, 0.0)
 
 
-def _of_the_state(result: StockingResult) -> Iterator[str]:
-    found = result.equilibrium
+def _of_the_state(details: StockingDetails) -> Iterator[str]:
+    found = details.equilibrium
     if not found.state.report.complete:
         yield (
             "The leg in its stocking could not be computed "
@@ -79,10 +80,10 @@ def _of_the_state(result: StockingResult) -> Iterator[str]:
         )
 
 
-def _of_the_searches(result: StockingResult) -> Iterator[str]:
-    if not result.searches:
+def _of_the_searches(details: StockingDetails) -> Iterator[str]:
+    if not details.searches:
         return
-    for search in result.searches:
+    for search in details.searches:
         name = "Nelder-Mead's search" if search.method == "nelder-mead" else "A search"
         start = " and ".join(
             f"{mpa_to_kpa(value):.3g} kPa in the {TISSUES[parameter]}"
@@ -93,9 +94,12 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
             yield f"{name} from {start} met a state that could not be computed ({report.reason})."
         elif not search.converged:
             yield f"{name} from {start} ended before it had settled."
-    if not starts_agree(result.weighted):
+    if not starts_agree(details.weighted):
         yield "The starts did not all lead to the same stiffness: the one that fits the scan best counts."
-    best, accuracy = result.best, result.leg.accuracy
+
+
+def _of_the_stiffness(fit: StockingFit) -> Iterator[str]:
+    best, accuracy = fit.details.best, fit.details.leg.accuracy
     if best is None:
         return
     if model_misses(best, accuracy):
@@ -105,20 +109,18 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
             "errors of the contours cause. The intervals of the stiffness are then too narrow: check the "
             "contours."
         )
-    priors = elastography_priors(result.leg.elastography)
-    for known in result.estimates:
-        if (prior := priors.get(known.name)) is not None:
-            yield from disagreement(known.name, prior, known.value, known.standard_error, "the fit of both scans")
-    for known in result.estimates:
+    for name, known in fit.estimates.items():
+        if (prior := known.parameter.prior) is not None:
+            yield from disagreement(name, prior, known.value, known.standard_error, "the fit of both scans")
+    for name, known in fit.estimates.items():
         if known.at_bound:
             yield (
-                f"The stiffness of the {TISSUES[known.name]} stands at the search's "
-                f"{known.at_bound} bound: it is not known."
+                f"The stiffness of the {TISSUES[name]} stands at the search's {known.at_bound} bound: it is not known."
             )
 
 
-def _of_the_scans(result: StockingResult) -> Iterator[str]:
-    registration = result.leg.registration
+def _of_the_scans(details: StockingDetails) -> Iterator[str]:
+    registration = details.leg.registration
     if registration is None:
         return
     if not registration.converged:
@@ -130,8 +132,8 @@ def _of_the_scans(result: StockingResult) -> Iterator[str]:
         )
 
 
-def _of_the_load(result: StockingResult) -> Iterator[str]:
-    leg, load = result.leg, result.equilibrium.load
+def _of_the_load(details: StockingDetails) -> Iterator[str]:
+    leg, load = details.leg, details.equilibrium.load
     levels, slack = leg.bare.levels, load.tension == 0
     if slack.any():
         where = levels[slack]
