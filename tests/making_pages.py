@@ -49,8 +49,8 @@ from legfem.legs.loading import load_subject
 from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions

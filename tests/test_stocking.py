@@ -14,7 +14,7 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import SliceSet, calf_levels
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, EquilibriumSolver, LinearisedCoupling
 from legfem.stockings.estimates import StiffnessFit

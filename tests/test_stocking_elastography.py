@@ -13,7 +13,7 @@ from legfem.common.progress import Silent
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import calf_levels
 from legfem.legs.elastography import ShearModulus
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.render.text import plain_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.stockings.equilibrium import EquilibriumSolver

@@ -27,7 +27,7 @@ from legfem.inverse.document import SCHEMA, fit_document
 from legfem.inverse.intervals import quantile
 from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.identification import write_report
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
@@ -35,7 +35,7 @@ from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import stiffness_interval, vein_interval
 from legfem.report.stocking_stiffness import verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
-from legfem.stockings.assessment import assessed
+from legfem.stockings.assessment import assessed, unloaded_skin
 from legfem.stockings.document import StockingDocument
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_estimates
@@ -45,7 +45,6 @@ from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.loading import load_leg
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.notices import unloaded_skin
 from legfem.stockings.pressures import too_low_by
 from legfem.stockings.scan_fit import stiffness_priors
 from studies.legs.shapes import parametric_leg, read_legs, round_leg

@@ -20,8 +20,9 @@ from legfem.data.noise import (
     NoiseEstimate,
     estimate_components,
 )
+from legfem.data.phases import AIR, LOADING
 from legfem.data.recording import Recording
-from legfem.data.segmentation import AIR, LOADING, Segmentation, segment
+from legfem.data.segmentation import Segmentation, segment
 from legfem.data.smoothing import local_line, smooth_displacement
 
 _ALIGNED_WITHIN_MM = 2.0

@@ -24,7 +24,7 @@ from legfem.inverse.fit import (
     r_squared,
     versions,
 )
-from legfem.inverse.linearised import fit
+from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.trial import SearchLog
 from legfem.inverse.verdict import Diagnosis

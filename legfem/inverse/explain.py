@@ -17,7 +17,8 @@ from legfem.common.units import FloatArray
 from legfem.inverse.evidence import probabilities
 from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, counts_for, log_bayes_factor, singles_of
 from legfem.inverse.laplace import integrate_strength
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, ordinary_fit
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit, ordinary_fit
 from legfem.inverse.mechanism import Mechanism
 from legfem.inverse.predictor import Predictor, Responses
 from legfem.inverse.weighing import Weighing

@@ -22,16 +22,9 @@ from legfem.inverse.explain import base_about_solution, explain, refitted_about_
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.least_squares import sandwich
-from legfem.inverse.linearised import (
-    LinearisedFit,
-    LinearisedProblem,
-    NuisanceEffect,
-    equally_weighted,
-    fit,
-    ordinary_fit,
-    variance_degrees,
-)
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect, variance_degrees
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
+from legfem.inverse.map_fit import equally_weighted, fit, ordinary_fit
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit, held_out, misfit_of

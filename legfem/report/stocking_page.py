@@ -33,9 +33,9 @@ from legfem.report.stocking_stiffness import (
     verdict_sentence,
 )
 from legfem.report.words import moduli_text
+from legfem.stockings.assessment import TISSUES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.estimates import model_misses
-from legfem.stockings.notices import TISSUES
 
 
 def known_of(fit: StockingFit) -> list[web.Known]:

@@ -15,10 +15,10 @@ from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLe
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
+from legfem.stockings.assessment import TISSUES, unloaded_skin
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
 from legfem.stockings.levels import PLACES, LevelPressure
-from legfem.stockings.notices import TISSUES, unloaded_skin
 from legfem.stockings.pressures import TissuePressures, too_low_by
 
 ALONG = "Pressure along the leg"

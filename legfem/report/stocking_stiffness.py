@@ -11,12 +11,12 @@ from legfem.report import page as web
 from legfem.report.page import Block, Prose, WebTable
 from legfem.report.stocking_pressures import stiffness_values
 from legfem.report.words import short_probability
+from legfem.stockings.assessment import TISSUES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import CONTOUR_NAMES
-from legfem.stockings.notices import TISSUES
 
 STIFFNESS = "Stiffness of muscle and fat"
 """Title of the chapter."""

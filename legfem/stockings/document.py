@@ -11,11 +11,11 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import key_of
+from legfem.stockings.assessment import unloaded_skin
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.leg import ComparedSensor
 from legfem.stockings.levels import LevelPressure
-from legfem.stockings.notices import unloaded_skin
 from legfem.stockings.pressures import too_low_by
 from legfem.stockings.scan_fit import by_name
 

@@ -29,7 +29,7 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import SliceSet
 from legfem.inverse.least_squares import GaussNewtonSettings, damped_gauss_newton
 from legfem.inverse.parameter import Domain, Priors
-from legfem.meshing.solid_leg import SolidMeshSettings, settings_for_cells
+from legfem.meshing.leg_sizes import SolidMeshSettings, settings_for_cells
 from legfem.stockings.assessment import assessed
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import model_discrepancy

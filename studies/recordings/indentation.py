@@ -17,7 +17,8 @@ from legfem.inverse.discrepancy import possible_discrepancies, with_discrepancy
 from legfem.inverse.errors import error_model
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, fit_base
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit, fit_base
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise

@@ -17,7 +17,7 @@ from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
 from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import settings_for_cells
+from legfem.meshing.leg_sizes import settings_for_cells
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.estimates import StiffnessFit
