@@ -21,7 +21,7 @@ from legfem.cohort.rows import Judged, Row, cohort_frame, cohort_model, models_o
 from legfem.commands.cohort import app
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.document import fit_document
-from legfem.legs.document import LegDocument
+from legfem.legs.details import LegDocument
 from legfem.legs.schema import SUBJECTS
 
 

@@ -35,8 +35,8 @@ from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import stiffness_interval, vein_interval
 from legfem.report.stocking_stiffness import verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
-from legfem.stockings.assessment import assessed, unloaded_skin
-from legfem.stockings.document import StockingDocument
+from legfem.stockings.assessment import assessed
+from legfem.stockings.details import StockingDocument
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_estimates
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
@@ -367,7 +367,7 @@ def test_slack_heights_and_spanned_hollows_are_warned_of(result):
     worn = replace(result.details.equilibrium, load=stocking_load(bare, wide))
     texts = " ".join(changed(result, equilibrium=worn).warnings)
     assert "slack, and presses on nothing, at 4 of 11 heights, between 50 and 65 mm" in texts
-    assert (unloaded_skin(bare, worn.load)[:4] == 0).all(), "slack is no hollow"
+    assert (worn.load.unloaded_skin[:4] == 0).all(), "slack is no hollow"
     assert "as if the leg continued unchanged" in texts
     free = changed(result, leg=replace(result.details.leg, ends="free"))
     assert not any("continued unchanged" in text for text in free.warnings)

@@ -15,7 +15,7 @@ from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.jobs.pool import in_background
 from legfem.legs.details import LegDetails
-from legfem.legs.notices import curve_of
+from legfem.legs.site_test import curve_of
 from legfem.report.estimates import preferred
 from legfem.report.folder import REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.kinds import kind_of

@@ -15,7 +15,7 @@ from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLe
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
-from legfem.stockings.assessment import TISSUES, unloaded_skin
+from legfem.stockings.assessment import TISSUES
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
 from legfem.stockings.levels import PLACES, LevelPressure
@@ -100,7 +100,7 @@ def _of_stocking(details: StockingDetails) -> list[Block]:
     """Return what the stocking does to the skin, and to itself."""
     load = details.equilibrium.load
     by_level = load.pressure.mean(axis=1)
-    unloaded = unloaded_skin(details.leg.bare, load)
+    unloaded = load.unloaded_skin
     rows = [
         ("mean over the skin", both_units(load.mean_pressure)),
         (

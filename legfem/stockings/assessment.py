@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from legfem.common.documents import versions_of
-from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
-from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import LawName, key_of
 from legfem.inverse.data import Channel, Data, MeasuredTest
@@ -37,7 +36,6 @@ from legfem.stockings.estimates import (
     stiffness_correlations,
     stiffness_estimates,
 )
-from legfem.stockings.fabric import StockingLoad
 from legfem.stockings.leg import ComparedSensor
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.scan_fit import BOUNDS, by_name, stiffness_priors
@@ -221,16 +219,6 @@ def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[str]:
             )
 
 
-def unloaded_skin(shape: LegShape, load: StockingLoad) -> FloatArray:
-    """Return the share of each level's skin that bears no pressure, (n_levels,).
-
-    The stretched fabric spans a hollow or a flat there; at levels where it is slack the share is 0.
-    """
-    assert load.pressure.shape == shape.contours[SKIN].shape[:2]
-    share = (load.pressure < 1e-3 * load.pressure.max()).mean(axis=1)
-    return np.where(load.tension > 0, share, 0.0)
-
-
 def _of_the_state(details: StockingDetails) -> Iterator[str]:
     found = details.equilibrium
     if not found.state.report.complete:
@@ -308,7 +296,7 @@ def _of_the_load(details: StockingDetails) -> Iterator[str]:
             f"The stocking is slack, and presses on nothing, at {int(slack.sum())} of "
             f"{len(levels)} heights, between {where.min():g} and {where.max():g} mm."
         )
-    spanned = unloaded_skin(leg.bare, load)
+    spanned = load.unloaded_skin
     if spanned.mean() > UNLOADED_BEYOND:
         most = int(np.argmax(spanned))
         yield (

@@ -26,8 +26,7 @@ from legfem.report.stocking_pressures import PRESSURES
 from legfem.report.stocking_stiffness import STIFFNESS
 from legfem.report.style import save
 from legfem.stockings.assessment import KIND
-from legfem.stockings.details import StockingFit
-from legfem.stockings.document import StockingDocument
+from legfem.stockings.details import StockingDocument, StockingFit
 
 
 class StockingReport(ReportKind):
