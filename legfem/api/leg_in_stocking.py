@@ -1,20 +1,16 @@
 """A leg in its compression stocking: stiffness and pressures."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from legfem.api.arguments import check_folder, check_whole, wrong
 from legfem.api.loading import Given, load_leg
 from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from legfem.stockings.leg import StockingLeg
+from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.leg import StockingLeg
 
 
 def stocking(
@@ -55,11 +51,6 @@ def stocking(
     InputError
         If there is no such leg, or its scans can't be used.
     """
-    from mpi4py import MPI
-
-    from legfem.stockings.identification import StockingSettings, identify_in_stocking
-    from legfem.stockings.leg import StockingLeg
-
     known = load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
         raise InputError(

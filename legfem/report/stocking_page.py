@@ -1,7 +1,5 @@
 """The page of a leg in its stocking."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from legfem.common.errors import doubt_lines

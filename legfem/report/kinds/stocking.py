@@ -1,7 +1,5 @@
 """What is shown of a leg in its stocking: page, document, figures of pressures and contours, and fields."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
