@@ -116,7 +116,7 @@ def fit_with[C: Comparison](
 def goodness_of(
     found: Found[Any], covariance: FloatArray, expected: FloatArray | None = None, lost: int = 0
 ) -> Goodness:
-    """Goodness of the optimum, priors included.
+    """Goodness of a law where it misses least in the readings' errors, priors included.
 
     Parameters
     ----------
@@ -129,12 +129,9 @@ def goodness_of(
     lost
         Degrees of freedom that were spent on other things than the law's parameters.
     """
-    linear = found.linear
-    comparison, law = found.search.misfit, found.search.law
-    left = linear.prediction.values - (comparison.measured if expected is None else expected)
-    departures = law.priors.residual(found.best.point)
+    left, departures = found.linear.nearest(covariance, expected)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
-    return Goodness.of(chi_square, len(left) + len(departures) - len(law.parameters) - lost)
+    return Goodness.of(chi_square, len(left) + len(departures) - len(found.search.law.parameters) - lost)
 
 
 def optimum_of(
@@ -368,8 +365,8 @@ class SingleTests:
         return Goodness.of(statistic, len(values))
 
     def goodness(self) -> list[Goodness]:
-        """How far each test is from the joint fit, in its errors."""
-        left = self.found.linear.prediction.values - self._comparison.measured
+        """How far each test is from all together, where these miss least in their errors."""
+        left, _ = self.found.linear.nearest(self.covariance)
         return [
             Goodness.of(float(left[span] @ np.linalg.solve(self.covariance[span, span], left[span])), len(left[span]))
             for span in self._comparison.spans
