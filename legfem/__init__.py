@@ -22,26 +22,13 @@ if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked n
     )
 
 if TYPE_CHECKING:
-    from legfem.api import (
-        Cohort,
-        DiagnosedFolder,
-        DiagnosedLeg,
-        Identification,
-        IdentifiedLeg,
-        IdentifiedSites,
-        IdentifiedSpecimen,
-        LegInStocking,
-        PlannedTests,
-        cohort,
-        diagnose,
-        identify,
-        load_leg,
-        load_sites,
-        load_specimen,
-        load_subject,
-        plan,
-        stocking,
-    )
+    from legfem.api.cohorts import Cohort, cohort
+    from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
+    from legfem.api.identification import identify
+    from legfem.api.leg_in_stocking import LegInStocking, stocking
+    from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
+    from legfem.api.planned import PlannedTests, plan
+    from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
     from legfem.common.errors import InputError
 
     __version__: str

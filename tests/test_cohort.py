@@ -166,7 +166,7 @@ def test_a_diagnosis_is_a_row_with_its_verdict(study: Path, tmp_path: Path, monk
     def diagnose(given, library, out):
         return lf.DiagnosedLeg(given, diagnosed({"contact-onset.offset": 0.3}, asked=asked), 0, 1.0)
 
-    monkeypatch.setattr("legfem.api.diagnosed.diagnose", diagnose)
+    monkeypatch.setattr("legfem.api.cohorts.diagnose", diagnose)
     shutil.copytree(study / "P1", tmp_path / "study" / "P1")
     (row,) = lf.cohort(tmp_path / "study", do="diagnose", out=tmp_path / "out").rows
     assert row.done, row.problem
@@ -182,7 +182,7 @@ def test_a_leg_in_its_stocking_is_a_row(tmp_path: Path, monkeypatch: pytest.Monk
     (leg / "leg.toml").write_text("")
     found = lf.LegInStocking(dressed_leg(COARSEST))
     monkeypatch.setattr("legfem.api.cohorts.load_leg", lambda folder: found.result.leg)
-    monkeypatch.setattr("legfem.api.leg_in_stocking.stocking", lambda given, out, cells: found)
+    monkeypatch.setattr("legfem.api.cohorts.stocking", lambda given, out, cells: found)
     (row,) = lf.cohort(tmp_path / "study", do="stocking", cells=20_000, out=tmp_path / "out").rows
     assert row.done, row.problem
     assert row.judged.tone and (tmp_path / "out" / row.report).is_file()

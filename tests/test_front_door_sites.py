@@ -14,12 +14,12 @@ from making_sites_in_3d import TRUE_C10, TRUE_RATIO, leg_of, models_as_deep_as_a
 from typer.testing import CliRunner
 
 import legfem as lf
+from legfem.api import identification
 from legfem.commands.identify import app as identify_app
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.settings import IdentificationSettings
 from legfem.legs import fit_in_3d as spatial
-from legfem.legs import problem
 from legfem.report.style import LAW_NAMES
 
 RATIO = ("deep.C10", "deep.fibre_ratio")
@@ -35,7 +35,7 @@ def closed_form(monkeypatch):
         asked.append(settings)
         return sites_model()
 
-    monkeypatch.setattr(problem, "section_forward", model)
+    monkeypatch.setattr(identification, "section_forward", model)
     return asked
 
 
@@ -48,7 +48,7 @@ def in_space(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def both(tmp_path_factory):
     patch = pytest.MonkeyPatch()
-    patch.setattr(problem, "section_forward", lambda *_: sites_model())
+    patch.setattr(identification, "section_forward", lambda *_: sites_model())
     found = lf.identify(sited_leg(tmp_path_factory.mktemp("leg"), 0.6, 1.5))
     patch.undo()
     return found

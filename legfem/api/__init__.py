@@ -4,41 +4,30 @@ A function loads what it is given by id or path, does all that the command of it
 The commands call the functions of the modules here; those of the door itself name keywords where something is wrong.
 """
 
-from legfem.api import cohorts, diagnosed, identification, leg_in_stocking, loading, planned
-from legfem.api.arguments import front
-from legfem.api.cohorts import Cohort
-from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg
-from legfem.api.leg_in_stocking import LegInStocking
-from legfem.api.planned import PlannedTests
-from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
+from importlib import import_module
+from inspect import isfunction
+from typing import Any
 
-cohort = front(cohorts.cohort)
-diagnose = front(diagnosed.diagnose)
-identify = front(identification.identify)
-load_leg = front(loading.load_leg)
-load_sites = front(loading.load_sites)
-load_specimen = front(loading.load_specimen)
-load_subject = front(loading.load_subject)
-plan = front(planned.plan)
-stocking = front(leg_in_stocking.stocking)
+from legfem.api.arguments import front, in_python_words
 
-__all__ = [
-    "Cohort",
-    "DiagnosedFolder",
-    "DiagnosedLeg",
-    "Identification",
-    "IdentifiedLeg",
-    "IdentifiedSites",
-    "IdentifiedSpecimen",
-    "LegInStocking",
-    "PlannedTests",
-    "cohort",
-    "diagnose",
-    "identify",
-    "load_leg",
-    "load_sites",
-    "load_specimen",
-    "load_subject",
-    "plan",
-    "stocking",
-]
+_HOMES = {
+    "cohorts": ("Cohort", "cohort"),
+    "diagnosed": ("DiagnosedFolder", "DiagnosedLeg", "diagnose"),
+    "identification": ("identify",),
+    "leg_in_stocking": ("LegInStocking", "stocking"),
+    "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
+    "planned": ("PlannedTests", "plan"),
+    "results": ("Identification", "IdentifiedLeg", "IdentifiedSites", "IdentifiedSpecimen"),
+}
+"""Names that the door leads to, by the module that they stand in."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a module when a name of its is first asked for: a leg is loaded without the solver and the figures."""
+    home = next((home for home, names in _HOMES.items() if name in names), None)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    with in_python_words():
+        found = getattr(import_module(f"{__name__}.{home}"), name)
+    globals()[name] = found = front(found) if isfunction(found) else found
+    return found

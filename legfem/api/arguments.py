@@ -4,8 +4,6 @@ Every room names what is wrong by the command's option (``--leave-out``). `in_py
 of the front door and names the keyword instead (``leave_out``); the commands call the functions without it.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import re

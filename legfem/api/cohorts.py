@@ -1,7 +1,5 @@
 """Many legs, specimens or stockings at once: each is done as by its own command, and all are looked at together."""
 
-from __future__ import annotations
-
 import functools
 import logging
 import resource
@@ -12,27 +10,42 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from legfem.api.arguments import check_folder, check_one_of, check_seed, check_whole
+from legfem.api.diagnosed import DiagnosedLeg, diagnose
+from legfem.api.identification import identify
+from legfem.api.leg_in_stocking import stocking
 from legfem.api.loading import Given, load_leg, opened
 from legfem.api.results import Result
 from legfem.cohort.known import ExpectedRun, KnownRows, Options
 from legfem.cohort.members import Member, Members, Task, find_members
+from legfem.cohort.population_model import PopulationFit, population_document, populations
 from legfem.cohort.rows import Judged, Row, Shape, cohort_frame, models_of, units_frame, write_tables
+from legfem.cohort.statistics import statistics, statistics_document
+from legfem.cohort.suspicions import missing, suspicions
+from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, duration, progress_on
+from legfem.geometry.section import fat_thickness, girth
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.key import key_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-    from legfem.cohort.population_model import PopulationFit
-    from legfem.legs.subject import SitedLeg, Subject
-    from legfem.report.page import WebPage
-    from legfem.specimens.folder import SpecimenFolder
+from legfem.legs.identification import as_leg
+from legfem.legs.subject import SitedLeg, Subject
+from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
+from legfem.report.cohort_statistics import forest_figure
+from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.diagnosis_document import document
+from legfem.report.estimates import preferred
+from legfem.report.kinds import kind_of
+from legfem.report.page import PAGE, WebPage, command_line
+from legfem.report.render.text import brief
+from legfem.report.stocking_page import stocking_web_page
+from legfem.specimens.folder import SpecimenFolder
 
 _log = logging.getLogger(__name__)
 DOCUMENT = "cohort.json"
@@ -53,17 +66,10 @@ class Cohort(Result):
 
     def summary(self) -> str:
         """Return how many can be believed, what is odd, and what is missing."""
-        from legfem.report.cohort import ODD
-        from legfem.report.render.text import brief
-
         return brief(self._page(), (ODD,))
 
     def document(self) -> dict[str, Any]:
         """Return what ``cohort.json`` holds."""
-        from legfem.cohort.statistics import statistics, statistics_document
-        from legfem.cohort.suspicions import missing, suspicions
-        from legfem.common.documents import json_types, versions_of
-
         frame = self.to_frame()
         return {
             "schema": "legfem.cohort/1",
@@ -82,8 +88,6 @@ class Cohort(Result):
 
     def plot(self) -> Figure:
         """Return the first parameter of all members, sorted, with 95 % intervals."""
-        from legfem.report.cohort_statistics import forest_figure
-
         return forest_figure(self.members.every, self.rows)
 
     def to_frame(self) -> pd.DataFrame:
@@ -92,10 +96,6 @@ class Cohort(Result):
 
     def write(self, folder: Given) -> Path:
         """Write cohort.html and cohort.txt, the table as CSV and workbook, cohort.json; return cohort.txt's path."""
-        from legfem.cohort.population_model import population_document
-        from legfem.common.documents import write_document
-        from legfem.report.cohort import write_cohort_page
-
         out = Path(folder)
         write_document(out / DOCUMENT, self.document())
         frame = self.to_frame()
@@ -108,9 +108,6 @@ class Cohort(Result):
         yield from self.to_frame().to_dict("records")
 
     def _page(self) -> WebPage:
-        from legfem.report.cohort import cohort_web_page
-        from legfem.report.page import command_line
-
         return cohort_web_page(self.members, self.rows, self.options.task, command_line(), self.population)
 
 
@@ -214,8 +211,6 @@ def cohort(
 
 
 def _population(members: Members, rows: Sequence[Row], options: Options) -> tuple[PopulationFit, ...]:
-    from legfem.cohort.population_model import populations
-
     if priors := options.given.get("prior"):
         raise InputError("--population", ", ".join(priors), "would count twice: each leg has it", "leave out --prior")
     return populations(members.every, rows, int(options.given.get("seed", 0)))
@@ -306,12 +301,6 @@ def _unheard() -> Iterator[None]:
 
 
 def _identified(options: Options, member: Member, folder: Path) -> list[Row]:
-    from legfem.api.identification import identify
-    from legfem.legs.identification import as_leg
-    from legfem.report.estimates import preferred
-    from legfem.report.kinds import kind_of
-    from legfem.specimens.folder import SpecimenFolder
-
     given = opened(member.folder)
     found = identify(given, out=folder, **options.given)
     report = found.write(folder, every_rank=True)
@@ -325,11 +314,6 @@ def _identified(options: Options, member: Member, folder: Path) -> list[Row]:
 
 
 def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
-    from legfem.api.diagnosed import DiagnosedLeg, diagnose
-    from legfem.report.diagnosis import diagnosis_web_page
-    from legfem.report.diagnosis_document import document
-    from legfem.specimens.folder import SpecimenFolder
-
     given = opened(member.folder)
     found = diagnose(given, library=options.library or None, out=folder, **options.given)
     report = found.write(folder)
@@ -353,9 +337,6 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
 
 
 def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
-    from legfem.api.leg_in_stocking import stocking
-    from legfem.report.stocking_page import stocking_web_page
-
     leg = load_leg(member.folder)
     found = stocking(leg, out=folder, **options.given)
     report = found.write(folder)
@@ -369,8 +350,6 @@ _DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}
 def _row(
     member: Member, content: Mapping[str, Any], page: WebPage, preferred: str, origin: str, report: Path, shape: Shape
 ) -> Row:
-    from legfem.report.page import PAGE
-
     shown = report.with_name(PAGE) if report.with_name(PAGE).is_file() else report
     return Row(
         member.name,
@@ -386,10 +365,6 @@ def _row(
 
 def _shape(leg: Subject) -> Shape:
     """What a leg's section says without a fit."""
-    import numpy as np
-
-    from legfem.geometry.section import fat_thickness, girth
-
     try:
         fat = fat_thickness(leg.section, leg.indenter.aim, leg.indenter.direction)
     except ValueError:
@@ -402,9 +377,6 @@ def _shape(leg: Subject) -> Shape:
 
 
 def _recordings(given: Subject | SitedLeg | SpecimenFolder) -> dict[str, str]:
-    from legfem.legs.identification import as_leg
-    from legfem.specimens.folder import SpecimenFolder
-
     if isinstance(given, SpecimenFolder):
         return {one.name: key_of(one.recording.displacement, one.recording.force) for one in given.recordings}
     return {

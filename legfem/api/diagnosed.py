@@ -1,30 +1,39 @@
 """Where model and recordings differ, of a leg or specimens, and which physics was left out."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
+
+from matplotlib.figure import Figure
 
 from legfem.api.arguments import check_folder, check_names, check_seed, check_unused, check_whole
 from legfem.api.loading import Given, one_of
 from legfem.api.results import Result
+from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
+from legfem.inverse.fit import Fit
+from legfem.inverse.parse_parameters import deep_prior
+from legfem.inverse.plan import DesignValue
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
+from legfem.legs.plan import plan_after
 from legfem.legs.subject import SitedLeg, Subject
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from legfem.inverse.fit import Fit
-    from legfem.inverse.plan import DesignValue
-    from legfem.inverse.verdict import Diagnosis
-    from legfem.report.page import WebPage
-    from legfem.specimens.diagnosis import DiagnosedSpecimen
-    from legfem.specimens.folder import SpecimenFolder
-
+from legfem.legs.variants import library_folder
+from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.diagnosis_curves import recording_figure
+from legfem.report.diagnosis_document import base_fit_of, document, parameter_rows
+from legfem.report.diagnosis_folder import specimens_page, write_diagnosis_report, write_specimen_diagnoses
+from legfem.report.folder import keep_another
+from legfem.report.page import WebPage, command_line
+from legfem.report.plan import plan_document, plan_lines
+from legfem.report.render.text import plain_page
+from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
+from legfem.specimens.folder import SpecimenFolder
 
 DIAGNOSIS = "diagnosis.json"
 
@@ -48,21 +57,14 @@ class DiagnosedLeg(Result):
     @property
     def base(self) -> Fit[None]:
         """Return the base model's fit to all recordings, as an identification's, each recording a test."""
-        from legfem.report.diagnosis_document import base_fit_of
-
         return base_fit_of(self.diagnosis, self.subject, self.seed)
 
     def summary(self) -> str:
         """Return the report's text."""
-        from legfem.report.render.text import plain_page
-
         return plain_page(self._page(), [])
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds."""
-        from legfem.report.diagnosis_document import document
-        from legfem.report.plan import plan_document
-
         content = document(self.diagnosis, self.subject, self.seed, self.seconds)
         if self.next_tests:
             content["next_experiment_ranked"] = plan_document(self.next_tests, self.subject.id)["tests"]
@@ -70,35 +72,22 @@ class DiagnosedLeg(Result):
 
     def plot(self) -> Figure:
         """Return the recordings against the model, what it misses, and where."""
-        from legfem.report.diagnosis_curves import recording_figure
-
         return recording_figure(self.diagnosis, 0, self.subject.title, self.subject.origin)
 
     def write(self, folder: Given) -> Path:
         """Write diagnosis.json, report.txt, report.html and the figures; return report.txt's path."""
-        from legfem.common.documents import write_document
-        from legfem.report.diagnosis_folder import write_diagnosis_report
-        from legfem.report.folder import keep_another
-        from legfem.report.page import command_line
-
         keep_another(Path(folder), command_line(), DIAGNOSIS)
         write_document(Path(folder) / DIAGNOSIS, self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder), self._plan, command_line())
 
     @property
     def _plan(self) -> list[str]:
-        from legfem.report.plan import plan_lines
-
         return plan_lines(self.next_tests)
 
     def _page(self) -> WebPage:
-        from legfem.report.diagnosis import diagnosis_web_page
-
         return diagnosis_web_page(self.diagnosis, self.subject, self._plan)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
-        from legfem.report.diagnosis_document import parameter_rows
-
         yield from parameter_rows(self.diagnosis)
 
 
@@ -127,17 +116,12 @@ class DiagnosedFolder(Result):
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
-        from legfem.report.diagnosis_folder import specimens_page
-        from legfem.report.render.text import plain_page
-
         if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
             return plain_page(self._page(), [])
         return specimens_page(self.specimens, self.folder)
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds, by specimen."""
-        from legfem.report.diagnosis_document import document
-
         return {
             one.id: document(one.diagnosis, one, self.seed, one.seconds)
             for one in self.specimens
@@ -152,16 +136,11 @@ class DiagnosedFolder(Result):
         InputError
             If none could be diagnosed.
         """
-        from legfem.report.diagnosis_curves import recording_figure
-
         one, found = self._first
         return recording_figure(found, 0, one.title, one.origin)
 
     def write(self, folder: Given) -> Path:
         """Write what the command writes; return the report's path."""
-        from legfem.report.diagnosis_folder import write_specimen_diagnoses
-        from legfem.report.page import command_line
-
         out = Path(folder)
         if out in self._written:
             return self._written[out]
@@ -176,14 +155,10 @@ class DiagnosedFolder(Result):
 
     def _page(self) -> WebPage:
         """Return that of the first diagnosed specimen; each has one of its own."""
-        from legfem.report.diagnosis import diagnosis_web_page
-
         one, found = self._first
         return diagnosis_web_page(found, one)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
-        from legfem.report.diagnosis_document import parameter_rows
-
         for one in self.specimens:
             for each in parameter_rows(one.diagnosis) if one.diagnosis else ():
                 yield {"specimen": one.id} | each
@@ -278,14 +253,6 @@ def diagnose(
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
-    from legfem.inverse.parse_parameters import deep_prior
-    from legfem.legs.correction import read_correction
-    from legfem.legs.correction_of_leg import REFERENCE
-    from legfem.legs.diagnosis import Diagnoser
-    from legfem.legs.plan import plan_after
-    from legfem.legs.variants import library_folder
-    from legfem.specimens.folder import SpecimenFolder
-
     check_seed(seed)
     check_whole("jobs", jobs, 1)
     responses = library_folder() if library is None else Path(library)
@@ -318,10 +285,6 @@ def _diagnosed_specimens(
     seed: int,
     out: Path | None,
 ) -> DiagnosedFolder:
-    from legfem.report.diagnosis_folder import write_specimen_diagnoses
-    from legfem.report.page import command_line
-    from legfem.specimens.diagnosis import diagnose_specimens
-
     made: list[DiagnosedSpecimen] = []
 
     def each() -> Iterator[DiagnosedSpecimen]:

@@ -1,13 +1,13 @@
 """Stiffness identified from recordings of a leg, of its sites, or of specimens: all that the command does."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
+
+from mpi4py import MPI
 
 from legfem.api.arguments import (
     check_finite,
@@ -24,26 +24,109 @@ from legfem.api.loading import Given, opened
 from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.inverse.catalogue import LAWS, LawName
+from legfem.experiments.leg_3d import SolidLegSettings
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.catalogue import LAWS, LawName, Values, check_held
+from legfem.inverse.instrument import INSTRUMENT
+from legfem.inverse.parameter import Parameter
+from legfem.inverse.parse_parameters import ParameterTexts
+from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
+from legfem.legs.identification import as_leg, check_joint, identify_leg, nominal_of, searches_in_3d
+from legfem.legs.model_3d import check_has_ends
+from legfem.legs.problem import section_forward
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
+from legfem.meshing.section import SectionMeshSettings
+from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.laws import ParameterRequest, laws_named, request_of_texts
+from legfem.specimens.problem import fit_specimens
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from legfem.experiments.leg_3d import SolidLegSettings
-    from legfem.experiments.plane_strain import PlaneStrainSettings
-    from legfem.inverse.catalogue import Values
-    from legfem.inverse.parameter import Parameter
-    from legfem.inverse.parse_parameters import ParameterTexts
-    from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
-    from legfem.specimens.folder import SpecimenFolder
-    from legfem.specimens.laws import ParameterRequest
-
-    type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
+type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
 
 COARSENING = 2.0
 """Factor on the elements' sizes, for a quick look."""
+
+
+@dataclass(frozen=True)
+class AskedParameters:
+    """What a call asks to be free and held: names and texts as the command has them, parameters and numbers."""
+
+    texts: ParameterTexts
+    given: Mapping[str, Parameter]
+    """Parameters that were given whole, by name."""
+    numbers: Values
+    """Values to hold, in the model's units."""
+
+    @classmethod
+    def of(cls, identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_bounds: Any) -> Self:
+        """What arguments of `identify` ask for.
+
+        Raises
+        ------
+        InputError
+            If one is of another kind than `identify` says, or something is there twice.
+        """
+        listed = "a list of full names or of legfem.inverse.parameter.Parameter"
+        if not isinstance(identify, list | tuple | None):
+            raise of_another_kind("identify", identify, listed)
+        if identify is not None and not identify:
+            raise wrong("identify", "[]", "nothing is left to identify", "name a parameter")
+        names, given = list[str](), dict[str, Parameter]()
+        for one in identify or ():
+            if not isinstance(one, str | Parameter):
+                raise of_another_kind("identify", one, listed)
+            name = one if isinstance(one, str) else one.name
+            if name in names or name in given:
+                raise wrong("identify", name, "is there twice", "give it once")
+            if not isinstance(one, str):
+                given[name] = one
+            if isinstance(one, str) or one.role == "identified":
+                names.append(name)
+        check_names("prior", prior)
+        numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
+        if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
+            raise of_another_kind(
+                "fix", fix, "values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"
+            )
+        for name, value in numbers.items():
+            # Without its term of (J - 1)^4 a law has an infinite D2.
+            endless = value == math.inf and str(name).endswith(".D2")
+            if not isinstance(value, Real) or not (math.isfinite(value) or endless):
+                remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
+                raise wrong("fix", str(name), f"{value!r} is no value", remedy)
+            check_held("--fix", f"{name}={value:g}", str(name), float(value))
+            if name in names:
+                raise wrong("fix", name, "is to be identified too", "leave one of them out")
+        return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
+
+    @property
+    def names(self) -> set[str]:
+        """Full names of all that is asked for, held or given a prior."""
+        return {*self.texts.names, *self.given, *self.numbers}
+
+    def parameters(self, nominal: Values) -> tuple[Parameter, ...]:
+        """What is free in a leg whose values are assumed to be ``nominal``, with bounds that suit legs."""
+        free = {one.name: one for one in self.texts.parameters(nominal)}
+        for name, one in self.given.items():
+            known = free[name].prior if name in free else None
+            free[name] = replace(one, prior=known or one.prior)
+        return tuple(free.values())
+
+    def held(self, nominal: Values) -> dict[str, float]:
+        """What is held, in the model's units."""
+        return {**self.texts.held(nominal), **self.numbers}
+
+    def asked(self, folder: SpecimenFolder) -> ParameterRequest:
+        """What is free and held in the tissues of specimens."""
+        found = request_of_texts(self.texts, folder.tissues)
+        priors = {name: one.prior for name, one in self.given.items() if one.prior is not None}
+        bounds = {name: one.bounds for name, one in self.given.items()}
+        return replace(
+            found,
+            priors={**priors, **found.priors},
+            bounds={**bounds, **found.bounds},
+            fixed={**found.fixed, **self.numbers},
+        )
 
 
 def identify(
@@ -134,9 +217,6 @@ def identify(
     SearchError
         If too few full solves reach the measured depth.
     """
-    from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
-    from legfem.specimens.folder import SpecimenFolder
-
     wanted = AskedParameters.of(identify, prior, fix, c10_bounds, c20_bounds)
     check_finite("depth", depth)
     check_whole("jobs", jobs, 1)
@@ -183,13 +263,6 @@ def _of_leg(
     progress: bool,
     comm: MPI.Intracomm | None,
 ) -> Identification:
-    from mpi4py import MPI
-
-    from legfem.inverse.instrument import INSTRUMENT
-    from legfem.legs.identification import as_leg, check_joint, identify_leg, nominal_of, searches_in_3d
-    from legfem.legs.model_3d import check_has_ends
-    from legfem.legs.problem import section_forward
-
     leg = as_leg(given)
     for one in leg.sites:
         if not one.instrument.stated:
@@ -222,9 +295,6 @@ def _of_specimens(
     request: SearchRequest,
     progress: bool,
 ) -> Identification:
-    from legfem.specimens.laws import laws_named
-    from legfem.specimens.problem import fit_specimens
-
     laws, asked = laws_named(law), wanted.asked(folder)
     with progress_on(quiet=not progress) as told:
         fits = fit_specimens(folder, laws, asked, leave_out, replace(request, progress=told))
@@ -232,9 +302,6 @@ def _of_specimens(
 
 
 def _plane_settings(mesh: Mesh | None) -> PlaneStrainSettings | None:
-    from legfem.experiments.plane_strain import PlaneStrainSettings
-    from legfem.meshing.section import SectionMeshSettings
-
     if mesh == "coarse":
         return PlaneStrainSettings(SectionMeshSettings().refined(1 / COARSENING))
     if mesh is None or isinstance(mesh, PlaneStrainSettings):
@@ -243,8 +310,6 @@ def _plane_settings(mesh: Mesh | None) -> PlaneStrainSettings | None:
 
 
 def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
-    from legfem.experiments.leg_3d import SolidLegSettings
-
     if mesh is None or isinstance(mesh, SolidLegSettings):
         return mesh
     raise _wrong_mesh(mesh, "is a section's", "leave it out, or give SolidLegSettings")
@@ -252,91 +317,3 @@ def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
 
 def _wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
     return wrong("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)
-
-
-@dataclass(frozen=True)
-class AskedParameters:
-    """What a call asks to be free and held: names and texts as the command has them, parameters and numbers."""
-
-    texts: ParameterTexts
-    given: Mapping[str, Parameter]
-    """Parameters that were given whole, by name."""
-    numbers: Values
-    """Values to hold, in the model's units."""
-
-    @classmethod
-    def of(cls, identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_bounds: Any) -> AskedParameters:
-        """What arguments of `identify` ask for.
-
-        Raises
-        ------
-        InputError
-            If one is of another kind than `identify` says, or something is there twice.
-        """
-        from legfem.inverse.catalogue import check_held
-        from legfem.inverse.parameter import Parameter
-        from legfem.inverse.parse_parameters import ParameterTexts
-
-        listed = "a list of full names or of legfem.inverse.parameter.Parameter"
-        if not isinstance(identify, list | tuple | None):
-            raise of_another_kind("identify", identify, listed)
-        if identify is not None and not identify:
-            raise wrong("identify", "[]", "nothing is left to identify", "name a parameter")
-        names, given = list[str](), dict[str, Parameter]()
-        for one in identify or ():
-            if not isinstance(one, str | Parameter):
-                raise of_another_kind("identify", one, listed)
-            name = one if isinstance(one, str) else one.name
-            if name in names or name in given:
-                raise wrong("identify", name, "is there twice", "give it once")
-            if not isinstance(one, str):
-                given[name] = one
-            if isinstance(one, str) or one.role == "identified":
-                names.append(name)
-        check_names("prior", prior)
-        numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
-        if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
-            raise of_another_kind(
-                "fix", fix, "values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"
-            )
-        for name, value in numbers.items():
-            # Without its term of (J - 1)^4 a law has an infinite D2.
-            endless = value == math.inf and str(name).endswith(".D2")
-            if not isinstance(value, Real) or not (math.isfinite(value) or endless):
-                remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
-                raise wrong("fix", str(name), f"{value!r} is no value", remedy)
-            check_held("--fix", f"{name}={value:g}", str(name), float(value))
-            if name in names:
-                raise wrong("fix", name, "is to be identified too", "leave one of them out")
-        return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
-
-    @property
-    def names(self) -> set[str]:
-        """Full names of all that is asked for, held or given a prior."""
-        return {*self.texts.names, *self.given, *self.numbers}
-
-    def parameters(self, nominal: Values) -> tuple[Parameter, ...]:
-        """What is free in a leg whose values are assumed to be ``nominal``, with bounds that suit legs."""
-        free = {one.name: one for one in self.texts.parameters(nominal)}
-        for name, one in self.given.items():
-            known = free[name].prior if name in free else None
-            free[name] = replace(one, prior=known or one.prior)
-        return tuple(free.values())
-
-    def held(self, nominal: Values) -> dict[str, float]:
-        """What is held, in the model's units."""
-        return {**self.texts.held(nominal), **self.numbers}
-
-    def asked(self, folder: SpecimenFolder) -> ParameterRequest:
-        """What is free and held in the tissues of specimens."""
-        from legfem.specimens.laws import request_of_texts
-
-        found = request_of_texts(self.texts, folder.tissues)
-        priors = {name: one.prior for name, one in self.given.items() if one.prior is not None}
-        bounds = {name: one.bounds for name, one in self.given.items()}
-        return replace(
-            found,
-            priors={**priors, **found.priors},
-            bounds={**bounds, **found.bounds},
-            fixed={**found.fixed, **self.numbers},
-        )

@@ -1,25 +1,29 @@
 """A leg in its compression stocking: stiffness and pressures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
+from mpi4py import MPI
 
 from legfem.api.arguments import check_folder, check_whole, wrong
 from legfem.api.loading import Given, load_leg
 from legfem.api.results import Result, row
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from mpi4py import MPI
-
-    from legfem.report.page import WebPage
-    from legfem.stockings.leg import StockingLeg
-    from legfem.stockings.result import StockingResult
+from legfem.report.page import WebPage, command_line
+from legfem.report.render.text import brief
+from legfem.report.stocking import moved_surfaces, write_stocking_report
+from legfem.report.stocking_figures import stocking_pressure_figure
+from legfem.report.stocking_page import stocking_web_page
+from legfem.report.stocking_pressures import PRESSURES
+from legfem.report.stocking_stiffness import STIFFNESS
+from legfem.stockings.document import stocking_document
+from legfem.stockings.identification import StockingSettings, run_leg
+from legfem.stockings.leg import StockingLeg
+from legfem.stockings.result import StockingResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,36 +34,21 @@ class LegInStocking(Result):
 
     def summary(self) -> str:
         """Return what was found, in words."""
-        from legfem.report.render.text import brief
-        from legfem.report.stocking_page import stocking_web_page
-        from legfem.report.stocking_pressures import PRESSURES
-        from legfem.report.stocking_stiffness import STIFFNESS
-
         return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
 
     def document(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
-        from legfem.stockings.document import stocking_document
-
         return stocking_document(self.result)
 
     def plot(self) -> Figure:
         """Return the pressure of the stocking on the skin, unrolled and on the leg."""
-        from legfem.report.stocking_figures import stocking_pressure_figure
-
         return stocking_pressure_figure(self.result)
 
     def write(self, folder: Given) -> Path:
         """Write result.json, report.txt, figures and fields; return the report's path."""
-        from legfem.report.page import command_line
-        from legfem.report.stocking import write_stocking_report
-
         return write_stocking_report(self.result, Path(folder), command_line())
 
     def _page(self) -> WebPage:
-        from legfem.report.stocking import moved_surfaces
-        from legfem.report.stocking_page import stocking_web_page
-
         return stocking_web_page(self.result, moved_surfaces(self.result))
 
     def _rows(self) -> Iterator[dict[str, Any]]:
@@ -104,11 +93,6 @@ def stocking(
     InputError
         If there is no such leg, or its scans can't be used.
     """
-    from mpi4py import MPI
-
-    from legfem.stockings.identification import StockingSettings, run_leg
-    from legfem.stockings.leg import StockingLeg
-
     known = load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
         raise InputError(

@@ -1,26 +1,34 @@
 """Which tests of a leg would show which effects, before any is made."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from legfem.api.arguments import check_finite, check_folder, check_whole, wrong
 from legfem.api.loading import Given, folder_of
 from legfem.api.results import Result
+from legfem.common.documents import write_document
 from legfem.common.errors import Doubt, log_doubts
 from legfem.common.progress import progress_on
+from legfem.inverse.plan import DesignValue
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import Diagnoser
+from legfem.legs.loading import load_subject
+from legfem.legs.plan import Expected, plan_before
+from legfem.legs.plausibility import doubts_about
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from legfem.inverse.plan import DesignValue
-    from legfem.legs.plan import Expected
-    from legfem.report.page import WebPage
+from legfem.legs.variants import library_folder
+from legfem.report.diagnosis_document import versions
+from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
+from legfem.report.page import WebPage, command_line
+from legfem.report.plan import RANKED, SHOWN, plan_document, plan_web_page
+from legfem.report.render.text import brief
+from legfem.report.write import write_page
 
 PLAN = "plan.json"
 
@@ -37,21 +45,14 @@ class PlannedTests(Result):
 
     def summary(self) -> str:
         """Tests by their chances, and what each would show."""
-        from legfem.report.plan import RANKED, SHOWN
-        from legfem.report.render.text import brief
-
         return brief(self._page(), (RANKED, SHOWN))
 
     def document(self) -> dict[str, Any]:
         """What ``plan.json`` holds."""
-        from legfem.report.plan import plan_document
-
         return plan_document(self.ranked, self.subject.id)
 
     def plot(self) -> Figure:
         """Chance of every test to detect an effect of usual strength."""
-        from matplotlib.figure import Figure
-
         figure = Figure(figsize=(6.0, 0.6 + 0.4 * len(self.ranked)), layout="constrained")
         axes = figure.subplots()
         axes.barh([one.design.name for one in self.ranked], [100 * one.chance for one in self.ranked])
@@ -61,11 +62,6 @@ class PlannedTests(Result):
 
     def write(self, folder: Given) -> Path:
         """Write plan.json, report.txt, report.html and tables; return the path of report.txt."""
-        from legfem.common.documents import write_document
-        from legfem.report.folder import NUMBERS, REPORT, ReportFile, keep_another, made_in_place
-        from legfem.report.page import command_line
-        from legfem.report.write import write_page
-
         out = Path(folder)
         keep_another(out, command_line(), PLAN)
         path = write_document(out / PLAN, self.document())
@@ -74,10 +70,6 @@ class PlannedTests(Result):
         return out / REPORT
 
     def _page(self) -> WebPage:
-        from legfem.report.diagnosis_document import versions
-        from legfem.report.page import command_line
-        from legfem.report.plan import plan_web_page
-
         return plan_web_page(self.ranked, self.subject, self.expected, self.doubts, versions(), command_line())
 
     def _rows(self) -> Iterator[dict[str, Any]]:
@@ -124,14 +116,6 @@ def plan(
     PlannedTests
         With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
     """
-    from legfem.legs.correction import read_correction
-    from legfem.legs.correction_of_leg import REFERENCE
-    from legfem.legs.diagnosis import Diagnoser
-    from legfem.legs.loading import load_subject
-    from legfem.legs.plan import Expected, plan_before
-    from legfem.legs.plausibility import doubts_about
-    from legfem.legs.variants import library_folder
-
     for name, value, unit in (("c10", c10, "kPa"), ("c20", c20, "kPa"), ("depth", depth, "mm"), ("rate", rate, "mm/s")):
         check_finite(name, value, unit)
     check_whole("jobs", jobs, 1)

@@ -1,28 +1,31 @@
 """What the front door returns: the same ways to look at every result."""
 
-from __future__ import annotations
-
 import html
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
 
 from legfem.api.loading import Given
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-    from legfem.experiments.plane_strain import PlaneStrainIndentation
-    from legfem.inverse.catalogue import LawName
-    from legfem.inverse.fit import Fit
-    from legfem.inverse.outcome import JointForward
-    from legfem.legs.forward import PlaneStrainForward
-    from legfem.legs.subject import SitedLeg, Subject
-    from legfem.report.page import WebPage
-    from legfem.specimens.folder import SpecimenFolder
+from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.inverse.catalogue import LawName
+from legfem.inverse.document import fit_document
+from legfem.inverse.fit import Fit
+from legfem.inverse.outcome import JointForward
+from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.subject import SitedLeg, Subject
+from legfem.report.estimates import preferred
+from legfem.report.identification import pressed_section_of, write_report
+from legfem.report.kinds import kind_of
+from legfem.report.page import WebPage, command_line
+from legfem.report.render.html import rendered
+from legfem.report.render.table import estimates_frame
+from legfem.report.render.text import brief
+from legfem.specimens.folder import SpecimenFolder
 
 
 class Result(ABC):
@@ -50,8 +53,6 @@ class Result(ABC):
 
     def to_frame(self) -> pd.DataFrame:
         """Return the parameters: a row each, with value, 95 % interval and unit."""
-        import pandas as pd
-
         return pd.DataFrame(list(self._rows()))
 
     @abstractmethod
@@ -60,8 +61,6 @@ class Result(ABC):
 
     def _repr_html_(self) -> str:
         """Return the parameters and the report's page for a notebook, its curves and leg alive."""
-        from legfem.report.render.html import rendered
-
         page = self._page()
         table = self.to_frame().to_html(index=False, na_rep="", float_format="{:.4g}".format)
         return (
@@ -92,28 +91,18 @@ class Identification(Result):
     @property
     def best(self) -> Fit[Any]:
         """The fit of the law that the recordings ask for."""
-        from legfem.report.estimates import preferred
-
         return preferred(self.fits)
 
     def summary(self) -> str:
         """Values, intervals, which law fits better, whether sites agree, how well the rest is predicted, warnings."""
-        from legfem.report.kinds import kind_of
-        from legfem.report.render.text import brief
-
         return brief(kind_of(self.fits).page(self.fits, None, "", ""))
 
     def document(self) -> dict[str, Any]:
         """What ``result.json`` holds; its laws are members."""
-        from legfem.inverse.document import fit_document
-        from legfem.report.kinds import kind_of
-
         return fit_document(self.fits, kind_of(self.fits).document)
 
     def plot(self) -> Figure:
         """Recordings, model and their difference, for each law."""
-        from legfem.report.kinds import kind_of
-
         return kind_of(self.fits).figure(self.fits)
 
     def write(self, folder: Given, every_rank: bool = False) -> Path:
@@ -121,15 +110,10 @@ class Identification(Result):
 
         Under MPI the first rank writes alone, unless every rank has a leg and a folder of its own.
         """
-        from legfem.report.identification import write_report
-        from legfem.report.page import command_line
-
         return write_report(self.fits, Path(folder), command_line(), self._experiment, self.jobs, every_rank)
 
     def to_frame(self) -> pd.DataFrame:
         """The parameters: a row each, with law, value, 95 % interval, unit and verdict."""
-        from legfem.report.render.table import estimates_frame
-
         return estimates_frame(self.fits)
 
     @property
@@ -142,9 +126,6 @@ class Identification(Result):
         yield from self.to_frame().to_dict("records")
 
     def _page(self) -> WebPage:
-        from legfem.report.identification import pressed_section_of
-        from legfem.report.kinds import kind_of
-
         experiment = self._experiment
         pressed = None if experiment is None else pressed_section_of(self.fits, experiment)
         return kind_of(self.fits).page(self.fits, pressed, "", "")

@@ -1,7 +1,5 @@
 """The TOML file that says what a folder is: its keys for a form, changed with all else kept, or made of loose files."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 import types

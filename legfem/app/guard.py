@@ -1,7 +1,5 @@
 """Who may ask the server for anything: the browser that was given the token, on this machine."""
 
-from __future__ import annotations
-
 import secrets
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie

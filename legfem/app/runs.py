@@ -5,8 +5,6 @@ A run's folder holds ``run.json`` (the command), ``log.txt`` (its progress and m
 as any of its processes lives: no number of a process is trusted that another may have by now.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os
@@ -58,7 +56,7 @@ class Run:
     @classmethod
     def written(
         cls, folder: Path, module: str, options: Sequence[str], about: str, then: str = "", waits: bool = False
-    ) -> Run:
+    ) -> "Run":
         """Return a run of ``python -m MODULE OPTIONS`` for what is called ``about``, which isn't started.
 
         ``then`` is the name of the run that starts once this one is done; one of those ``waits``.
@@ -70,7 +68,7 @@ class Run:
         return cls(folder)
 
     @classmethod
-    def begun(cls, folder: Path, module: str, options: Sequence[str], about: str, then: str = "") -> Run:
+    def begun(cls, folder: Path, module: str, options: Sequence[str], about: str, then: str = "") -> "Run":
         """Start a run as `written` has it; return it."""
         run = cls.written(folder, module, options, about, then)
         run.resume()

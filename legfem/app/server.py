@@ -1,7 +1,5 @@
 """The server: uploads, files of runs, and the pages, behind the guard."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -5,8 +5,6 @@ seen in it before anything was solved, ``runs/NAME/`` a run (`legfem.app.runs`),
 can be put back, ``token`` the secret that the browser shows.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import secrets
@@ -73,7 +71,7 @@ class Workspace:
     folder: Path
 
     @classmethod
-    def opened(cls, folder: Path) -> Workspace:
+    def opened(cls, folder: Path) -> "Workspace":
         """Return a workspace, its folders made; nobody else on the machine may look in.
 
         Raises

@@ -14,8 +14,6 @@ meta-analysis of several levels. (statsmodels' MixedLM takes no known errors; wi
 inverted level by level by the Sherman-Morrison formula, so that thousands of people take a fraction of a second.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

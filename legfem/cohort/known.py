@@ -1,7 +1,5 @@
 """What is there of a cohort's results, and what a run would do and take."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass

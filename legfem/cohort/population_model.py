@@ -12,8 +12,6 @@ of theirs, each with its probability (paths cross between explanations a few sta
 far ones). NumPyro samples it (NUTS); `studies.cohort` has the calibration by simulation.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,7 +53,7 @@ class Likelihoods:
     above: FloatArray
 
     @classmethod
-    def of(cls, measures: Sequence[Measure]) -> Likelihoods:
+    def of(cls, measures: Sequence[Measure]) -> "Likelihoods":
         """Return those of results, which are positive."""
         every = [one.explanations or ((1.0, one.value, one.low, one.high),) for one in measures]
         shape = len(every), max(map(len, every))
@@ -201,7 +199,7 @@ def hierarchy_of(members: Sequence[Member], rows: Sequence[Row], key: str) -> tu
     return Hierarchy(names, design[:, 1:], found), Likelihoods.of(list(kept["measure"])), list(kept["row"])
 
 
-def sampled(members: Sequence[Member], rows: Sequence[Row], key: str, seed: int = 0) -> PopulationFit:
+def sampled(members: Sequence[Member], rows: Sequence[Row], key: str, seed: int = 0) -> "PopulationFit":
     """Return the population of a parameter over a cohort."""
     given, known, names = hierarchy_of(members, rows, key)
     draws = PopulationSampler(given).draw(known, seed)
@@ -214,7 +212,7 @@ def sampled(members: Sequence[Member], rows: Sequence[Row], key: str, seed: int 
     return PopulationFit(key, given, draws, tuple(names), float(np.mean(new)), float(np.std(new)))
 
 
-def populations(members: Sequence[Member], rows: Sequence[Row], seed: int = 0) -> tuple[PopulationFit, ...]:
+def populations(members: Sequence[Member], rows: Sequence[Row], seed: int = 0) -> tuple["PopulationFit", ...]:
     """Return the populations of all stiffnesses that are positive throughout."""
     every = [found.measures for _, found in measured(rows, cohort_model(rows))]
     keys = dict.fromkeys(key for one in every for key, of in one.items() if of.unit == "kPa")
@@ -222,7 +220,7 @@ def populations(members: Sequence[Member], rows: Sequence[Row], seed: int = 0) -
     return tuple(sampled(members, rows, key, seed) for key in positive)
 
 
-def population_document(found: Sequence[PopulationFit], members: Members, rows: Sequence[Row]) -> dict[str, Any]:
+def population_document(found: Sequence["PopulationFit"], members: Members, rows: Sequence[Row]) -> dict[str, Any]:
     """Return what ``population.json`` holds, which `legfem.inverse.population` reads."""
     people = {one.name: one.person for one in members.every}
     of_row = {row.name: people[row.member] for row in rows}

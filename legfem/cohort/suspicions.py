@@ -1,7 +1,5 @@
 """What no single leg shows: copied recordings, exchanged sides, a rig that drifts, outliers, and what is missing."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +31,7 @@ def drifts(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
-def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tuple[str, DriftStep]]:
+def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tuple[str, "DriftStep"]]:
     """Yield the rigs whose C10 steps at a date, and how."""
     model = cohort_model(rows)
     by_rig: dict[str, list[_Test]] = defaultdict(list)

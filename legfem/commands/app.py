@@ -1,7 +1,5 @@
 """``legfem app``."""
 
-from __future__ import annotations
-
 import socket
 import webbrowser
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What every command does: its common options, its exit status, and one line for a user's mistake."""
 
-from __future__ import annotations
-
 import errno
 import io
 import logging

@@ -1,7 +1,5 @@
 """Progress on stderr: a bar on a terminal or in a notebook, plain lines otherwise."""
 
-from __future__ import annotations
-
 import re
 import sys
 import time

@@ -1,7 +1,5 @@
 """Reading channels beside the force: columns of a recording, or files of their own that ``[channels]`` names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
@@ -71,7 +69,7 @@ class RecordedChannelEntry(FileTable):
     """Pressure below which a film reads nothing: such readings are left out."""
 
     @model_validator(mode="after")
-    def _file_within(self) -> RecordedChannelEntry:
+    def _file_within(self) -> "RecordedChannelEntry":
         if self.file is not None and (PurePath(self.file).is_absolute() or ".." in PurePath(self.file).parts):
             raise trouble("file", f"{self.file!r} leaves the folder", "name one within it")
         if self.column is not None and self.file is None:

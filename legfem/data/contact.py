@@ -1,7 +1,5 @@
 """Where the cylinder first touches, and what the load cell reads before."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -47,7 +45,7 @@ class Scales:
     begins nearly in proportion to it."""
 
     @classmethod
-    def of_specimen(cls, recording: Recording) -> Scales:
+    def of_specimen(cls, recording: Recording) -> "Scales":
         """Return those of a specimen's own travel: a tenth of it, up to a leg's 1 mm.
 
         Of the force its noise alone is the measure, any depth will do, and the force may begin in any way: under

@@ -1,7 +1,5 @@
 """What folders of legs, stockings and specimens share: instruments, recordings, and those that come with legfem."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -41,7 +39,7 @@ class InstrumentEntry(FileTable):
     """Accuracy of the displacement, plus or minus, as data sheets give it; in place of displacement_sd_mm."""
 
     @model_validator(mode="after")
-    def _each_once(self) -> InstrumentEntry:
+    def _each_once(self) -> "InstrumentEntry":
         stated = self.force_accuracy_percent is not None or self.force_range_N is not None
         if self.force_sd_N is not None and stated:
             raise trouble(
@@ -105,7 +103,7 @@ class RecordingsEntry(FileTable):
     legs but measured ones."""
 
     @model_validator(mode="after")
-    def _all_channels_or_none(self) -> RecordingsEntry:
+    def _all_channels_or_none(self) -> "RecordingsEntry":
         keys = ("time", "displacement", "force")
         given = [key for key in keys if getattr(self, key) is not None]
         missing = [key for key in keys if key not in given]

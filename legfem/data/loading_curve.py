@@ -1,7 +1,5 @@
 """The mean loading curve of repeated trials, with its covariance."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -42,11 +40,11 @@ class Branch:
     leverage: FloatArray
     """Variance of the smoothed displacement over that of a reading."""
 
-    def moved(self, by: float, offset: float = 0.0) -> Branch:
+    def moved(self, by: float, offset: float = 0.0) -> "Branch":
         """Return the branch with ``by`` mm and ``offset`` N taken off."""
         return Branch(self.depth - by, self.force - offset, self.leverage)
 
-    def loaded(self) -> Branch:
+    def loaded(self) -> "Branch":
         """Return the part after first contact."""
         kept = self.depth >= 0.0
         return Branch(self.depth[kept], self.force[kept], self.leverage[kept])

@@ -1,7 +1,5 @@
 """Errors of readings: as instruments state them, and as repeats of one trial show them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

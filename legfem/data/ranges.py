@@ -1,7 +1,5 @@
 """Where the numbers of a leg and of its indentation usually lie, and where they can."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from legfem.common.errors import PhysicalRange

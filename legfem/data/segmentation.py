@@ -3,8 +3,6 @@
 Whatever looks at a recording (preview, plausibility, identification, diagnosis, specimens) looks at its `Segmentation`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -163,7 +161,7 @@ class Segmentation:
         """First contact as the recording by itself shows it, whatever is said of it."""
         return first_contact(self.smooth, self.recording, self.instrument, self.scales)
 
-    def touching(self, contact: Contact) -> Segmentation:
+    def touching(self, contact: Contact) -> "Segmentation":
         """Return the same recording with another first contact."""
         return replace(self, contact=contact)
 

@@ -1,7 +1,5 @@
 """Local straight-line regression and the noise of a single sample."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

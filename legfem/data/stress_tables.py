@@ -4,8 +4,6 @@ Such a table is a test's result: what was pulled or pressed is a body of any siz
 count.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Coordinates are those of DICOM, in mm: x to the patient's left, y to the back, z towards the head.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

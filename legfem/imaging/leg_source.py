@@ -1,7 +1,5 @@
 """What a leg's shape is taken from: a label volume, contours, or surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -90,7 +88,7 @@ class LegSource:
     """Levels between which it is read and checked, mm."""
 
     @classmethod
-    def opened(cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: LabelsEntry) -> LegSource:
+    def opened(cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: LabelsEntry) -> "LegSource":
         """Read what a table of a folder's file names.
 
         Raises
@@ -117,7 +115,7 @@ class LegSource:
         }
         return cls(f"{toml.parent / 'surfaces'}", surfaces=read_surfaces(files))
 
-    def between(self, low: float, high: float) -> LegSource:
+    def between(self, low: float, high: float) -> "LegSource":
         """Return the source between two levels (mm): what lies beyond may be anything."""
         volume = None if self.volume is None else cropped(self.volume, low, high)
         return replace(self, volume=volume, levels=(low, high))

@@ -1,7 +1,5 @@
 """From a label volume to a leg's shape: sub-voxel outlines of every part in every slice."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ second scan that is another person's, mirrored, upside down or of another scale 
 course, or bones that don't come to lie on the first's, or fits better as its mirror image.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

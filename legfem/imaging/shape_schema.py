@@ -1,7 +1,5 @@
 """The schema of what a folder's file says a leg's shape is taken from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import ClassVar
 
@@ -9,6 +7,7 @@ from pydantic import model_validator
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, Text, trouble
+from legfem.common.missing_files import remedy_for_missing
 
 type Labels = int | list[int]
 
@@ -40,7 +39,7 @@ class ShapeEntry(FileTable):
     """Keys of which one says what the shape is taken from, in words."""
 
     @model_validator(mode="after")
-    def _one_source(self) -> ShapeEntry:
+    def _one_source(self) -> "ShapeEntry":
         given = [name for name in self.sources if getattr(self, name)]
         if len(given) != 1:
             *others, last = self.sources.values()
@@ -68,5 +67,5 @@ def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
     except OSError as error:
         raise InputError(toml, field, f"can't be a file ({error.strerror})", "name it") from None
     if not there:
-        raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
+        raise InputError(toml, field, f"there is no file '{name}'", remedy_for_missing(found, f"put it at {found}"))
     return found

@@ -4,8 +4,6 @@ Polydata are ``.vtp`` (XML) and ``.vtk`` (legacy), ASCII or binary: Kitware, VTK
 (docs.vtk.org/en/latest/vtk_file_formats).
 """
 
-from __future__ import annotations
-
 import base64
 import lzma
 import re

@@ -1,7 +1,5 @@
 """Reading and writing label volumes: NIfTI, NRRD and MetaImage, DICOM segmentations."""
 
-from __future__ import annotations
-
 import locale
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

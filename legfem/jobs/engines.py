@@ -3,8 +3,6 @@
 Every engine is a `concurrent.futures.Executor`; nothing here deals out tasks beyond handing over the next one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext

@@ -1,7 +1,5 @@
 """Many tasks on one process, several, or the ranks of an MPI job, which Ctrl-C ends."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal
@@ -88,7 +86,7 @@ class Workers[Context, Task, Outcome]:
         self.comm, self.fresh, self.along = comm, fresh, along
         self._executor: ProcessPoolExecutor | None = None
 
-    def __enter__(self) -> Workers[Context, Task, Outcome]:
+    def __enter__(self) -> "Workers[Context, Task, Outcome]":
         """Return itself; processes start with the first several tasks."""
         return self
 

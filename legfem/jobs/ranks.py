@@ -3,8 +3,6 @@
 Either every rank does tasks of its own (`over_ranks`, by mpi4py.futures), or all do one task together (`Together`).
 """
 
-from __future__ import annotations
-
 import pickle
 import sys
 import traceback

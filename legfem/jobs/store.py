@@ -1,7 +1,5 @@
 """Finished work on disk, each piece as soon as it is done: a rerun does only what isn't there yet."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from functools import cache

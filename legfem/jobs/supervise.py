@@ -4,8 +4,6 @@ It leads a session of its own, so that a run outlives the server that started it
 exit status, which nobody else could learn then, and starts the run that is to follow.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import signal

@@ -1,7 +1,5 @@
 """What was recorded beside the force, beside the fit: figure, panels of the page, and what each channel says."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

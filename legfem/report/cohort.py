@@ -1,7 +1,5 @@
 """A cohort on one page: which results are reliable, what was found of all, what is odd, and how it was done."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A cohort's numbers: the figure of all members, and the chapter of statistics on its page."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The figure of a fit's cost over its parameters, with the search's path."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Curves of a page: two panels over one abscissa, as a script, a figure and a table show them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The page of a diagnosis."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

@@ -1,7 +1,5 @@
 """What channels beside the force say in a diagnosis, and where in the section the misfit lies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

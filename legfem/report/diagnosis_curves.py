@@ -1,7 +1,5 @@
 """The curves of a diagnosis: recordings and model over displacement and over time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

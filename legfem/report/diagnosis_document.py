@@ -1,7 +1,5 @@
 """``diagnosis.json``: everything that was found, with units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """Figures of a diagnosis: how probable each explanation is, parameters before and after, mechanisms' signatures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The report of a diagnosis: text and figures in one folder."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path

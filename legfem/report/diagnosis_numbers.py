@@ -1,7 +1,5 @@
 """Tables of a diagnosis' page."""
 
-from __future__ import annotations
-
 from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
 from legfem.geometry.section import girth

@@ -4,8 +4,6 @@ The first screen's words were changed after readers without statistics had stumb
 "Tried").
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from legfem.common.units import mpa_to_kpa

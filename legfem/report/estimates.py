@@ -1,7 +1,5 @@
 """Estimates and laws as pages state them: values, intervals, what they rest on, which law the data ask for."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Files of a report: there together, the page last, or not at all."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import shutil

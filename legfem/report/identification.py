@@ -1,7 +1,5 @@
 """The folder of an identification: result.json, pages, figures, tables and fields, of a leg or of specimens."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

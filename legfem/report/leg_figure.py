@@ -1,7 +1,5 @@
 """Pictures of a leg's section: the mesh by tissue, and the deformed state with its pressure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -65,7 +63,7 @@ class DrawnSection:
     """(cells, 6 or 9), the greatest principal one."""
 
     @classmethod
-    def of(cls, fields: LegFields) -> DrawnSection:
+    def of(cls, fields: LegFields) -> "DrawnSection":
         """Return the arrays of some fields in a plane."""
         space = fields.displacement.function_space
         numbers = space.dofmap.list

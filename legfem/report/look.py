@@ -1,7 +1,5 @@
 """What is seen in an instrument's file: a picture, a table, and the TOML that reads it."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

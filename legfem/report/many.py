@@ -1,7 +1,5 @@
 """Blocks of a page that show thousands of things at once: tables that sort, intervals, and curves by group."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a page says, part by part: a verdict, numbers, and chapters of blocks, whatever they are rendered to."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Fields in files for ParaView: VTX and XDMF."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree

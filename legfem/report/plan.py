@@ -1,7 +1,5 @@
 """A plan in sentences and numbers: which tests would show which effects."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

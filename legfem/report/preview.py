@@ -1,7 +1,5 @@
 """What is seen in a folder before anything is solved: of a leg, of specimens, of recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path

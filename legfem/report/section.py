@@ -1,7 +1,5 @@
 """A section solved once more for the report, its states kept for a reader to press."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The page of specimens: one tissue's law from all their recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from legfem.common.units import FloatArray

@@ -1,7 +1,5 @@
 """The report of a leg in its stocking: text, figures, numbers and fields in one folder."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

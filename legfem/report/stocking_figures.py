@@ -1,7 +1,5 @@
 """Figures of a leg in its stocking: pressures on it and inside it, and the contours that were compared."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import matplotlib

@@ -1,7 +1,5 @@
 """The page of a leg in its stocking."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

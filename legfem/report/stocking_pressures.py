@@ -1,7 +1,5 @@
 """Pressures of a stocking on its page: the leg in 3D, tables and bars, in words."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np

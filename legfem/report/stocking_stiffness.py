@@ -1,7 +1,5 @@
 """Stiffness of muscle and fat on a stocking's page, and where model and scan differ."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa

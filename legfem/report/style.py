@@ -1,7 +1,5 @@
 """What the figures share: colours, sizes, how the data's origin is stated, and saving."""
 
-from __future__ import annotations
-
 import io
 import textwrap
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A leg in 3D on a page, pressed with a slider, and what colours its skin."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -5,8 +5,6 @@ the front (0 degrees) by the patient's left (90), as one who faces the patient s
 The fibula, where it is named beside the tibia, is on the lateral side.
 """
 
-from __future__ import annotations
-
 import math
 import shlex
 from dataclasses import dataclass
@@ -89,7 +87,7 @@ class Directions:
     names: tuple[str, str, str, str]
 
     @classmethod
-    def of(cls, shape: LegShape) -> Directions:
+    def of(cls, shape: LegShape) -> "Directions":
         """Return the names, as far as the leg's parts tell."""
         sides = ("left", "right")
         if {"tibia", "fibula"} <= set(shape.bones):

@@ -1,7 +1,5 @@
 """How far a default curve is from the converged one: mesh, steps, contact, curvature."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

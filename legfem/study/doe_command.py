@@ -1,7 +1,5 @@
 """``legfem study doe``: simulates every definition and writes a folder each, with the page on the paper's claims."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Sequence
@@ -25,10 +23,10 @@ from legfem.report.page import PAGE
 from legfem.report.render.text import table
 from legfem.report.write import write_page
 from legfem.study.doe import tables
-from legfem.study.doe.claims import claims_page, gather_figures, verdict_documents, verdicts
+from legfem.study.doe.claims import verdict_documents, verdicts
 from legfem.study.doe.design import Definition, read_definition
 from legfem.study.doe.figures import draw_half_normal, draw_information, draw_normality, draw_response, draw_sobol
-from legfem.study.doe.page import study_web_page
+from legfem.study.doe.page import claims_page, gather_figures, study_web_page
 from legfem.study.doe.runs import PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
 from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.surface import Counting

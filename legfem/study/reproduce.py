@@ -1,7 +1,5 @@
 """Tables 4 and 5 of Frauziols et al., from the reconstructed subjects."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

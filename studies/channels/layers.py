@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from legfem.api import identify
+from legfem.api.identification import identify
 from legfem.channels.registry import CHANNELS
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress

@@ -48,7 +48,7 @@ def case_of(ratio: float, coarse: bool = False) -> CorrectionCase:
 
 def correction_of(folder: Path, case: CorrectionCase) -> tuple[FloatArray, FloatArray]:
     """Return P and the 3D force (N) at `AT_MM`."""
-    outcome = remembered_case(case, folder)
+    outcome = remembered_case(folder, case)
     reached = min(outcome.spatial.depth, outcome.plane.depth)
     if reached < AT_MM[-1]:
         raise UnsolvedError(

@@ -1,7 +1,5 @@
 """Forms: what a folder's TOML file states, what loose files are, which columns are which."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the pages share: their frame, and small pieces."""
 
-from __future__ import annotations
-
 import time
 import tomllib
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """What was given: what is seen in it, what is assumed, how its files are read, and what to run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import quote

@@ -1,7 +1,5 @@
 """The first page, what is in the workspace, and the page that compares what runs found."""
 
-from __future__ import annotations
-
 import math
 from html import escape
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A run: its progress, its command, and at its end the report."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from urllib.parse import quote

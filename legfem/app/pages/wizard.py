@@ -1,7 +1,5 @@
 """What a folder without a description is, asked on one page: what it is, its sizes, columns and instrument."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from html import escape

@@ -1,7 +1,5 @@
 """What each kind of problem shows of its fits, one a file."""
 
-from __future__ import annotations
-
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

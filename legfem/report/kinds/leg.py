@@ -1,7 +1,5 @@
 """The page of a leg's fit: one or several sites, from a section in plane strain or from the leg in 3D."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """The numbers of a leg's fit, where each comes from, and how the fit was done."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """What is shown of specimens: page, document, and the figure of their recordings beside the laws."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar

@@ -1,6 +1,4 @@
-"""A page's curves as a figure: blocks beside each other, each with its two panels."""
-
-from __future__ import annotations
+"""A page's curves as a figure: blocks beside each other, each with its panels."""
 
 import re
 import textwrap
@@ -35,22 +33,25 @@ def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str
     """
     across = min(len(blocks), _ACROSS)
     down = -(-len(blocks) // across)
-    figure = new_figure(5.4 * across + (0.6 if across > 1 else 2.0), 6.4 * down)
+    heights = [2.2, 1.0] if any(block.below_label for block in blocks) else [2.2]
+    figure = new_figure(5.4 * across + (0.6 if across > 1 else 2.0), 2.0 * sum(heights) * down)
     title(figure, what, subject, origin)
-    grid = figure.subplots(2 * down, across, squeeze=False, height_ratios=[2.2, 1.0] * down)
-    pairs = [pair for row in range(down) for pair in grid[2 * row : 2 * row + 2].T]
-    for k, (above, below) in enumerate(pairs):
+    rows = len(heights)
+    grid = figure.subplots(rows * down, across, squeeze=False, height_ratios=heights * down)
+    panels = [column for row in range(down) for column in grid[rows * row : rows * (row + 1)].T]
+    for k, axes in enumerate(panels):
         if k < len(blocks):
             name = re.split(r"[:;]|, (?=over|recorded)", blocks[k].caption)[0].rstrip(".")
-            panel(above, chr(ord("A") + k), textwrap.fill(name, _LETTERS))
-            _draw(above, below, blocks[k])
+            panel(axes[0], chr(ord("A") + k), textwrap.fill(name, _LETTERS))
+            _draw(axes[0], axes[-1], blocks[k])
         else:
-            above.axis("off")
-            below.axis("off")
+            for one in axes:
+                one.axis("off")
     return figure
 
 
 def _draw(above: Axes, below: Axes, block: Curves) -> None:
+    """Draw a block on its panels, which are one where none of a figure's blocks has a lower one."""
     lowest = below if block.below_label else above
     if block.band is not None:
         first = None if block.below_label else block.lines[0].above
@@ -83,5 +84,5 @@ def _draw(above: Axes, below: Axes, block: Curves) -> None:
         if block.band_name or block.located_name:
             below.legend(loc="best", fontsize=8)
         below.set_xlim(*above.get_xlim())
-    else:
+    elif below is not above:
         below.axis("off")

@@ -3,8 +3,6 @@
 Lines are switched on and off by the check boxes of the page's own legend, which a keyboard reaches.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

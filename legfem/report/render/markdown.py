@@ -1,7 +1,5 @@
 """A page as Markdown, for notes, issues and electronic lab books."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 
@@ -13,6 +11,7 @@ from legfem.report.page import (
     Bars,
     Block,
     Bullets,
+    Chapter,
     PressedSection,
     Prose,
     ResponseSurface,
@@ -46,13 +45,19 @@ def markdown_page(page: WebPage) -> str:
             _table(["number", "value", "95 % interval", "how it is known", "from what", "remark"], rows),
             _bullets([f"{name}: {PROVENANCE[name]}" for name in used]),
         ]
-    for chapter in page.chapters:
-        blocks = [text for block in chapter.blocks if (text := _block(block))]
-        if blocks:
-            parts += [f"## {_text(chapter.title)}", *blocks]
+    parts += markdown_chapters(page.chapters)
     versions = ", ".join(f"{name} {version}" for name, version in page.repeat.versions.items())
     command = [_code(page.repeat.command)] if page.repeat.command else []
     return "\n\n".join([*parts, "## How to repeat it", *command, _text(versions)]) + "\n"
+
+
+def markdown_chapters(chapters: Sequence[Chapter]) -> list[str]:
+    """Headings and blocks of the chapters that have anything to be read."""
+    parts = []
+    for chapter in chapters:
+        blocks = [text for block in chapter.blocks if (text := _block(block))]
+        parts += [f"## {_text(chapter.title)}", *blocks] if blocks else []
+    return parts
 
 
 def _block(block: Block) -> str:

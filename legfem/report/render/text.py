@@ -1,7 +1,5 @@
 """A run's page as plain text: ``report.txt``, and its beginning for the terminal."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 

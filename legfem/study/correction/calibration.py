@@ -7,8 +7,6 @@ takes a tenth of the time. P is a ratio of two forces on the same grid, so that 
 error cancels in it, and again in the difference of two coarse ones.
 """
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -79,8 +77,8 @@ def run_cases(
 ) -> list[CaseOutcome]:
     """Solve cases: each over the ranks of a communicator, or in processes side by side."""
     outcomes = []
-    with Workers(_remembered, folder, jobs) as workers:
-        together = (remembered_case(case, folder, comm) for case in cases)
+    with Workers(remembered_case, folder, jobs) as workers:
+        together = (remembered_case(folder, case, comm) for case in cases)
         for outcome in together if comm.size > 1 else workers.in_order(cases):
             outcomes.append(outcome)
             progress.advance(
@@ -88,10 +86,6 @@ def run_cases(
                 f"{outcome.factorisations} tangents, {outcome.seconds:.0f} s"
             )
     return outcomes
-
-
-def _remembered(folder: Path, case: CorrectionCase) -> CaseOutcome:
-    return remembered_case(case, folder)
 
 
 def coarsened(case: CorrectionCase, factor: float) -> CorrectionCase:
@@ -125,18 +119,9 @@ def calibrate(
     ]
     progress.stage("the correction: both models of the idealised leg", len(cases))
     outcomes = run_cases(cases, folder, jobs, progress, comm)
-    for case, outcome in zip(cases, outcomes, strict=True):
-        if not outcome.complete:
-            raise InputError(
-                "correction",
-                "depth",
-                f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm "
-                f"(C10 {case.material.C10_kPa:g} kPa, leg {case.leg.length:g} mm)",
-                "calibrate to a smaller --depth, or with a finer mesh",
-            )
     displacement = np.linspace(0, reference.depth, round(reference.depth / GRID) + 1)
     reference_case = outcomes[0]
-    fine, middle, rough, shorter, longer, *table = (smooth_ratio(o.spatial, o.plane, displacement) for o in outcomes)
+    fine, middle, rough, shorter, longer, *table = _ratios(cases, outcomes, displacement)
     shape = (len(given.c10_kPa), len(given.stiffening), len(displacement))
     errors = {
         "mesh": mesh_error(fine, rough, given.coarse),
@@ -153,6 +138,23 @@ def calibrate(
         given=_description(given, outcomes, (fine, middle, rough)),
     )
     return Calibrated(correction, tuple(outcomes[:3]), tuple(outcomes))
+
+
+def _ratios(
+    cases: Sequence[CorrectionCase], outcomes: Sequence[CaseOutcome], displacement: FloatArray
+) -> list[FloatArray]:
+    """Return P of every case; raise an InputError for one that stops short."""
+    for case, outcome in zip(cases, outcomes, strict=True):
+        if not outcome.complete:
+            raise InputError(
+                "correction",
+                "depth",
+                f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm (leg of {case.leg.length:g} mm, "
+                f"radius {case.leg.radius:g} mm, {case.leg.depth_to_bone:.1f} mm to the bone, "
+                f"C10 {case.material.C10_kPa:g} kPa)",
+                "calibrate to a smaller --depth, or with a finer mesh",
+            )
+    return [smooth_ratio(outcome.spatial, outcome.plane, displacement) for outcome in outcomes]
 
 
 def stiffened(material: Material, c10: float, stiffening: float) -> Material:
@@ -278,22 +280,6 @@ def tabulate_legs(
 def leg_of_size(like: IdealisedLeg, radius: float, depth_to_bone: float) -> IdealisedLeg:
     """Return a leg with another radius, its bone (of the same size) at a depth (mm)."""
     return replace(like, radius=radius, bone_offset=radius - like.bone_radius - depth_to_bone)
-
-
-def _ratios(
-    cases: Sequence[CorrectionCase], outcomes: Sequence[CaseOutcome], displacement: FloatArray
-) -> list[FloatArray]:
-    for case, outcome in zip(cases, outcomes, strict=True):
-        if not outcome.complete:
-            raise InputError(
-                "correction",
-                "depth",
-                f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm (radius "
-                f"{case.leg.radius:g} mm, {case.leg.depth_to_bone:.1f} mm to the bone, C10 "
-                f"{case.material.C10_kPa:g} kPa)",
-                "tabulate to a smaller --depth, or with a finer mesh",
-            )
-    return [smooth_ratio(outcome.spatial, outcome.plane, displacement) for outcome in outcomes]
 
 
 def _table_description(given: LegTable, coarse: CorrectionCase, outcomes: Sequence[CaseOutcome]) -> dict[str, object]:

@@ -1,7 +1,5 @@
 """Both models of one idealised leg, pressed and compared; outcomes are kept for a rerun."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -83,7 +81,7 @@ class CorrectionCase:
             )
 
     @property
-    def asked(self) -> CorrectionCase:
+    def asked(self) -> "CorrectionCase":
         """What the outcome depends on: any linear solver finds the same."""
         return replace(self, settings=replace(self.settings, linear=_ANY_SOLVER))
 
@@ -169,7 +167,7 @@ def skin_state(experiment: IdealisedLegIndentation) -> FloatArray:
     return np.concatenate(experiment.comm.allgather(local))
 
 
-def remembered_case(case: CorrectionCase, folder: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> CaseOutcome:
+def remembered_case(folder: Path, case: CorrectionCase, comm: MPI.Intracomm = MPI.COMM_SELF) -> CaseOutcome:
     """Return a case's outcome, from a folder if it is there, else solved and kept if complete."""
     store = Store(folder, CaseOutcome, modules=(__name__,))
     states = folder / f"{store.key(case.asked)}-states"

@@ -1,7 +1,5 @@
 """What ``legfem study correction`` does and writes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -113,7 +111,7 @@ def _run(
                 "P": {name: {k: _listed(v) for k, v in c.items()} for name, c in studied.items()},
             },
         )
-        print(f"figure: {draw_trends(displacement, studied, out)[0]}")
+        print(f"figure: {draw_trends(found.correction.name, studied, out)[0]}")
 
 
 def write_leg_fields(case: CorrectionCase, out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> list[Path]:

@@ -1,7 +1,5 @@
 """P(d) of a subject's own leg in 3D, beside that of the table of idealised legs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,9 +22,10 @@ from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
+from legfem.report.render.figure import curves_figure
 from legfem.report.render.html import rendered
 from legfem.report.render.text import table
-from legfem.report.style import FAINT, new_figure, save, styled
+from legfem.report.style import save
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.page import SHOWN
@@ -105,9 +104,11 @@ def run(
     cells = _cells(found)
     title = f"P(d) of {subject.title}, C10 {found.c10:g}, C20 {found.c20:g} kPa"
     print(f"{title}\n{table(*cells)}\n")
-    figure = _draw(found, out)
+    curves = _curves(found)
+    drawn = curves_figure([curves], f"P(d), C10 {found.c10:g} kPa, C20 {found.c20:g} kPa", subject.title, "simulated")
+    figure = save(drawn, out, "leg", svg=True)
     write_document(out / DOCUMENT, _document(found))
-    write_atomically(out / web.PAGE, rendered(_page(found, cells)))
+    write_atomically(out / web.PAGE, rendered(_page(found, curves, cells)))
     print(f"leg: {out / DOCUMENT}\nfigure: {figure[0]}\npage: {out / web.PAGE}")
 
 
@@ -177,32 +178,8 @@ def _document(found: LegBesideTable) -> dict[str, Any]:
     return document
 
 
-@styled
-def _draw(found: LegBesideTable, out: Path) -> list[Path]:
-    figure = new_figure(7.5, 4.8)
-    axes = figure.subplots()
-    table_sd = found.table.standard_deviation(found.displacement)
-    for name, P, sd, colour, style in (
-        ("this leg, solved in 3D", found.solved.P, found.sd, _LEG_COLOUR, "-"),
-        ("the table of idealised legs", found.table_P, table_sd, _TABLE_COLOUR, "--"),
-    ):
-        axes.fill_between(found.displacement, P - 1.96 * sd, P + 1.96 * sd, color=colour, alpha=0.15, lw=0)
-        axes.plot(found.displacement, P, style, color=colour, label=f"{name} (95 %)")
-    axes.axhline(0, color=FAINT, lw=0.8)
-    axes.set_xlabel("displacement of the cylinder (mm)")
-    axes.set_ylabel("P(d) = 1 - (RF3D / L) / RF2D")
-    axes.set_title(f"C10 {found.c10:g} kPa, C20 {found.c20:g} kPa; simulated")
-    axes.legend()
-    return save(figure, out, "leg", svg=True)
-
-
-def _page(found: LegBesideTable, cells: Cells) -> web.WebPage:
-    P, table, sd = (float(v[-1]) for v in (found.solved.P, found.table_P, found.sd))
-    depth, leg = float(found.displacement[-1]), found.models.leg
-    outcome = found.solved.outcome
-    around = f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"
-    stiffness, work = f"{found.c10:g} and {found.c20:g} kPa", f"{outcome.factorisations} factorisations"
-    curves = Curves(
+def _curves(found: LegBesideTable) -> Curves:
+    return Curves(
         "leg",
         f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of this leg's.",
         found.displacement,
@@ -216,6 +193,14 @@ def _page(found: LegBesideTable, cells: Cells) -> web.WebPage:
         1.96 * found.sd,
         "95 %",
     )
+
+
+def _page(found: LegBesideTable, curves: Curves, cells: Cells) -> web.WebPage:
+    P, table, sd = (float(v[-1]) for v in (found.solved.P, found.table_P, found.sd))
+    depth, leg = float(found.displacement[-1]), found.models.leg
+    outcome = found.solved.outcome
+    around = f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"
+    stiffness, work = f"{found.c10:g} and {found.c20:g} kPa", f"{outcome.factorisations} factorisations"
     return web.WebPage(
         title="How much do the cylinder's ends change the force on this leg?",
         subject=found.subject.title,

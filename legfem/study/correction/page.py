@@ -1,7 +1,5 @@
 """A calibrated 3D correction on paper: tables, Fig. 4 with what P depends on, and report.html."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,8 +12,8 @@ from legfem.common.units import FloatArray
 from legfem.legs.correction import DEFINITION, smooth_ratio
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
+from legfem.report.render.figure import curves_figure
 from legfem.report.style import FAINT, REGION_COLOURS, new_figure, panel, save, styled
-from legfem.study.correction import page as tables
 from legfem.study.correction.calibration import GRID, Calibrated, Calibration, versions
 from legfem.study.correction.cases import CorrectionCase
 
@@ -190,25 +188,6 @@ def _draw_curves(axes: Any, case: CorrectionCase, found: Calibrated, lengths: di
     axes.legend(fontsize=8)
 
 
-@styled
-def draw_trends(displacement: FloatArray, trends: dict[str, dict[str, FloatArray]], out: Path) -> list[Path]:
-    """Draw P(d) for values of each thing it depends on."""
-    figure = new_figure(13, 7.5)
-    panels = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
-    for axes, letter, (name, curves) in zip(panels, "ABCDEF", trends.items(), strict=False):
-        panel(axes, letter, f"P against the {name}")
-        for (value, curve), colour in zip(curves.items(), COLOURS, strict=False):
-            axes.plot(displacement, curve, color=colour, label=value)
-        axes.axhline(0, color=FAINT, lw=0.8)
-        axes.set_xlabel("displacement of the cylinder (mm)")
-        axes.legend(fontsize=8, loc="upper left", ncols=2)
-    for axes in panels[len(trends) - 3 : len(trends)]:
-        axes.tick_params(labelbottom=True)
-    for axes in panels[len(trends) :]:
-        axes.set_visible(False)
-    return save(figure, out, "trends", svg=True)
-
-
 Trend = Mapping[str, Mapping[str, FloatArray]]
 """P by the value of what is varied, by what that is."""
 _DASHES: tuple[Dash, ...] = ("dashed", "dotted", "dotdash", "solid")
@@ -243,7 +222,7 @@ def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, co
         known=_known(given, found),
         chapters=[
             web.Chapter("The correction", [_correction(given, found)]),
-            web.Chapter("What it depends on", _dependence(trends)),
+            web.Chapter("What it depends on", trend_curves(trends)),
             web.Chapter("How sure", _sure(found)),
             web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
             web.Chapter("What to do next", [web.Bullets(_next())]),
@@ -363,12 +342,18 @@ def _correction(given: Calibration, found: Calibrated) -> Curves:
     )
 
 
-def _dependence(trends: Trend) -> list[web.Block]:
+def draw_trends(name: str, trends: Trend, out: Path) -> list[Path]:
+    """Draw P(d) of a leg for values of each thing it depends on."""
+    return save(curves_figure(trend_curves(trends), "What P depends on", name, "simulated"), out, "trends", svg=True)
+
+
+def trend_curves(trends: Trend) -> list[Curves]:
+    """P against all that it depends on."""
     return [
         Curves(
             f"trend{number}",
             f"P against the {name}, on a coarser mesh; lines end where a model stopped.",
-            tables.grid_of(curves),
+            grid_of(curves),
             "displacement (mm)",
             "P",
             "",
@@ -387,6 +372,6 @@ def _sure(found: Calibrated) -> list[web.Block]:
             "Errors of P are modes over the displacement: of the mesh by Richardson's estimate, "
             "of a leg shorter or longer, and of the first contact."
         ),
-        web.WebTable("Forces, P and its errors by depth", *tables.correction_cells(found)),
-        web.WebTable("P on three meshes, and in the limit", *tables.meshes_cells(found)),
+        web.WebTable("Forces, P and its errors by depth", *correction_cells(found)),
+        web.WebTable("P on three meshes, and in the limit", *meshes_cells(found)),
     ]

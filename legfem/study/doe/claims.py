@@ -1,27 +1,18 @@
-"""What follows from studies: advice to who wants to test a leg, and the paper's claims, with the page on them."""
+"""What follows from studies: advice to who wants to test a leg, and the paper's claims."""
 
-from __future__ import annotations
-
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import markdown_table
 from legfem.report.estimates import words_of
-from legfem.report.render.text import bullets, fill
-from legfem.report.words import ORIGINS
-from legfem.study.doe import tables
 from legfem.study.doe.design import OF_THE_GEOMETRY, Factor, label_of
-from legfem.study.doe.figures import RESPONSE
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import CoefficientTest
-from legfem.study.doe.tables import TABLE_3, TABLE_3_NOTE, UNITS_NOTE
+from legfem.study.doe.tables import TABLE_3
 
 _UNSEEN = 0.01
 """Share of a metric's variation below which a factor doesn't show."""
@@ -301,84 +292,3 @@ def verdict_documents(found: Sequence[Verdict], titles: Sequence[str]) -> list[d
         }
         for verdict in found
     ]
-
-
-def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], command: str) -> str:
-    """Write the page on the claims over all studies of one command.
-
-    Parameters
-    ----------
-    found
-        The verdicts on all studies.
-    command
-        What wrote the page.
-    """
-    subject = results[0].subject
-    titles = [result.definition.title for result in results]
-    blocks = [
-        "# The paper's design of experiments: its claims",
-        f"Written by `{command}`.",
-        fill(
-            f"Subject {subject.id}, {ORIGINS[subject.origin]}. Forces are simulated in plane "
-            "strain, in N per mm of the cylinder's length. Each claim is put to the studies "
-            f"below: {'; '.join(titles)}. Their own reports have all figures."
-        ),
-        markdown_table(["claim", "verdict"], [[v.claim, v.verdict] for v in found], aligned=True),
-    ]
-    blocks += [f"![Response surface: {result.definition.title}]({shown(result)})" for result in results]
-    blocks.append(f"## What shows it\n\n{_evidence(found, titles)}")
-    for result in results:
-        if beside := tables.table_3_cells(result):
-            table = markdown_table(*beside, aligned=True)
-            blocks.append(f"## Beside the paper's Table 3\n\n{table}\n{fill(TABLE_3_NOTE)}")
-    for result in results:
-        blocks += _numbers(result)
-    return "\n\n".join(block.rstrip() for block in blocks) + "\n"
-
-
-def shown(result: StudyResult) -> str:
-    """Place, in the page's folder, of a study's figure of the response surface."""
-    return f"figures/{result.definition.source.stem}-{RESPONSE}.svg"
-
-
-def gather_figures(results: Sequence[StudyResult], folders: Sequence[Path], out: Path) -> None:
-    """Copy the studies' figures to where the page, in ``out``, finds them."""
-    for result, folder in zip(results, folders, strict=True):
-        if (drawn := folder / f"{RESPONSE}.svg").exists():
-            (out / shown(result)).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(drawn, out / shown(result))
-
-
-def _numbers(result: StudyResult) -> list[str]:
-    title = result.definition.title
-    total = len(result.records)
-    blocks = [
-        f"## In numbers: {title}\n\n{total - len(result.failed)} of {total} runs reach "
-        f"{result.definition.depth:g} mm. {UNITS_NOTE}",
-        markdown_table(*tables.anova_cells(result), aligned=True),
-    ]
-    for caption, cells in (
-        (
-            "Numerical error of the metrics at two corners and the centre, from a finer mesh and "
-            "smaller steps, and what it can make of a coefficient",
-            tables.numerics_cells(result),
-        ),
-        ("Sobol indices, first order and total", tables.sobol_cells(result)),
-        ("95 % half-widths of the parameters by the curve's depth", tables.information_cells(result)),
-    ):
-        if cells is not None:
-            blocks.append(f"{caption}:\n\n{markdown_table(*cells, aligned=True)}")
-    return blocks
-
-
-def _evidence(found: Sequence[Verdict], titles: Sequence[str]) -> str:
-    """Claims, what became of each, and what shows it."""
-    blocks = []
-    for verdict in found:
-        lines = [f"**{verdict.claim}**: {verdict.verdict}.", ""]
-        for title, finding in zip(titles, verdict.findings, strict=True):
-            where = f" ({finding.shown_in})" if finding.shown_in else ""
-            text = f"{title + ': ' if len(titles) > 1 else ''}{finding.evidence}{where}"
-            lines.append(bullets([text]))
-        blocks.append("\n".join(lines))
-    return "\n\n".join(blocks) + "\n"

@@ -1,7 +1,5 @@
 """A design of experiments: its factors and their ranges, its TOML, and its points coded to -1..1."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A study as pictures: the response surface as in the paper's Fig. 5, effects, normality, and what is beyond."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -8,8 +8,6 @@ With independent readings of standard deviation :math:`\sigma_i` at displacement
 its inverse bounds the covariance of the parameters' relative errors from below (Cramér and Rao).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

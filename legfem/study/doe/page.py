@@ -1,19 +1,24 @@
-"""The page of one study."""
+"""The page of one study, and that on the paper's claims over several."""
 
-from __future__ import annotations
-
+import shutil
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
+from legfem.common.documents import markdown_table
 from legfem.common.units import FloatArray
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.report.render.markdown import markdown_chapters
+from legfem.report.render.text import bullets, fill
 from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.words import ORIGINS
 from legfem.study.doe import tables
-from legfem.study.doe.claims import in_words, not_seen, to_know, to_measure, verdicts
+from legfem.study.doe.claims import Verdict, in_words, not_seen, to_know, to_measure, verdicts
 from legfem.study.doe.design import label_of
+from legfem.study.doe.figures import RESPONSE
 from legfem.study.doe.information import Information
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import term_label
@@ -340,3 +345,61 @@ def _coefficient(analysis: MetricAnalysis, number: int) -> str:
 def _claims(result: StudyResult) -> list[web.Block]:
     rows = [[v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])]
     return [web.WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)]
+
+
+def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], command: str) -> str:
+    """Write the page on the claims over all studies of one command.
+
+    Parameters
+    ----------
+    results
+        Of the studies.
+    found
+        The verdicts on all studies.
+    command
+        What wrote the page.
+    """
+    subject = results[0].subject
+    titles = [result.definition.title for result in results]
+    blocks = [
+        "# The paper's design of experiments: its claims",
+        f"Written by `{command}`.",
+        fill(
+            f"Subject {subject.id}, {ORIGINS[subject.origin]}. Forces are simulated in plane "
+            "strain, in N per mm of the cylinder's length. Each claim is put to the studies "
+            f"below: {'; '.join(titles)}. Their own reports have all figures."
+        ),
+        markdown_table(["claim", "verdict"], [[v.claim, v.verdict] for v in found], aligned=True),
+        *(f"![Response surface: {result.definition.title}]({shown(result)})" for result in results),
+        f"## What shows it\n\n{_evidence(found, titles)}",
+    ]
+    for result, title in zip(results, titles, strict=True):
+        told = web.Chapter("What a curve tells of the parameters", information_blocks(result))
+        blocks += [f"# In numbers: {title}", *markdown_chapters([*number_chapters(result), told])]
+    return "\n\n".join(block.rstrip() for block in blocks) + "\n"
+
+
+def shown(result: StudyResult) -> str:
+    """Place, in the page's folder, of a study's figure of the response surface."""
+    return f"figures/{result.definition.source.stem}-{RESPONSE}.svg"
+
+
+def gather_figures(results: Sequence[StudyResult], folders: Sequence[Path], out: Path) -> None:
+    """Copy the studies' figures to where the page, in ``out``, finds them."""
+    for result, folder in zip(results, folders, strict=True):
+        if (drawn := folder / f"{RESPONSE}.svg").exists():
+            (out / shown(result)).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(drawn, out / shown(result))
+
+
+def _evidence(found: Sequence[Verdict], titles: Sequence[str]) -> str:
+    """Claims, what became of each, and what shows it."""
+    blocks = []
+    for verdict in found:
+        lines = [f"**{verdict.claim}**: {verdict.verdict}.", ""]
+        for title, finding in zip(titles, verdict.findings, strict=True):
+            where = f" ({finding.shown_in})" if finding.shown_in else ""
+            text = f"{title + ': ' if len(titles) > 1 else ''}{finding.evidence}{where}"
+            lines.append(bullets([text]))
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks) + "\n"

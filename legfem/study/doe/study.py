@@ -1,7 +1,5 @@
 """A study from its definition to all that is found, and what has to be said of its runs."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

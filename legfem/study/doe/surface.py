@@ -4,8 +4,6 @@ The runs are deterministic, so that nothing in them repeats: the surface's resid
 Lenth's pseudo standard error takes the small ones among all 2^k - 1 contrasts for noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, Literal
@@ -48,7 +46,7 @@ class Surface:
     missing: tuple[int, ...]
 
     @property
-    def coefficients(self) -> pd.Series[float]:
+    def coefficients(self) -> "pd.Series[float]":
         """Coefficients by the formula's terms."""
         return self.fit.params
 

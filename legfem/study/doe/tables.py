@@ -1,7 +1,5 @@
 """A study's numbers: the cells of its tables, the paper's beside them, and ``result.json``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
