@@ -85,7 +85,7 @@ SLOW = Parameter(
     "slow",
     "-",
     (0.0, 0.9),
-    Prior(0.2, 0.2, "linear", "muscle still relaxes after minutes"),
+    Prior(0.1, 0.1, "linear", "muscle still relaxes after minutes"),
     statement="share of the relaxing stress that fades over ten minutes or more, which a hold of a minute hardly shows",
 )
 
