@@ -43,9 +43,9 @@ def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tupl
             test = _Test(when.toordinal(), member.person, side, group, float(np.log(one.value)))
             by_rig[str(member.given.get("rig", ""))].append(test)
     steps = {rig: _step_of(_visits(tests)) for rig, tests in by_rig.items()}
-    found = [(rig, step) for rig, step in steps.items() if step is not None]
-    for rig, step in found:
-        if step.p_value * len(found) <= _DRIFTS:
+    seen = [(rig, step) for rig, step in steps.items() if step is not None]
+    for rig, step in seen:
+        if step.p_value * len(seen) <= _DRIFTS:
             yield rig, step
 
 

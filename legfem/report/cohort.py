@@ -181,7 +181,7 @@ def _headline(
     members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Suspicion], model: str, task: str
 ) -> web.Headline:
     counts, words = Counter(row.judged.tone for row in rows), _judged_words(task)
-    said = ", ".join(f"{counts[name]} {words[name]}" for name in reversed(words) if counts[name])
+    said = ", ".join(f"{counts[name]} {words[name]}" for name in reversed(list(words)) if counts[name])
     good = counts["sound"] + counts["caution"]
     tone: web.Tone = "sound" if counts["sound"] == len(rows) and not odd else "caution" if good else "wrong"
     failed = [row.name for row in rows if not row.done]

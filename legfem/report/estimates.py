@@ -219,7 +219,7 @@ def unknown_among(parameters: Mapping[str, Estimate]) -> list[str]:
     return [symbol_of(name) for name, found in parameters.items() if found.identifiability != "identifiable"]
 
 
-# Below this, chance doesn't explain what was left unexplained.
+# Below this, chance doesn't explain what a further parameter gains.
 _SIGNIFICANT = 0.01
 
 
@@ -275,16 +275,11 @@ def _misfit(result: Fit[Any]) -> float:
     return result.cost.value if result.weighting == "paper" else result.goodness.chi_square
 
 
-def fits(result: Fit[Any]) -> bool:
-    """Return whether a law describes the recordings within the noise."""
-    return not result.goodness.p_value < _SIGNIFICANT
-
-
 def _goodness(result: Fit[Any]) -> str:
     name, chance = LAW_NAMES[result.law], result.goodness.p_value
     if math.isnan(chance):
         return f"The {name} law fits with rms {result.cost.rms:.3g} N."
-    if not fits(result):
+    if not result.goodness.fits:
         return (
             f"The {name} law does not fit within the noise ({fit_probability(chance)}): "
             "the recordings show physics that this law leaves out."

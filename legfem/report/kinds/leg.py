@@ -207,7 +207,7 @@ def _several(fit: LegFit) -> bool:
 
 
 def _headline(chosen: LegFit) -> web.Headline:
-    law, sound = LAW_NAMES[chosen.law], estimates.fits(chosen) and chosen.agreement.fits
+    law, sound = LAW_NAMES[chosen.law], chosen.goodness.fits and chosen.agreement.fits
     known = not estimates.unknown_among(chosen.estimates)
     tone: web.Tone = "wrong" if not sound else "sound" if known else "caution"
     where = f"all {len(chosen.tests)} sites" if _several(chosen) else "this test"
@@ -388,7 +388,7 @@ def _next(chosen: LegFit) -> list[str]:
     diagnose = f"legfem diagnose {options_of(suspect)}"
     # A diagnosis is of a section in plane strain.
     along = suspect.indenter.lies_along
-    if not (estimates.fits(chosen) and chosen.agreement.fits):
+    if not (chosen.goodness.fits and chosen.agreement.fits):
         how = diagnose if along else "press there with a cylinder along the leg, and diagnose that"
         if _several(chosen):
             return [f"Find out what is different at {suspect.site or 'that site'}: {how}"]
