@@ -117,8 +117,7 @@ def _fields(result: StockingResult, folder: Path) -> list[ReportFile]:
     result.model.set_state(result.equilibrium.state, result.equilibrium.pressure, result.parameters)
     written = write_fields(fields_of(result.model.compression.system), folder)
     shows = (
-        "the leg in its stocking for ParaView: displacement (mm), hydrostatic pressure and von "
-        "Mises stress (kPa), greatest stretch, J, tissue (1 fat, 3 muscle); interface pressure on "
-        "the skin (kPa)"
+        "the leg in its stocking for ParaView: displacement (mm), hydrostatic pressure and von Mises stress (kPa), "
+        "greatest stretch, J, tissue (1 fat, 3 muscle); interface pressure on the skin (kPa)"
     )
     return [ReportFile(written, shows)]
