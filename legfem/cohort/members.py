@@ -202,7 +202,7 @@ def _cells(table: Path) -> pd.DataFrame:
     return cells
 
 
-def _as_numbers(column: pd.Series[str], name: str) -> list[float] | None:
+def _as_numbers(column: "pd.Series[str]", name: str) -> list[float] | None:
     """A column's numbers, NaN where it is empty; None where one is a text, or the column is of texts."""
     if name in (*DESIGN, "folder", "sex"):
         return None
