@@ -445,6 +445,23 @@ def _wave_matrix() -> str:
     return _commas(names, T, T % 10, 0 * T + 1, D, F)
 
 
+def _of_r() -> str:
+    lines = (f'"{k}" {line.replace(",", " ")}' for k, line in enumerate(rows(T, D, F).splitlines(), 1))
+    return '"Time (s)" "Position (mm)" "Force (N)"\n' + "\n".join(lines) + "\n"
+
+
+def _among(text: str) -> str:
+    """With a line among the numbers."""
+    before, after = rows(T[:300], D[:300], F[:300]), rows(T[300:], D[300:], F[300:])
+    return f"Time (s),Position (mm),Force (N)\n{before}{text}\n{after}"
+
+
+def _as_formulas() -> str:
+    lines = (",".join(f'="{cell}"' for cell in line.split(",")) for line in rows(T, D, F).splitlines())
+    return "Time (s),Position (mm),Force (N)\n" + "\n".join(lines) + "\n"
+
+
+_FULL_WIDTH = {ord(c): 0xFEE0 + ord(c) for c in "0123456789."}
 G = 9.80665
 ODD = {
     "a clock": timed("Time,Displacement (mm),Force (N)", clocks()),
@@ -498,6 +515,21 @@ ODD = {
     "a cell that is never loaded": _commas("Time (s),Position (mm),Force 1 (N),Force 2 (N)", T, D, F, 0 * T),
     "an empty column between tabs": _spared("Temperature (°C)\tSpare\tPosition (mm)\tLoad (N)\tTime (s)"),
     "statistics below": _commas("Time (s),Position (mm),Force (N)") + "Max,22.0,11.1\nMean,10.0,2.0\n",
+    "a spreadsheet's first line": "sep=;\n" + _semicolons("Time (s);Position (mm);Force (N)"),
+    "names of two lines": _commas('"Time\n(s)","Position\n(mm)","Force\n(N)"'),
+    "a line of names in quotes": _commas('"Time (s),Position (mm),Force (N)"'),
+    "names in apostrophes": _commas("'Time (s)','Position (mm)','Force (N)'"),
+    "row numbers of R": _of_r(),
+    "a comment among the numbers": _among("# marker 1: hold"),
+    "a sample that was commented out": _among("# 29.95,99.0,99.0"),
+    "a heading on each page": _among("Time (s),Position (mm),Force (N)"),
+    "minus signs": _commas("Time (s),Position (mm),Force (N)", T, -D, -F).replace("-", "\u2212"),
+    "dashes for minus": _commas("Time (s),Position (mm),Force (N)", T, -D, -F).replace("-", "\u2013"),
+    "exponents as Fortran writes them": _commas("Time (s),Position (mm),Force (N)", form="%.7e").replace("e", "D"),
+    "figures of full width": _commas("時間(s),変位(mm),荷重(N)").translate(_FULL_WIDTH),
+    "cells as formulas": _as_formulas(),
+    "invisible characters": _commas("\ufeff\u200bTime (s),Posi\u00adtion (mm),Force (N)"),
+    "days of a spreadsheet": _commas("Time,Position (mm),Force (N)", 45415.5 + T / 86400, D, F, form="%.10f"),
     "a step's own time": _commas("Segment,Time (s),Step time (s),Position (mm),Force (N)", T // 10, T, T % 10, D, F),
 }
 """Text files that are odd and honest, and are read without a hand."""

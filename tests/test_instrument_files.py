@@ -5,11 +5,15 @@ What they are written by, and after what, `making_instrument_files` says.
 
 from __future__ import annotations
 
+import gzip
+import lzma
+import os
 import re
 import shlex
 import time
 import tomllib
 import zipfile
+from datetime import datetime
 from pathlib import Path
 
 import h5py
@@ -139,11 +143,15 @@ def table(header: str, *columns: np.ndarray, name: str = "trial.csv"):
 ROW = rows(T, D, F).split("\r\n")[300]
 TWO_TRIALS = [np.concatenate([c, c]) for c in (T, D, F)]
 ALL = list(zip(T, D, F, strict=True))
+ON_ITS_SIDE = "".join(
+    f"{name},{','.join(map(str, one))}\n"
+    for name, one in zip(("Time (s)", "Position (mm)", "Force (N)"), (T, D, F), strict=True)
+)
 MANGLED = {
     "empty": (written("a.csv", b""), "is empty"),
     "no such kind": (written("a.is_comp", b"TDAT"), "'.is_comp' is no kind"),
     "cut workbook": (truncated, "can't be read as .xlsx"),
-    "picture for TDMS": (written("a.tdms", b"\x89PNG" + bytes(99)), "can't be read as .tdms"),
+    "noise for TDMS": (written("a.tdms", b"\x89\x01" + bytes(99)), "can't be read as .tdms"),
     "binary for text": (written("a.txt", bytes(range(256)) * 9), "null bytes"),
     "no units": (table("time,position,force", T, D, F), "'position' states no unit"),
     "unit of an angle": (table("time_s,position_mm,load_deg", T, D, F), "'deg' of 'load' is no unit"),
@@ -178,7 +186,7 @@ MANGLED = {
     "a missing cell": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ","), "2 cells"),
     "not a number": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ",NaN"), "isn't finite"),
     "two trials": (table("time_s,position_mm,force_N", *TWO_TRIALS), "time runs backwards"),
-    "two headers": (changed(plain_csv, ROW, "time_s,displacement_mm,force_N"), "'time_s' where 3 numbers"),
+    "other names among the numbers": (changed(plain_csv, ROW, "time_s,displacement_mm,load_N"), "'time_s' where 3"),
     "coarse clock": (table("time_s,position_mm,force_N", np.floor(T), D, F), "time repeats"),
     "in air": (table("time_s,position_mm,force_N", T, D, 0.02 * np.sin(37 * T)), "doesn't follow"),
     "clock": (written("a.csv", timed("Time,Position (mm),Force (N)", clocks(digits=0)).encode()), "time repeats"),
@@ -201,7 +209,35 @@ MANGLED = {
         table("Stretch,Nominal stress (kPa)", 1.0 + 0.01 * D, 0.4 * D**2),
         "a table of stretch and stress ('Stretch' and 'Nominal stress' in kPa) without a time",
     ),
-    "no names": (written("a.csv", rows(T, D, F).encode()), "no row with the names"),
+    "no names": (written("a.csv", rows(T, D, F).encode()), "its 3 columns have no names; write a line of names"),
+    "no names, of a microscope": (
+        written("a.txt", rows(np.linspace(-8e3, 0, 90), D[:90], D[:90], delimiter="\t", decimal=",").encode()),
+        "the first goes up to 0 in equal steps, as a microscope's height does and no time",
+    ),
+    "on its side": (written("a.csv", ON_ITS_SIDE.encode()), "its numbers stand in rows of 751, not in columns"),
+    "one column": (written("a.csv", b"Force (N)\n" + rows(F).encode()), "holds one column of numbers"),
+    "names alone": (written("a.csv", b"Time (s),Force (N)\n"), "holds no numbers; export the recording again"),
+    "a factor in the unit": (
+        table("Time (s),Position (mm),Force (x10 N)", T, D, 0.1 * F),
+        "export 'Force' in N: 'x10 N' has a factor in it",
+    ),
+    "counts of a converter": (table("Time (s),Position (mm),Force (counts)", T, D, F), "export 'Force' in N, or"),
+    "a unit that an encoding lost": (
+        table("Time (s),Position (?m),Force (N)", T, 1e3 * D, F),
+        "if displacement is 'Position' in um: legfem data look",
+    ),
+    "samples counted": (
+        table("Sample,Position (mm),Force (N)", np.arange(len(T)), D, F),
+        "add a column Time (s): the number of the sample over the samples taken in a second",
+    ),
+    "dates without a time": (
+        written("a.csv", timed("Fecha,Position (mm),Force (N)", ["03/05/2024"] * len(T)).encode()),
+        "column 'Fecha': holds '03/05/2024'",
+    ),
+    "a block that was never written": (
+        written("a.csv", b"time_s,position_mm,force_N\n" + b"1,2,3\n" * 40 + bytes(999) + b"4,5,6\n" * 40),
+        "line 42: 999 null bytes stand in place of text: part of the file is lost",
+    ),
     "no quantity": (table("a,b,Width", T, D, F), "is no recording: none of its columns ('a', 'b', 'Width')"),
     "few samples": (table("time_s,position_mm,force_N", T[:5], D[:5], F[:5]), "5 samples are no whole press"),
     "no displacement": (
@@ -232,6 +268,133 @@ def test_a_mangled_file_is_refused_with_the_cause(tmp_path, name):
     assert not (tmp_path / "out").exists()
 
 
+PLAIN = ("Time (s),Position (µm),Force (N)\n" + rows(T, 1e3 * D, F)).encode()
+BYTES = {
+    "gzip": ("a.csv.gz", gzip.compress(PLAIN)),
+    "xz": ("a.csv.xz", lzma.compress(PLAIN)),
+    "UTF-16 that doesn't say so": ("a.csv", PLAIN.decode().encode("utf-16-le")),
+    "UTF-32": ("a.csv", PLAIN.decode().encode("utf-32")),
+    "UTF-8 taken for cp1252": ("a.csv", PLAIN.decode("cp1252").encode()),
+    "DOS": ("a.csv", PLAIN.decode().encode("cp437")),
+    "line ends of an old Mac": ("a.csv", PLAIN.replace(b"\r\n", b"\r")),
+    "line ends that were translated twice": ("a.csv", PLAIN.replace(b"\n", b"\r\n")),
+    "nulls after a loss of power": ("a.csv", PLAIN + bytes(4096)),
+}
+
+
+@pytest.mark.parametrize("name", BYTES)
+def test_a_text_is_read_however_its_bytes_are_written(tmp_path, name):
+    file, content = BYTES[name]
+    _check_read(written(file, content)(tmp_path))
+
+
+@pytest.mark.parametrize("cut", [1, 3, 6, 9])
+def test_a_last_line_that_breaks_off_is_no_sample(tmp_path, cut):
+    text = "time_s;position_mm;force_N\n" + rows(T, D, F, delimiter=";").strip()
+    path = written("a.csv", text[:-cut].encode())(tmp_path)
+    (sheet,) = read_sheets(path)
+    assert len(sheet.columns[0].values) == len(T) - 1
+    assert any(f"line {len(T) + 1}, the last, breaks off" in remark for remark in sheet.remarks)
+    whole = written("b.csv", text.encode())(tmp_path)
+    assert len(read_sheets(whole)[0].columns[0].values) == len(T)
+
+
+NO_TABLES = {
+    "a PDF": ("a.csv", b"%PDF-1.4\n%\xe2\xe3" + bytes(99)),
+    "formatted text (RTF)": ("a.txt", b"{\\rtf1\\ansi Time (s),Force (N)\\\n}"),
+    "a web page, perhaps of a sign-in": ("a.csv", b"<!DOCTYPE html>\n<html><title>Sign in</title></html>"),
+    "a web page with a table": ("a.xls", b"<html><table><tr><td>Time (s)</td></tr></table></html>"),
+    "JSON": ("a.json", b'{"time_s": [0.0, 0.1], "force_N": [0.0, 0.1]}'),
+    "a link to a Google document": ("a.gsheet", b'{"url": "https://docs.google.com/open?id=1"}'),
+    "a pointer of Git LFS": ("a.csv", b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"),
+    "an archive (RAR)": ("a.csv", b"Rar!\x1a\x07\x01\0" + bytes(99)),
+    "packed (gz) and called .csv": ("a.csv", gzip.compress(PLAIN)),
+    "a picture (PNG)": ("a.tdms", b"\x89PNG\r\n" + bytes(99)),
+    "a workbook with a password": (
+        "a.xlsx",
+        b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(999) + "EncryptedPackage".encode("utf-16-le"),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", NO_TABLES)
+def test_what_holds_no_table_is_refused_as_what_it_is(tmp_path, what):
+    file, content = NO_TABLES[what]
+    run = look(written(file, content)(tmp_path), "--out", tmp_path / "out")
+    assert run.exit_code == 2 and run.output.count("\n") == 1
+    assert f"file: is {what}" in run.output
+
+
+@pytest.mark.parametrize(
+    ("make", "called"), [(workbook, "a.csv"), (zwick, "a.xlsx"), (tdms_with_times_of_day, "a.dat")]
+)
+def test_a_file_is_read_as_what_it_is_whatever_it_is_called(tmp_path, make, called):
+    made = make(tmp_path)
+    _check_read(made.rename(tmp_path / called))
+
+
+def test_another_file_s_index_beside_a_tdms_is_not_trusted(tmp_path):
+    path = tdms_with_times_of_day(tmp_path)
+    path.with_suffix(".tdms_index").write_bytes(path.read_bytes()[:200])
+    _check_read(path)
+
+
+def test_integers_that_stand_for_scaled_numbers_are_scaled(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values, unit in (("time", T, "seconds since 2024-05-03"), ("position", D, "mm"), ("force", F, "N")):
+            packed = file.create_dataset(name, data=np.round(2e4 * (values - 1.0)).astype("i4"))
+            packed.attrs.update({"units": unit, "scale_factor": 5e-5, "add_offset": 1.0})
+    _check_read(tmp_path / "a.h5")
+
+
+def _in_cells(path: Path, cell) -> Path:
+    book = Workbook()
+    book.active.append(["Time (s)", "Position (mm)", "Force (N)"])
+    for k, (t, d, f) in enumerate(zip(T.tolist(), D.tolist(), F.tolist(), strict=True), 2):
+        book.active.append([t, d, cell(k, f)])
+    book.save(path / "a.xlsx")
+    return path / "a.xlsx"
+
+
+@pytest.mark.parametrize(
+    ("cell", "cause"),
+    [
+        (lambda k, f: f"=A{k}*0+{f}", "its 751 formulas were never calculated; open it in a spreadsheet, and save it"),
+        (lambda k, f: datetime(2024, 5, 3) if k == 40 else f, "'2024-05-03' is a date, which a spreadsheet took"),
+        (lambda k, f: -9999.0 if k % 90 == 0 else f, "8 readings are -9999, which stands for missing ones"),
+    ],
+)
+def test_what_spreadsheets_make_of_numbers_is_told(tmp_path, cell, cause):
+    run = look(_in_cells(tmp_path, cell), "--out", tmp_path / "out")
+    assert run.exit_code == 2 and cause in run.output
+
+
+def _a_folder(path: Path) -> None:
+    path.mkdir()
+
+
+def _a_link(path: Path) -> None:
+    path.symlink_to("gone.csv")
+
+
+@pytest.mark.parametrize(
+    ("make", "cause"), [(_a_folder, "is a folder"), (_a_link, "is a link to a file that isn't"), (os.mkfifo, "a pipe")]
+)
+def test_what_is_no_file_is_called_what_it_is(tmp_path, make, cause):
+    make(tmp_path / "a.csv")
+    run = look(tmp_path / "a.csv", "--out", tmp_path / "out")
+    assert run.exit_code == 2 and cause in run.output
+
+
+def test_columns_without_names_are_named_by_their_places(tmp_path):
+    path = written("a.txt", rows(T, D, F).encode())(tmp_path)
+    given = ["--time", "column 1:s", "--displacement", "column 2:mm", "--force", "column 3:N"]
+    run = look(path, *given, "--out", tmp_path / "out")
+    assert run.exit_code == 0, run.output
+    block = tomllib.loads((tmp_path / "out" / "recordings.toml").read_text())["recordings"]
+    np.testing.assert_allclose(read_samples(path, RecordingsEntry.model_validate(block).channels()).force, F, atol=1e-4)
+
+
 def _archive_of_jpk(path: Path) -> Path:
     with zipfile.ZipFile(path / "curve-03", "w") as archive:
         archive.writestr("header.properties", "#Mon\njpk-data-file=spm-forcefile\n")
@@ -259,6 +422,9 @@ CURVES = {
     "Bruker": _below("\\*Force file list\n\\Version: 0x09", "gel.002"),
     "afmformats": _curves_in_hdf5,
     "a heading": _below("Force-Distance Curve\n\nTime (s),Z-Sense(nm),Force (nN)", "gel.csv"),
+    "NT-MDT's text": written(
+        "gel_6B_Curve_DFL_Height_5.txt", rows(np.linspace(-8e3, 0, 90), D[:90], F[:90], delimiter="\t").encode()
+    ),
     "JPK's text": _below("# springConstant: 0.04\n# columns: time height vDeflection\ntime_s,z_nm,force_nN", "gel.txt"),
 }
 

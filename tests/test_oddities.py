@@ -165,6 +165,13 @@ def test_a_loading_with_a_gap_is_doubted() -> None:
     assert "nothing was recorded between 14.9 and 25.1 s" in line
 
 
+def test_presses_that_stand_one_behind_the_other_in_a_file_are_doubted() -> None:
+    one = made()
+    times = np.concatenate([one.time, one.time + one.time[-1] + 0.1])
+    joined = Recording(times, np.tile(one.displacement, 2), np.tile(one.force, 2), "t")
+    assert any("2 presses stand in one file" in line for line in doubted(joined))
+
+
 @pytest.mark.parametrize("text", ["1e300", "-1e12"])
 def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "trial.csv"

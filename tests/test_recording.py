@@ -69,8 +69,8 @@ def test_unusable_trials_are_explained(tmp_path, change, field, words):
 @pytest.mark.parametrize(
     ("old", "new", "field", "words"),
     [
-        ("displacement_mm", "displacement_m", "header", "'displacement_m' where"),
-        ("force_N", "force_kN", "header", "'force_kN' where 'force_N'"),
+        ("displacement_mm", "displacement", "header", "'displacement' where"),
+        ("force_N", "force_kg2", "header", "'force_kg2' where 'force_N'"),
         ("time_s", "t", "header", "'time_s' is missing"),
         ("time_s,displacement_mm,force_N", "time_s;displacement_mm;force_N", "header", "commas"),
         ("0.100,0.0400", "0,100,0,0400", "line 3", "decimal"),
@@ -87,6 +87,25 @@ def test_unreadable_files_are_explained(tmp_path, old, new, field, words):
     error = _refused(path)
     assert error.field == field
     assert words in str(error)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "factor"),
+    [
+        ("force_N", "force_mN", 1e-3),
+        ("force_N", "Force [kgf]", 9.80665),
+        ("time_s", "time_s,displacement_mm,force_N\ntime_s", 1.0),
+        ("time_s", "# rig 2\ntime_s", 1.0),
+        ("force_N\n", "force_N\ns,mm,N\n", 1.0),
+    ],
+)
+def test_own_tables_are_read_in_the_units_of_their_names_and_beside_comments(tmp_path, old, new, factor):
+    path = write_recording(tmp_path / "trial1.csv", press())
+    before = read_samples(path)
+    path.write_text(path.read_text().replace(old, new, 1))
+    read = read_samples(path)
+    np.testing.assert_allclose(read.force, factor * before.force)
+    np.testing.assert_allclose(read.time, before.time)
 
 
 @pytest.mark.parametrize("rate", [10.0, 200.0])

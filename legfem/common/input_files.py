@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import difflib
 import re
 import stat
 import tomllib
 from collections.abc import Sequence
+from datetime import date, time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args
 
@@ -16,6 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from legfem.common.errors import InputError
+from legfem.common.missing_files import remedy_for_missing
+from legfem.common.toml_syntax import why_no_toml
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,18 +40,23 @@ def read_text(path: Path, missing: str, remedy: str) -> str:
     Raises
     ------
     InputError
-        If it is missing, no plain file, or no UTF-8.
+        If it is missing, no plain file, or neither UTF-8 nor UTF-16 with its mark.
     """
     try:
         if stat.S_IFMT(path.stat().st_mode) in (stat.S_IFREG, stat.S_IFDIR):
-            text = path.read_text(encoding="utf-8-sig")
+            raw = path.read_bytes()
+            wide = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+            text = raw.decode("utf-16" if wide else "utf-8-sig").replace("\r\n", "\n")
             if "\0" not in text:
                 return text
             raise InputError(path, "file", "holds bytes that are no text (NUL)", remedy)
     except FileNotFoundError:
-        raise InputError(path, "file", "not found", missing) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "file", f"can't be read ({error})", remedy) from None
+        raise InputError(path, "file", "not found", remedy_for_missing(path, missing)) from None
+    except UnicodeDecodeError as error:
+        where = f"byte {error.start + 1} is no UTF-8"
+        raise InputError(path, "file", f"can't be read ({where})", remedy) from None
+    except OSError as error:
+        raise InputError(path, "file", f"can't be read ({error.strerror})", remedy) from None
     raise InputError(path, "file", "can't be read (it is a pipe or a device)", remedy)
 
 
@@ -64,7 +73,8 @@ def check_printable(*paths: Path) -> None:
             raise InputError(path, "name", f"{path.name!a} can't be shown", "rename it: letters and digits")
 
 
-_DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d+,\d+\s*$")
+_DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*$")
+_DECIMAL_POINT = re.compile(r"^\s*[+-]?\d+\.\d+([eE][+-]?\d+)?\s*$")
 
 
 def read_table(
@@ -74,7 +84,7 @@ def read_table(
     optional: Sequence[str] = (),
     sparse: Sequence[str] = (),
 ) -> pd.DataFrame:
-    """Read a CSV file whose first line is exactly ``columns``.
+    """Read a CSV file whose first line is exactly ``columns``, parted by commas, or by semicolons or tabs.
 
     Parameters
     ----------
@@ -97,7 +107,7 @@ def read_table(
     Raises
     ------
     InputError
-        For a missing or empty file, a wrong header, semicolons, decimal commas, cells that are
+        For a missing or empty file, a wrong header, decimal commas between commas, cells that are
         missing, not numbers or not finite.
     """
     import pandas as pd
@@ -106,18 +116,21 @@ def read_table(
     header = lines[0]
     columns = [c for c in columns if c not in optional or c in re.split(r"[,;\t\s]+", header)]
     wanted = ",".join(columns)
-    if ";" in header or "\t" in header:
+    # As spreadsheets write CSV where decimals have commas.
+    mark = next((mark for mark in ";\t" if mark in header), ",")
+    if mark != "," and "".join(lines[1:2]).count(mark) != header.count(mark):
         raise InputError(
             path,
             "header",
-            f"columns are separated by {'tabs' if chr(9) in header else ';'}",
+            f"columns are separated by {'tabs' if mark != ';' else ';'}, and not those of the rows",
             f"separate columns by commas and write decimals with points: {wanted}",
         )
     try:
-        found = [name.strip() for name in next(csv.reader([header]))]
-        rows = list(csv.reader(lines[1:]))
+        found = [name.strip() for name in next(csv.reader([header], delimiter=mark))]
+        rows = list(csv.reader(lines[1:], delimiter=mark))
     except csv.Error as error:
         raise InputError(path, "rows", f"can't be split: {error}", f"give rows of {wanted}") from None
+    rows = rows if mark == "," else _with_points(path, rows)
     if found != list(columns):
         raise InputError(path, "header", *_header_problem(found, columns))
     numbers = [i + 2 for i, row in enumerate(rows) if any(cell.strip() for cell in row)]
@@ -133,6 +146,17 @@ def read_table(
             filled = table[name] != "" if name in sparse else slice(None)
             table[name] = _numbers(path, table.loc[filled, name]).reindex(table.index)
     return table
+
+
+def _with_points(path: Path, rows: list[list[str]]) -> list[list[str]]:
+    """Return rows with decimal points in place of commas."""
+    cells = [cell for row in rows for cell in row]
+    commas = next((cell for cell in cells if _DECIMAL_COMMA.match(cell)), None)
+    point = next((cell for cell in cells if _DECIMAL_POINT.match(cell)), None)
+    if commas is not None and point is not None:
+        problem = f"'{commas}' has a decimal comma, and '{point}' a point"
+        raise InputError(path, "rows", problem, "write all decimals alike")
+    return [[cell.replace(",", ".") if _DECIMAL_COMMA.match(cell) else cell for cell in row] for row in rows]
 
 
 def _lines(path: Path) -> list[str]:
@@ -238,12 +262,11 @@ def read_toml(path: Path, holder: str) -> dict[str, Any]:
     InputError
         For a missing file, and TOML that can't be parsed.
     """
+    text = read_text(path, f"{holder} holds {path.name}", "save it as UTF-8")
     try:
-        return tomllib.loads(read_text(path, f"{holder} holds {path.name}", "save it as UTF-8"))
+        return tomllib.loads(text)
     except ValueError as error:  # of the syntax, or a number of thousands of digits
-        raise InputError(
-            path, "TOML", str(error), "correct the syntax (texts in quotes, decimals with points)"
-        ) from None
+        raise InputError(path, "TOML", *why_no_toml(text, error)) from None
     except RecursionError:
         raise InputError(path, "TOML", "is nested too deeply", "flatten it") from None
 
@@ -306,7 +329,7 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
                 "begin with a letter or digit, and use these, dots, dashes, underscores and spaces"
             )
         case "string_type" | "string_too_short":
-            return f"{given!r} is no text", f'write it in quotes: {keys[-1]} = "..."'
+            return f"{_shown(given)} is no text", f'write it in quotes: {keys[-1]} = "..."'
         case "bool_type":
             return f"{given!r} is neither true nor false", f"write {keys[-1]} = true or {keys[-1]} = false"
         case "list_type":
@@ -317,6 +340,10 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
             return f"{given!r} has the wrong length", "write [x, y]"
         case _:
             return f"{error['msg']} (given {given!r})", "correct it"
+
+
+def _shown(given: object) -> str:
+    return str(given) if isinstance(given, date | time) else repr(given)
 
 
 def _choices(context: dict[str, Any]) -> list[str]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.data.noise import Instrument
@@ -102,8 +103,12 @@ def air_is_shown(contacts: Sequence[Contact]) -> bool:
 
     Noise alone gains about one variance a trial.
     """
-    together = sum(one.gain for one in contacts) > _LEAST_GAIN + _BY_NOISE * (len(contacts) - 1)
-    return together or any(one.in_air for one in contacts)
+    return enough_gain(sum(one.gain for one in contacts), len(contacts)) or any(one.in_air for one in contacts)
+
+
+def enough_gain(gain: float, trials: int) -> bool:
+    """Tell whether air that fits better by so many variances of the errors, in all trials, isn't noise."""
+    return gain > _LEAST_GAIN + _BY_NOISE * (trials - 1)
 
 
 def contact_at_start() -> Contact:
@@ -159,36 +164,23 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
     See `first_contact`; arrays are (n,), mm and N. Of an instrument that isn't stated the slow error may be as large
     as what is seen from sample to sample.
     """
-    way, displacement_sd = scales.way, instrument.displacement_sd
-    white = max(sample_noise(force), 1e-9 * float(np.ptp(force)), 1e-12)
-    noise = max(instrument.force_sd, white)
+    displacement_sd = instrument.displacement_sd
+    noise = _scatter(force, instrument)[1]
     rough = _rough_contact(d, force, noise)
-    near = (d >= rough - _AIR_FITTED * way) & (d <= rough + _DEPTH_FITTED * way)
-    x, y, size = _blocks(d[near], force[near])
     start = float(d[0])
-    if len(x) < _FEWEST:
+    near = _near(d, force, rough, instrument, scales)
+    if near is None:
         return _at_start(d, force, start, noise, displacement_sd)
-    first = float(x[0])
-    last = max(rough + 0.5 * way, first + 0.1 * way)
-    slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else white
-    pressed = _OF_FORCE * np.maximum(y - y[:_FEWEST].mean(), 0.0)
-    whitened = _whitening(x, white / np.sqrt(size), slow, pressed, way)
-    onsets = np.linspace(first, last, 101)
-    best, error, cost = _places(x, whitened @ y, whitened, onsets, scales)
-    reach = max(4.0 * error, 2 * (onsets[1] - onsets[0]))
-    onsets = np.linspace(max(first, best - reach), min(last, best + reach), 101)
-    best, error, cost = _places(x, whitened @ y, whitened, onsets, scales)
-    error = float(np.hypot(error, _SHAPE_ERROR * way))
-    air = x < best
-    # Against the best fit that has contact at the start: noise alone gains little.
-    _, _, without = _places(x, whitened @ y, whitened, np.array([first]), scales)
-    gain = (without - cost) / max(1.0, cost / max(len(x) - 4, 1))
+    found = _onset([near], rough, scales)
+    best, error, gain = found.place, found.error, found.gain
+    air = near.x < best
     significant = best - start > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
     if not significant:
         return replace(_at_start(d, force, start, noise, displacement_sd, best, error), gain=gain)
-    in_air = near & (d < best - 2 * error)
+    within = _within(d, rough, scales)
+    in_air = within & (d < best - 2 * error)
     if in_air.sum() < 4:
-        in_air = near & (d < best)
+        in_air = within & (d < best)
     baseline = float(np.mean(force[in_air]))
     spread = float(np.std(force[in_air])) * np.sqrt(_inflation(force[in_air]) / in_air.sum())
     return Contact(
@@ -200,6 +192,110 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
         in_air=True,
         gain=gain,
     )
+
+
+@dataclass(frozen=True)
+class Onset:
+    """Where force begins, mm."""
+
+    place: float
+    error: float
+    """Standard error."""
+    gain: float
+    """By how many variances of the errors air before it fits better than contact at the start."""
+
+
+def common_onset(
+    presses: Sequence[tuple[FloatArray, FloatArray]], apart_sd: float, instrument: Instrument, scales: Scales = LEG
+) -> Onset | None:
+    """Find where force begins in presses that lie on each other; None where they show too little of it.
+
+    All rise alike from one place, each from a level of its own, and each begins in air or at first touch: contact
+    isn't before the last of them begins. See `first_contact`.
+
+    Parameters
+    ----------
+    presses : sequence of pairs of (n,) arrays
+        Displacements, mm, growing and smooth, and forces, N.
+    apart_sd : float
+        Standard error of one's place beside the others', mm.
+    instrument : Instrument
+        Errors of a reading.
+    scales : Scales
+        Those of the test.
+    """
+    # Which has come the longest way shows most of the air.
+    longest = min(presses, key=lambda one: float(one[0][0]))
+    rough = _rough_contact(*longest, _scatter(longest[1], instrument)[1])
+    near = [one for d, force in presses if (one := _near(d, force, rough, instrument, scales)) is not None]
+    latest = max(float(d[0]) for d, _ in presses)
+    return _onset(near, rough, scales, (latest, apart_sd)) if near else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """A press about its contact; arrays are (n,)."""
+
+    x: FloatArray
+    """mm."""
+    whitening: FloatArray
+    """(n, n), 1/N."""
+    level: FloatArray
+    """Of unit length: what a force that is the same throughout becomes."""
+    left: FloatArray
+    """Force, whitened, without its level."""
+
+    def felt(self, values: FloatArray) -> FloatArray:
+        """Return forces (n, ...), N, whitened and without their levels."""
+        white = self.whitening @ values
+        return np.asarray(white - np.multiply.outer(self.level, self.level @ white))
+
+
+def _scatter(force: FloatArray, instrument: Instrument) -> tuple[float, float]:
+    """Return the white noise of a force (n,), N, and all of a reading's error."""
+    white = max(sample_noise(force), 1e-9 * float(np.ptp(force)), 1e-12)
+    return white, max(instrument.force_sd, white)
+
+
+def _within(d: FloatArray, rough: float, scales: Scales) -> NDArray[np.bool_]:
+    """Return which displacements (n,), mm, are near a rough contact."""
+    return (d >= rough - _AIR_FITTED * scales.way) & (d <= rough + _DEPTH_FITTED * scales.way)
+
+
+def _near(d: FloatArray, force: FloatArray, rough: float, instrument: Instrument, scales: Scales) -> _Near | None:
+    """Return a press about a rough contact, mm; None where it has too few samples there."""
+    white, noise = _scatter(force, instrument)
+    near = _within(d, rough, scales)
+    x, y, size = _blocks(d[near], force[near])
+    if len(x) < _FEWEST:
+        return None
+    slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else white
+    pressed = _OF_FORCE * np.maximum(y - y[:_FEWEST].mean(), 0.0)
+    whitening = _whitening(x, white / np.sqrt(size), slow, pressed, scales.way)
+    level = whitening.sum(axis=1)
+    level /= np.sqrt(level @ level)
+    left = whitening @ y
+    return _Near(x, whitening, level, left - level * (level @ left))
+
+
+def _onset(near: Sequence[_Near], rough: float, scales: Scales, begun: tuple[float, float] | None = None) -> Onset:
+    """Return the onset of presses; the last of them begins at a place with a standard error, mm."""
+    first = min(float(one.x[0]) for one in near)
+    last = max(rough + 0.5 * scales.way, first + 0.1 * scales.way)
+    onsets = np.linspace(first, last, 101)
+    best, error, cost = _places(near, onsets, scales, begun)
+    reach = max(4.0 * error, 2 * (onsets[1] - onsets[0]))
+    onsets = np.linspace(max(first, best - reach), min(last, best + reach), 101)
+    best, error, cost = _places(near, onsets, scales, begun)
+    # Against the best fit that has contact at the start: noise alone gains little.
+    _, _, without = _places(near, np.array([first]), scales)
+    gain = (without - cost) / max(1.0, cost / _freedom(near))
+    return Onset(best, float(np.hypot(error, _SHAPE_ERROR * scales.way)), gain)
+
+
+def _freedom(near: Sequence[_Near]) -> int:
+    """Return the degrees of freedom that place, size, stiffening and levels leave."""
+    return max(sum(len(one.x) - 1 for one in near) - 3, 1)
 
 
 def _at_start(
@@ -259,27 +355,25 @@ def _whitening(x: FloatArray, white: FloatArray, slow: float, shape: FloatArray,
 
 
 def _places(
-    x: FloatArray, force: FloatArray, whitened: FloatArray, onsets: FloatArray, scales: Scales
+    near: Sequence[_Near], onsets: FloatArray, scales: Scales, begun: tuple[float, float] | None = None
 ) -> tuple[float, float, float]:
     """Return the mean and standard deviation of first contact over onsets (m,) and powers, mm, and the least cost."""
-    depth = np.maximum(x[:, None] - onsets[None, :], 0.0) / scales.way
-    level = whitened.sum(axis=1)
-    level /= np.sqrt(level @ level)
+    depths = [np.maximum(one.x[:, None] - onsets[None, :], 0.0) / scales.way for one in near]
+    left = np.concatenate([one.left for one in near])
 
-    def without_level(values: FloatArray) -> FloatArray:
-        return np.asarray(values - np.multiply.outer(level, level @ values))
+    def felt(power: float) -> FloatArray:
+        return np.concatenate([one.felt(depth**power) for one, depth in zip(near, depths, strict=True)])
 
-    left = without_level(force)
     costs = []
     for power, likely in scales.powers:
-        rise = without_level(whitened @ depth**power)
-        more = without_level(whitened @ depth ** (power + 1.0))
-        explained = _explained(left, rise, more)
+        explained = _explained(left, felt(power), felt(power + 1.0))
         costs.append(float(left @ left) - explained - 2.0 * np.log(likely))
     cost = np.array(costs)
     least = float(cost.min())
     # A misfit beyond the errors widens: what isn't described isn't known any better.
-    weight = np.exp(-0.5 * (cost - least) / max(1.0, least / max(len(x) - 4, 1))).sum(axis=0)
+    weight = np.exp(-0.5 * (cost - least) / max(1.0, least / _freedom(near))).sum(axis=0)
+    if begun is not None:
+        weight *= np.exp(-0.5 * (np.maximum(begun[0] - onsets, 0.0) / begun[1]) ** 2)
     weight /= weight.sum()
     best = float(weight @ onsets)
     step = float(onsets[-1] - onsets[0]) / max(len(onsets) - 1, 1)

@@ -50,6 +50,7 @@ def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
     _refuse_jump(trial)
     yield from _spike_doubts(trial.source, trial.recording)
     yield from _gap_doubts(trial)
+    yield from _joined_doubts(trial)
     yield from _start_doubts(trial)
     yield from _drift_doubts(trial)
 
@@ -95,6 +96,10 @@ def _refuse_jump(trial: Segmentation) -> None:
         )
 
 
+_JOINED = 0.3
+"""Of the whole way and force, between two readings."""
+
+
 def _gap_doubts(trial: Segmentation) -> Iterator[Doubt]:
     """Yield a doubt about a part of the loading that wasn't recorded."""
     time, d = trial.recording.time[: trial.deepest + 1], trial.smooth[: trial.deepest + 1]
@@ -110,6 +115,23 @@ def _gap_doubts(trial: Segmentation) -> Iterator[Doubt]:
             f"nothing was recorded between {time[k]:.4g} and {time[k + 1]:.4g} s of the loading, from {d[k]:.3g} to "
             f"{d[k + 1]:.3g} mm",
             "export the whole test, or keep the part before the gap",
+        )
+
+
+def _joined_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield a doubt about several presses that were put one behind the other in a file."""
+    d, force = trial.recording.displacement, trial.recording.force
+    back = (np.diff(d) < -_JOINED * np.ptp(d)) & (np.diff(force) < -_JOINED * np.ptp(force))
+    deep = d[0] + 0.5 * float(np.ptp(d))
+    joins = [int(k) for k in np.flatnonzero(back) if (d[k + 1 :] > deep).any()]
+    if joins:
+        k = joins[0]
+        yield Doubt(
+            trial.source,
+            "displacement_mm",
+            f"goes from {d[k]:.3g} to {d[k + 1]:.3g} mm from one reading to the next, at {trial.recording.time[k]:.4g} "
+            f"s, and the force with it: {len(joins) + 1} presses stand in one file",
+            "keep one press a file",
         )
 
 

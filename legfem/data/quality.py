@@ -216,6 +216,6 @@ def _check_touch(trial: Segmentation) -> None:
         raise InputError(
             trial.source,
             "force_N",
-            f"never touches: the force rises by {rise:.3g} N only, its noise is {spread:.2g} N",
+            f"never touches: the force changes by {rise:.2g} N, and its noise is {spread:.2g} N",
             f"remove this trial, or record it until the cylinder presses the leg{hint}",
         )

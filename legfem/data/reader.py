@@ -1,6 +1,7 @@
 """Reading a recording: which columns are time, displacement and force, in which units and directions."""
 
 import json
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from legfem.common.errors import InputError
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import (
     FEWEST_ROWS,
+    NAMELESS,
+    NOT_CALCULATED,
     OWN,
     Column,
     Quantity,
@@ -39,6 +42,9 @@ _LEAST_CORRELATION = 0.6
 # What a test of soft tissue lasts, and how far apart its readings are.
 _LEAST_TEST_S, _LONGEST_TEST_S = 0.5, 10_000.0
 _LEAST_STEP_S, _LONGEST_STEP_S = 1e-4, 5.0
+_MOST_IN_A_ROW = 50
+"""Numbers in a row, beyond which a table of few rows is one that lies on its side."""
+_BY_PLACE = ("column 1:UNIT", "column 2:UNIT", "column 3:UNIT")
 
 
 @dataclass(frozen=True)
@@ -145,6 +151,12 @@ def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and run: "
             f"legfem data preview {shlex.quote(str(path.parent.parent))}",
         )
+    formulas = next((remark for sheet in sheets for remark in sheet.remarks if NOT_CALCULATED in remark), None)
+    if formulas is not None:
+        raise InputError(path, "file", f"its {formulas}", "open it in a spreadsheet, and save it")
+    nameless = next((sheet for sheet in sheets if NAMELESS in sheet.remarks), None)
+    if nameless is not None and not any(has.values()):
+        raise _without_names(path, nameless)
     if not any(has.values()):
         few = ", ".join(f"'{c.name}'" for c in columns[:6]) + (", ..." if len(columns) > 6 else "")
         raise InputError(
@@ -153,6 +165,27 @@ def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             f"is no recording: none of its columns ({few}) is named, or has a unit, like time, displacement or force",
             f"if three of them are, name them: {_look(path, dict.fromkeys(QUANTITIES, 'NAME:UNIT'))}",
         )
+
+
+def _without_names(path: Path, sheet: Sheet) -> InputError:
+    count, first = len(sheet.columns), sheet.columns[0].values
+    if len(first) < FEWEST_ROWS and count > _MOST_IN_A_ROW:
+        return InputError(
+            path,
+            "columns",
+            f"its numbers stand in rows of {count}, not in columns",
+            "turn the table round: in a spreadsheet, Paste Special, Transpose",
+        )
+    to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])
+    height = to_zero and np.ptp(np.diff(first)) < 0.01 * np.ptp(first)
+    odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time" if height else ""
+    return InputError(
+        path,
+        "columns",
+        f"its {count} columns have no names{odd}",
+        "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "
+        f"places: {_look(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True)))}",
+    )
 
 
 def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str:
@@ -172,17 +205,23 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
                 options[quantity] = "NAME:UNIT"
             elif stated is not None and stated.quantity is None:
                 return f"export '{column.name}' in {OWN[quantity]}, or correct its unit in the file"
+            elif column.unit and stated is None and re.search(r"\d", column.unit):
+                return f"export '{column.name}' in {OWN[quantity]}: '{column.unit}' has a factor in it"
             elif sum(c.name == column.name for c in sheet.columns) > 1:
                 return f"give the columns '{column.name}' names of their own in the file, then name one"
             else:
-                unit = column.unit if measured_by(column) == quantity and column.unit else OWN[quantity]
+                unit = _likely_unit(column, quantity)
                 options[quantity] = f"{column.name}:{unit}"
                 assumed.append(f"{quantity} is '{column.name}' in {unit}")
     if len(sheets) > 1 and sheet.name:
         options["sheet"] = sheet.name
     missing = [quantity for quantity, text in options.items() if text == "NAME:UNIT"]
     if not missing:
-        return f"if {', '.join(assumed)}: {_look(path, options)}"
+        unknown = any(text.endswith(":UNIT") for text in options.values())
+        told = "give in place of UNIT what it means" if unknown else f"if {', '.join(assumed)}"
+        return f"{told}: {_look(path, options)}"
+    if missing == ["time"] and not any(measured_by(c) == "time" for c in sheet.columns):
+        return "add a column Time (s): the number of the sample over the samples taken in a second"
     taken = {text.rpartition(":")[0] for text in options.values()}
     left = [
         c.name
@@ -193,6 +232,15 @@ def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Seque
         return f"record {' and '.join(missing)}, too, and export all three columns"
     among = f" (of {', '.join(map(repr, left))})"
     return f"name {' and '.join(missing)}{among}: {_look(path, options)}"
+
+
+def _likely_unit(column: Column, quantity: Quantity) -> str:
+    """Return the unit that a column is said to be in, perhaps by a sign that an encoding lost; else legfem's own."""
+    if not column.unit:
+        return OWN[quantity]
+    if measured_by(column) == quantity:
+        return column.unit
+    return "u" + column.unit[1:] if column.unit[0] in "?\ufffd" and measured_by(column) is None else "UNIT"
 
 
 def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
@@ -278,17 +326,23 @@ def _goes_on(column: Column, quantity: Quantity) -> bool:
 
 
 def _unit_of_time(column: Column) -> tuple[str, str] | None:
-    """Return the one unit of s and ms in which a time without a unit is a test's, and why; None where both may be."""
+    """Return the one unit in which a time without a unit is a test's, and why; None where several may be.
+
+    In days a spreadsheet keeps a date's time.
+    """
     whole = float(np.ptp(column.values))
     step = whole / max(len(column.values) - 1, 1)
-    fits = {
-        unit: _LEAST_TEST_S <= factor * whole <= _LONGEST_TEST_S and _LEAST_STEP_S <= factor * step <= _LONGEST_STEP_S
-        for unit, factor in (("s", 1.0), ("ms", 1e-3))
-    }
-    if not _goes_on(column, "time") or sum(fits.values()) != 1:
+    units = {"s": 1.0, "ms": 1e-3, "days": 86400.0}
+    fits = [
+        unit
+        for unit, factor in units.items()
+        if _LEAST_TEST_S <= factor * whole <= _LONGEST_TEST_S and _LEAST_STEP_S <= factor * step <= _LONGEST_STEP_S
+    ]
+    if not _goes_on(column, "time") or len(fits) != 1:
         return None
-    unit, other = ("s", "ms") if fits["s"] else ("ms", "s")
-    factor = 1.0 if other == "s" else 1e-3
+    unit = fits[0]
+    other = "ms" if unit == "s" else "s"
+    factor = units[other]
     would = f"the test would last {factor * whole:.3g} s, with a reading every {factor * step:.2g} s"
     return unit, f"it states no unit, and in {other} {would}"
 
@@ -365,10 +419,12 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
     path = Path(path)
     if channels is not None:
         return recording_of(path, read_sheets(path), channels, area)
+    if _breaks_off(path) and (found := _other_dialect(path, area)) is not None:
+        return found
     try:
         return read_own_table(path, area)
     except InputError as error:
-        if error.field in ("file", "rows"):
+        if not path.is_file() or error.field == "rows":
             raise
         found = _other_dialect(path, area)
         if found is not None:
@@ -379,15 +435,20 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
         raise
 
 
+def _breaks_off(path: Path) -> bool:
+    """Tell whether a file doesn't end where a line does: its last number may be cut."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return False
+    with path.open("rb") as file:
+        file.seek(-1, 2)
+        return file.read(1) not in b"\r\n"
+
+
 def _other_dialect(path: Path, area: float | None) -> Recording | None:
-    """Return what a table with semicolons, tabs or decimal commas holds; None where that isn't said clearly.
+    """Return what a table of another dialect than legfem's own CSV holds; None where that isn't said clearly.
 
     Clear are columns by name and unit, which grow as the test presses: nothing of them is guessed.
     """
-    lines = path.read_bytes()[:4000].decode("utf-8", "replace").splitlines()
-    head, first = [*lines, "", ""][:2]
-    if not any(mark in head for mark in ";\t") and '"' not in first:
-        return None
     try:
         sheets = read_sheets(path)
         if area is not None:

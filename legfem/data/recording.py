@@ -245,12 +245,27 @@ def _first_is_doubled(time: FloatArray) -> bool:
     return len(time) > 2 and time[0] == time[1] and bool((np.diff(time[1:]) > 0).all())
 
 
+_CODES = (999.0, 9999.0, 99999.0, 999.25, 999.99, 9999.99, 32767.0, 32768.0, 65535.0)
+"""What instruments and data bases write where there is no reading, of either sign."""
+_FAR = 3.0
+"""Times all other readings that a code is, at least."""
+
+
 def _check_sizes(path: Path, values: Iterable[FloatArray]) -> None:
     for one in values:
         wrong = one[~(np.abs(one) < MOST)]
         if len(wrong):
             problem = f"{len(wrong)} numbers are no readings, as {wrong[0]:g}"
             raise InputError(path, "rows", problem, "remove those rows, or export the file again")
+        for end in {one.min(), one.max()} if len(one) else ():
+            missing, rest = one == end, one[one != end]
+            if abs(end) in _CODES and missing.sum() > 1 and len(rest) and abs(end) > _FAR * np.abs(rest).max():
+                raise InputError(
+                    path,
+                    "rows",
+                    f"{missing.sum()} readings are {end:g}, which stands for missing ones",
+                    "remove those rows, or export the file again",
+                )
 
 
 def channel_of(column: Column) -> ChannelKind | None:

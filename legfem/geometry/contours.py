@@ -8,6 +8,7 @@ absent where every part has one.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,6 +20,9 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
 from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, minimal_fat_thickness
+
+_PLACE = re.compile(r"\[(\S+) (\S+)\]")
+"""In what Shapely says of a polygon."""
 
 LEVELS_HEADER = ("level_mm", "part", "loop", "i", "x_mm", "y_mm")
 _LONGEST_MM = 1200.0
@@ -175,9 +179,10 @@ def check_section(section: LegSection, source: str | Path) -> None:
     polygons = {part: section.polygon(part) for part in PARTS}
     for part, polygon in polygons.items():
         if not polygon.is_valid:
-            where = explain_validity(polygon).replace("[", " at (").replace("]", ")")
+            place = _PLACE.search(explain_validity(polygon))
+            near = f" near ({float(place[1]):.1f}, {float(place[2]):.1f}) mm" if place else ""
             raise InputError(
-                source, part, f"the contour crosses itself ({where})", "give its points in order around it, once"
+                source, part, f"the contour crosses itself{near}", "give its points in order around it, once"
             )
     check_girth(girth(section), source)
     _check_inside(source, polygons, "fascia", "skin")

@@ -7,6 +7,7 @@ from pydantic import model_validator
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, Text, trouble
+from legfem.common.missing_files import remedy_for_missing
 
 type Labels = int | list[int]
 
@@ -66,5 +67,5 @@ def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
     except OSError as error:
         raise InputError(toml, field, f"can't be a file ({error.strerror})", "name it") from None
     if not there:
-        raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
+        raise InputError(toml, field, f"there is no file '{name}'", remedy_for_missing(found, f"put it at {found}"))
     return found

@@ -83,8 +83,8 @@ class SingleTests:
         return Goodness.of(statistic, len(values))
 
     def goodness(self) -> list[Goodness]:
-        """How far each test is from the joint fit, in its errors."""
-        left = self.found.linear.prediction.values - self._comparison.measured
+        """How far each test is from all together, where these miss least in their errors."""
+        left, _ = self.found.linear.nearest(self.covariance)
         return [
             Goodness.of(float(left[span] @ np.linalg.solve(self.covariance[span, span], left[span])), len(left[span]))
             for span in self._comparison.spans

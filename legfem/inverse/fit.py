@@ -338,7 +338,7 @@ def r_squared(squares: float, values: FloatArray) -> float:
 def goodness_of(
     found: Found[Any], covariance: FloatArray, expected: FloatArray | None = None, lost: int = 0
 ) -> Goodness:
-    """Goodness of the optimum, priors included.
+    """Goodness of a law where it misses least in the readings' errors, priors included.
 
     Parameters
     ----------
@@ -351,12 +351,9 @@ def goodness_of(
     lost
         Degrees of freedom that were spent on other things than the law's parameters.
     """
-    linear = found.linear
-    comparison, law = found.search.misfit, found.search.law
-    left = linear.prediction.values - (comparison.measured if expected is None else expected)
-    departures = law.priors.residual(found.best.point)
+    left, departures = found.linear.nearest(covariance, expected)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
-    return Goodness.of(chi_square, len(left) + len(departures) - len(law.parameters) - lost)
+    return Goodness.of(chi_square, len(left) + len(departures) - len(found.search.law.parameters) - lost)
 
 
 def optimum_of(

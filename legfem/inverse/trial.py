@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, Values
 from legfem.inverse.comparison import Comparison, Prediction
 from legfem.inverse.emulator import Emulator, Samples
-from legfem.inverse.least_squares import gain_matrix, with_unit_errors
+from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, with_unit_errors
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter
 
@@ -178,6 +179,30 @@ class Linearised:
         """Return the covariance (p, p) of the parameters' errors from the forces', (n, n)."""
         gain = self.gain
         return np.asarray(gain @ with_unit_errors(covariance, len(self.law.priors)) @ gain.T)
+
+    def nearest(self, covariance: FloatArray, expected: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Return differences (n,) and departures (k,) where the law misses least, in the readings' errors.
+
+        That is elsewhere than the optimum where the search didn't weigh by these: an error that the whole curve has
+        alike, as of its first contact, takes a plain sum of squares far from there. To first order about the optimum,
+        within the bounds.
+
+        Parameters
+        ----------
+        covariance : (n, n) array
+            Of the readings' errors.
+        expected : (n,) array, optional
+            Readings to be met, in place of the measured ones.
+        """
+        left = self.prediction.values - (self.misfit.measured if expected is None else expected)
+        departures, by_priors = self.law.priors.residual(self.point), self.law.priors.jacobian(self.point)
+        lower, by = cholesky(covariance, lower=True), self.prediction.jacobian(self.law.names)
+        whitened = solve_triangular(lower, np.column_stack([left, by]), lower=True)
+        limits = np.array([one.bounds for one in self.law.parameters]) - self.point[:, None]
+        step = gauss_newton_step(
+            np.vstack([whitened[:, 1:], by_priors]), np.concatenate([whitened[:, 0], departures]), limits
+        )
+        return left + by @ step, departures + by_priors @ step
 
     def at(self, points: FloatArray) -> FloatArray:
         """Return `residual` (..., n + k) at points (..., p), the force linear in the parameters."""

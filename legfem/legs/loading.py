@@ -8,11 +8,13 @@ from types import MappingProxyType
 from legfem.channels.site import Site
 from legfem.common.errors import InputError
 from legfem.common.input_files import check_printable
+from legfem.common.missing_files import remedy_for_missing
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
 from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import recording_files
 from legfem.data.plausibility import refuse_copies
+from legfem.data.recording import HEADER
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.elastography import ShearModulus, fibre_ratio
@@ -171,20 +173,34 @@ def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording],
 def _recordings(folder: Path, there: Sequence[Path], channels: SourceColumns | None) -> tuple[Recording, ...]:
     files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
     if not files:
-        raise InputError(
-            folder,
-            "*.csv",
-            "there are no recordings",
-            "run `legfem data look` on the instrument's files, and give [recordings]"
-            if there
-            else "put one CSV file a trial there: time_s,displacement_mm,force_N",
-        )
+        raise InputError(folder, "*.csv", "there are no recordings", _where_recordings_are(folder, there))
     check_printable(*files)
     stems = [file.stem for file in files]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:
         raise InputError(folder, twice, "two files have this name", "keep one file a trial, of one format")
     return tuple(read_samples(file, channels) for file in files)
+
+
+def _where_recordings_are(folder: Path, there: Sequence[Path]) -> str:
+    """Return how recordings that were put elsewhere, or come from an instrument, get to their place."""
+    if there:
+        return "run `legfem data look` on the instrument's files, and give [recordings]"
+    if not folder.is_dir():
+        if folder.exists():
+            return "it is a file: make it a folder, and put one CSV file a trial there"
+        beside = [path.name for path in recording_files(folder.parent) if _is_own(path)]
+        made = f"make {folder.name}, with one CSV file a trial"
+        return remedy_for_missing(folder, f"move {beside[0]} into a folder {folder.name}" if beside else made)
+    within = sorted(path for path in folder.iterdir() if path.is_dir() and recording_files(path))
+    if within:
+        return f"move the files out of {within[0].name}"
+    return "put one CSV file a trial there: time_s,displacement_mm,force_N"
+
+
+def _is_own(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(200).startswith(",".join(HEADER).encode())
 
 
 def _check_aim(toml: Path, section: LegSection, indenter: Indenter) -> None:

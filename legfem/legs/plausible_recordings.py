@@ -147,7 +147,7 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
         yield Doubt(
             str(next(iter(folders))),
             "recordings",
-            f"{', '.join(others[:5])} are not read",
+            f"{', '.join(others[:5])} {'is' if len(others) == 1 else 'are'} not read",
             "remove them, or give [recordings] from `legfem data look`",
         )
 

@@ -46,7 +46,7 @@ class IndenterEntry(FileTable):
     """Angle by which the cylinder is turned about its travel: 0 lies along the leg, 90 across it."""
     aim_mm: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
     """x and y of a point on the line of travel, in the section's plane."""
-    direction_deg: Finite | None = None
+    direction_deg: Annotated[float, Field(ge=-360.0, le=360.0, allow_inf_nan=False)] | None = None
     """Direction of travel in the section's plane, counter-clockwise from +x: 90 is towards +y."""
 
     position_mm: Vector | None = None

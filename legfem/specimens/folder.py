@@ -230,7 +230,7 @@ def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
         Doubt(
             str(directory / "recordings"),
             "recordings",
-            f"{', '.join(others[:5])} are not read",
+            f"{', '.join(others[:5])} {'is' if len(others) == 1 else 'are'} not read",
             "name them with a specimen, remove them, or give [recordings] from `legfem data look --specimens`",
         )
     ]

@@ -1,5 +1,8 @@
 """Instruments' files: which reader reads what."""
 
+import bz2
+import gzip
+import lzma
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -8,7 +11,8 @@ from pathlib import Path
 
 from legfem.common.errors import InputError
 from legfem.data.formats.force_curves import refuse_force_curve
-from legfem.data.formats.sheet import Column, Sheet, check_size
+from legfem.data.formats.no_tables import refuse_what_holds_no_table
+from legfem.data.formats.sheet import MOST_BYTES, Column, Sheet, check_size
 from legfem.data.formats.text import read_text
 
 __all__ = ["READERS", "Column", "Sheet", "read_sheets"]
@@ -44,29 +48,47 @@ def _zipped(path: Path) -> list[Sheet]:
         if len(files) != 1:
             raise InputError(path, "file", f"holds {len(files)} files", "unpack it, and look at one of them")
         check_size(path, files[0].file_size)
-        with tempfile.TemporaryDirectory() as folder:
-            inner = Path(folder) / (Path(files[0].filename).name)
-            inner.write_bytes(archive.read(files[0]))
-            try:
-                refuse_force_curve(inner)
-                if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
-                    raise InputError(inner, "file", "holds another archive", "unpack it")
-                return read_sheets(inner)
-            except InputError as error:
-                raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
+        return _read_within(path, Path(files[0].filename).name, archive.read(files[0]))
 
 
+def _packed(path: Path) -> list[Sheet]:
+    """Read the file that gzip, bzip2 or xz packed."""
+    with _UNPACK[path.suffix.lower()](path) as file:
+        content = bytes(file.read(MOST_BYTES + 1))
+    check_size(path, len(content))
+    return _read_within(path, path.stem, content)
+
+
+def _read_within(path: Path, name: str, content: bytes) -> list[Sheet]:
+    """Read a file out of the one that holds it."""
+    with tempfile.TemporaryDirectory() as folder:
+        inner = Path(folder) / name
+        inner.write_bytes(content)
+        try:
+            refuse_force_curve(inner)
+            if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
+                raise InputError(inner, "file", "holds another archive", "unpack it")
+            return read_sheets(inner)
+        except InputError as error:
+            raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
+
+
+_UNPACK: dict[str, type[gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile]] = {
+    ".gz": gzip.GzipFile,
+    ".bz2": bz2.BZ2File,
+    ".xz": lzma.LZMAFile,
+}
 READERS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
-    # A workbook of either kind, or text, which many programs call so.
-    ".xls": lambda path: (_by_content(path) or read_text)(path),
+    ".xls": _old_workbook,
     ".ods": _open_document,
     ".tdms": _tdms,
     ".lvm": _lvm,
     ".mat": _matlab,
     **dict.fromkeys((".h5", ".hdf5"), _hdf5),
     ".zip": _zipped,
+    **dict.fromkeys(_UNPACK, _packed),
 }
 _BEGIN: dict[bytes, Reader] = {
     b"\x89HDF": _hdf5,
@@ -76,7 +98,8 @@ _BEGIN: dict[bytes, Reader] = {
     b"LabVIEW Measurement": _lvm,
     b"PK\x03\x04": _zipped,
 }
-"""By what a file begins with, where its name doesn't say."""
+"""By what a file begins with."""
+_WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 
 
 def recording_files(folder: Path) -> list[Path]:
@@ -89,10 +112,15 @@ def is_litter(path: Path) -> bool:
     return path.name.startswith((".", "~$")) or "__MACOSX" in path.parts
 
 
-def _by_content(path: Path) -> Reader | None:
+def _reader_of(path: Path) -> Reader | None:
+    """Return what reads a file: by what it begins with, whatever it is called, or else by its ending."""
     with path.open("rb") as file:
         begin = file.read(32)
-    return next((reader for mark, reader in _BEGIN.items() if begin.startswith(mark)), None)
+    reader = next((reader for mark, reader in _BEGIN.items() if begin.startswith(mark)), None)
+    ending = path.suffix.lower()
+    # Many programs call text a workbook's name.
+    text = ending in _WORKBOOKS and b"\0" not in begin
+    return reader or (read_text if text else READERS.get(ending))
 
 
 def read_sheets(path: Path) -> list[Sheet]:
@@ -105,14 +133,13 @@ def read_sheets(path: Path) -> list[Sheet]:
     """
     ending = path.suffix.lower()
     if not path.is_file():
-        if ending not in READERS and ending:
-            raise _no_kind(path)
-        raise InputError(path, "file", "not found", "check the path")
+        raise _no_file(path)
     if path.stat().st_size == 0:
         raise InputError(path, "file", "is empty", "copy or export it again")
     check_size(path, path.stat().st_size)
     refuse_force_curve(path)
-    reader = READERS.get(ending) or _by_content(path)
+    refuse_what_holds_no_table(path)
+    reader = _reader_of(path)
     try:
         sheets = (reader or read_text)(path)
     except (InputError, MemoryError):
@@ -135,6 +162,18 @@ def read_sheets(path: Path) -> list[Sheet]:
             "export time, displacement and force, each with its name",
         )
     return sheets
+
+
+def _no_file(path: Path) -> InputError:
+    if path.is_dir():
+        return InputError(path, "file", "is a folder", "give a file in it")
+    if path.is_symlink() and not path.exists():
+        return InputError(path, "file", "is a link to a file that isn't there", "copy the file itself")
+    if path.exists():
+        return InputError(path, "file", "is a device or a pipe", "write what comes from it into a file")
+    if path.suffix and path.suffix.lower() not in READERS:
+        return _no_kind(path)
+    return InputError(path, "file", "not found", "check the path")
 
 
 def _no_kind(path: Path) -> InputError:

@@ -11,7 +11,7 @@ from pymatreader import read_mat
 from scipy.io import whosmat
 
 from legfem.data.formats.labview import check_lengths
-from legfem.data.formats.sheet import FEWEST_ROWS, Column, Sheet, check_size, name_and_unit
+from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, Column, Sheet, check_size, name_and_unit
 
 _NAMES = ("columns", "colheaders", "headers", "labels", "names")
 """What the names of a matrix' columns are called; ``importdata`` of MATLAB says colheaders."""
@@ -39,7 +39,9 @@ def read_hdf5(path: Path) -> list[Sheet]:
     """Read the datasets of an HDF5 file; a group, and a table of named fields, is a sheet.
 
     A matrix needs its columns' names in an attribute, as ``columns`` for example. The unit stands
-    in a dataset's attribute ``unit`` or ``units``, or in its name.
+    in a dataset's attribute ``unit`` or ``units``, or in its name. Numbers packed as integers are
+    multiplied by ``scale_factor`` and added to ``add_offset``; source: *NetCDF Climate and Forecast
+    (CF) Metadata Conventions 1.11*, section 8.1.
     """
     sheets = []
     with h5py.File(path) as file:
@@ -59,9 +61,15 @@ def read_hdf5(path: Path) -> list[Sheet]:
                     matrix = {n: (v, None) for n, v in _of_matrix(item[()], names).items()}
                     sheets += _sheet(path, item.name.strip("/"), matrix)
                 else:
-                    arrays[name] = (item[()], item.attrs.get("unit", item.attrs.get("units")))
+                    arrays[name] = (_unpacked(item), item.attrs.get("unit", item.attrs.get("units")))
             sheets += _sheet(path, group.name.strip("/"), arrays)
     return sheets
+
+
+def _unpacked(item: h5py.Dataset) -> Any:
+    factor, offset = item.attrs.get("scale_factor", 1.0), item.attrs.get("add_offset", 0.0)
+    packed = np.issubdtype(item.dtype, np.number) and (factor != 1.0 or offset != 0.0)
+    return item[()] * float(factor) + float(offset) if packed else item[()]
 
 
 def _check_datasets(path: Path, file: h5py.File) -> None:
@@ -85,9 +93,11 @@ def _sheets_of(path: Path, name: str, content: Mapping[str, Any]) -> list[Sheet]
     names = next((content[key] for key in _NAMES if key in content), None)
     sheets = _sheet(path, name, arrays)
     for key, value in content.items():
-        if names is not None and np.ndim(value) == 2:
-            matrix = {label: (column, None) for label, column in _of_matrix(value, names).items()}
-            sheets += _sheet(path, f"{name}.{key}".strip("."), matrix)
+        if isinstance(value, np.ndarray) and value.ndim == 2 and min(value.shape) > 1:
+            labels = [f"column {k + 1}" for k in range(value.shape[1])] if names is None else names
+            matrix = {label: (column, None) for label, column in _of_matrix(value, labels).items()}
+            remarks = (NAMELESS,) if names is None else ()
+            sheets += _sheet(path, f"{name}.{key}".strip("."), matrix, remarks)
     for key, value in content.items():
         if isinstance(value, Mapping) and key != "units":
             sheets += _sheets_of(path, f"{name}.{key}".strip("."), value)
@@ -104,7 +114,7 @@ def _of_matrix(values: Any, names: Any) -> dict[str, Any]:
     return dict(zip(texts, columns, strict=True)) if len(texts) == len(columns) else {}
 
 
-def _sheet(path: Path, name: str, arrays: Arrays) -> list[Sheet]:
+def _sheet(path: Path, name: str, arrays: Arrays, remarks: tuple[str, ...] = ()) -> list[Sheet]:
     columns = []
     for label, (given, unit) in arrays.items():
         values = np.squeeze(np.asarray(given)) if not isinstance(given, Mapping | str) else None
@@ -118,4 +128,4 @@ def _sheet(path: Path, name: str, arrays: Arrays) -> list[Sheet]:
     if not columns:
         return []
     check_lengths(path, name, columns)
-    return [Sheet(name, tuple(columns))]
+    return [Sheet(name, tuple(columns), remarks)]

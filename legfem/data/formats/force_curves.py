@@ -28,6 +28,8 @@ _HEADING = re.compile(
     rb"|Z-detector|[vh]Deflection|deflection sensitivity|springConstant|cantilever[ _]spring|\bDFL\b",
     re.IGNORECASE,
 )
+_NAMED = re.compile(r"(?<![A-Za-z])(DFL|Curve_DFL|F-?D[_ -]?curve|force[_ -]?curve)(?![a-z])", re.IGNORECASE)
+"""Files whose columns have no names, as NT-MDT's ``gel_Curve_DFL_Height_5.txt``."""
 _READ_BYTES = 6000
 
 
@@ -48,6 +50,8 @@ def refuse_force_curve(path: Path) -> None:
         whose = "JPK's"
     if whose is None and (_holds_curves(path) if begin.startswith(b"\x89HDF") else _says_so(begin)):
         whose = "by its heading"
+    if whose is None and _NAMED.search(path.stem) and re.match(rb"[\d\s.,;+-]{40}", begin):
+        whose = "by its name, as NT-MDT's"
     if whose is not None:
         raise InputError(
             path,

@@ -5,23 +5,30 @@ waveform properties ``wf_increment``, ``wf_start_offset`` and ``unit_string`` of
 Format*.
 """
 
+import logging
 from pathlib import Path
 
 import lvm_read
 import numpy as np
 from nptdms import TdmsChannel, TdmsFile
+from nptdms.log import log_manager
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats.sheet import Column, Sheet, name_and_unit
 
+# Of a file that breaks off it would print; the lengths of channels tell.
+log_manager.set_level(logging.ERROR)
 _UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units", "Units")
 
 
 def read_tdms(path: Path) -> list[Sheet]:
     """Read the groups of a TDMS file; a waveform's time comes from its increment."""
     sheets = []
-    for group in TdmsFile.read(path).groups():
+    # Given a path, npTDMS trusts an index beside the file, which may be another one's.
+    with path.open("rb") as content:
+        file = TdmsFile.read(content)
+    for group in file.groups():
         channels = [c for c in group.channels() if len(c) and c.dtype.kind in "iufM"]
         columns = [_column(c.name, _unit_of(c), _numbers(c)) for c in channels]
         steps = {float(c.properties.get("wf_increment", 0.0)) for c in channels} - {0.0}

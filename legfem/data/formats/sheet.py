@@ -29,6 +29,7 @@ _UNITS = {
         1e-6: "us µs microsecond microseconds",
         60.0: "min mins minute minutes minuten мин",
         3600.0: "h hr hrs hour hours",
+        86400.0: "day days",
     },
     "displacement": {
         1.0: "mm millimeter millimeters millimetre millimetres мм 毫米",
@@ -62,8 +63,8 @@ _UNITS = {
 }
 _OTHERS = """
 % - v volt volts mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm gpa mm/mm
-n.m n·m n*m kn·mm kn.mm n·mm n.mm µm/s um/s nm/s n/mm² n/mm2 cycles cycle count g kg lb strain
-m/s² m/s^2 m/s2
+n.m n·m n*m kn·mm kn.mm n·mm n.mm µm/s um/s nm/s n/mm² n/mm2 cycles cycle g kg lb strain
+m/s² m/s^2 m/s2 count counts adc raw lsb bit bits digit digits inc increments steps pulses %fs
 """
 _KNOWN = {
     name: Unit(quantity, factor)  # type: ignore[arg-type]
@@ -77,15 +78,19 @@ OWN: dict[Quantity, str] = {"time": "s", "displacement": "mm", "force": "N", "pr
 
 _FORCE_OF = {"g": "gf", "gram": "gf", "grams": "gf", "kg": "kgf", "lb": "lbf", "lbs": "lbf"}
 """What a scale's unit of mass means where a force is measured in it."""
+_WRONG_MICRO = re.compile(r"^(?:Â[µμ]|æ)(?=[mNs]$)")
+"""Of UTF-8 read as cp1252, and of cp437."""
 
 
 def unit_named(name: str) -> Unit | None:
     """Return a unit by its name; None for one that isn't known.
 
     Capitals count in mN and MN, nm and Nm: nobody measures soft tissue in meganewtons, so that
-    isn't known, and a newton metre is no length.
+    isn't known, and a newton metre is no length. A micro sign that was decoded by another code page is one.
     """
-    plain = name.strip(" ()[]<>").removeprefix("in ").rstrip(".").replace("μ", "µ")
+    # As in ``seconds since 2024-05-03``, of NetCDF.
+    plain = name.partition(" since ")[0].strip(" ()[]<>").removeprefix("in ").rstrip(".").replace("μ", "µ")
+    plain = _WRONG_MICRO.sub("µ", plain)
     if plain in ("Nm", "NM"):
         return Unit(None, 1.0)
     return None if plain == "MN" else _KNOWN.get(plain.lower())
@@ -104,12 +109,15 @@ WORDS: dict[Quantity, str] = {
     "force": r"force|load|kraft|(?<![ep])last|fuerza|forza|força|effort|kracht|сила|нагрузка|荷重|^力$|^f[xyz]?$",
 }
 """By which columns are named."""
+_OF_TEXTS = WORDS | {"time": WORDS["time"] + r"|^hora|^heure|^ora\b|uhr|clock|stamp|\bdate\b|datum|fecha|\bdata\b"}
+"""By which columns of text are named: a clock's times, which couldn't be read, stand under further names."""
 CLOCK = re.compile(
     r"(?:[^:]*[T\s])?(?P<h>\d{1,3}):(?P<m>\d\d)(?::(?P<s>\d\d))?(?:[.,:](?P<part>\d+))?"
-    r"\s*(?:(?P<half>[ap])\.?m\.?)?(?:Z|\s?[+-]\d\d:?\d\d)?",
+    r"\s*(?:(?P<half>[ap])\.?\s?m\.?)?(?:Z|\s?[+-]\d\d:?\d\d)?",
     re.IGNORECASE,
 )
 """A time of day with perhaps a date before it."""
+_MIDNIGHT = re.compile(r"\d{4}-\d\d-\d\d 00:00:00")
 _DAY_S = 86400.0
 THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
 
@@ -177,6 +185,7 @@ def check_size(path: Path, size: int) -> None:
 def name_and_unit(label: str) -> tuple[str, str | None]:
     """Part a column's label, such as ``Load (N)``, ``Kraft [N]`` or ``force_N``."""
     label = " ".join(label.split())
+    label = label[1:-1].strip() if len(label) > 2 and label[0] == label[-1] == "'" else label
     bracketed = _IN_BRACKETS.match(label)
     before = _IN_BRACKETS.match(bracketed["name"]) if bracketed else None
     if bracketed and before and unit_named(bracketed["unit"]) is None and unit_named(before["unit"]):
@@ -189,6 +198,12 @@ def name_and_unit(label: str) -> tuple[str, str | None]:
     return label, None
 
 
+NAMELESS = "its columns have no names"
+"""Remark on a table whose columns are named by their places."""
+NOT_CALCULATED = "formulas were never calculated"
+"""Remark on what a program wrote, and no spreadsheet has evaluated."""
+
+
 def sheet_of_rows(
     path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks: tuple[str, ...] = (), clock: int | None = None
 ) -> Sheet | None:
@@ -197,14 +212,15 @@ def sheet_of_rows(
     What is number in the middle of the table are its columns; others, empty or of text, are passed over. The numbers
     begin at the first of three rows that have all of them (of all that remain in a table of few), and end at the last
     that has one, but for rows of text and figures such as ``Max,12.3``; what stands below is passed over too. Above are
-    the columns' names, and perhaps a row of units and what else a program writes there. Beside a named sheet's table
+    the columns' names, and perhaps a row of units and what else a program writes there; where nothing is, columns are
+    called by their places. Beside a named sheet's table
     other cells may stand. Where no column of numbers is the time one of a clock's times becomes it: ``clock`` is its
     place in a second round.
 
     Raises
     ------
     InputError
-        If there are no names above the numbers, or anything else between the numbers.
+        If names of another number stand above the numbers, or anything but headings between them.
     """
     kept = [k for k, row in enumerate(rows) if _width(row)]
     middle = [rows[k] for k in kept[len(kept) // 2 :][:_ROWS_TRIED]]
@@ -219,15 +235,22 @@ def sheet_of_rows(
         start = before[-1]
     end = next(k for k in reversed(kept) if _is_sample(rows[k], columns)) + 1
     where = f"{name}, " if name else ""
+    # A page's heading is printed anew on the next.
+    heading = [tuple(row) for row in rows[:start] if _width(row)]
+    again = {k for k in kept if start <= k < end and tuple(rows[k]) in heading and not _has_numbers(rows[k], columns)}
+    samples = [k for k in kept if start <= k < end and k not in again]
     try:
-        for number in (k for k in kept if start <= k < end):
+        for number in samples:
             _check_row(path, f"{where}line {number + 1}", rows[number], columns, None if name else width)
     except InputError:
         if name and len(columns) < width:
             return None  # a report's table, beside the recording's
         raise
-    values = np.array([[rows[k][c] for c in columns] for k in kept if start <= k < end], dtype=np.float64)
+    values = np.array([[rows[k][c] for c in columns] for k in samples], dtype=np.float64)
     titles, units = _titles(rows[:start], columns)
+    nameless = titles is None and not any(_names_something(_text(cell)) for row in rows[:start] for cell in row)
+    if nameless:
+        titles = [f"column {c + 1}" for c in range(width)]
     if titles is None:
         raise InputError(
             path,
@@ -262,12 +285,16 @@ def sheet_of_rows(
     below = sum(k >= end for k in kept)
     told = [f"{len(passed)} columns without numbers are passed over: {', '.join(map(repr, passed))}"] if passed else []
     told += [f"{below} lines below the numbers are passed over"] if below else []
+    told += [f"headings among the numbers are passed over ({len(again)} lines)"] if again else []
+    told += [NAMELESS] if nameless else []
     return Sheet(name, tuple(found), (*remarks, *told))
 
 
 def why_no_number(cell: str) -> tuple[str, str] | None:
     """Return what keeps a cell from being a number, and how to mend it; None for anything else."""
     grouped, valued = THOUSANDS.fullmatch(cell), _VALUE_WITH_UNIT.fullmatch(cell)
+    if _MIDNIGHT.fullmatch(cell):
+        return f"'{cell[:10]}' is a date, which a spreadsheet took a number for", "import the text with numbers as text"
     if CLOCK.fullmatch(cell):
         return f"its times are a clock's without seconds ('{cell}')", "export time in seconds since the start"
     if grouped is not None:
@@ -315,9 +342,9 @@ def names_quantity(label: str, quantity: Quantity) -> bool:
 
 def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]) -> None:
     """Check that no quantity is in a column of text alone."""
-    for quantity, words in WORDS.items():
+    for quantity, words in _OF_TEXTS.items():
         texts = [title for title in passed if re.search(words, title, re.IGNORECASE)]
-        numbers = [c for c in found if re.search(words, c.name, re.IGNORECASE) or measures(c, quantity)]
+        numbers = [c for c in found if names_quantity(c.name, quantity) or measures(c, quantity)]
         if texts and not numbers:
             cell = passed[texts[0]]
             problem, remedy = why_no_number(cell) or (f"holds '{cell[:40]}'", "export it as numbers")
@@ -349,10 +376,14 @@ def _mostly_numbers(row: Sequence[Cell], columns: Sequence[int]) -> bool:
     return numbers[0] and sum(numbers) > 0.5 * len(columns)
 
 
+def _has_numbers(row: Sequence[Cell], columns: Sequence[int]) -> bool:
+    return any(isinstance(_at(row, c), float) for c in columns)
+
+
 def _is_sample(row: Sequence[Cell], columns: Sequence[int]) -> bool:
     """Tell whether a row has a number and no text in its first column, as ``Max`` stands below a table."""
     first = _at(row, columns[0])
-    return any(isinstance(_at(row, c), float) for c in columns) and not (isinstance(first, str) and first[:1].isalpha())
+    return _has_numbers(row, columns) and not (isinstance(first, str) and first[:1].isalpha())
 
 
 def _at(row: Sequence[Cell], k: int) -> Cell:
@@ -367,12 +398,9 @@ def _check_row(path: Path, where: str, row: Sequence[Cell], columns: Sequence[in
         found = f"'{str(strange)[:40]}'" if strange not in (None, "") else f"{_width(row)} cells"
         if strange in (None, "") and width in (None, _width(row)):
             found = "an empty cell"
-        raise InputError(
-            path,
-            where,
-            f"{found} where {len(columns)} numbers are needed",
-            "keep one trial a file, and take out what is no number",
-        )
+        problem = f"{found} where {len(columns)} numbers are needed"
+        told = why_no_number(strange) if isinstance(strange, str) else None
+        raise InputError(path, where, *(told or (problem, "keep one trial a file, and take out what is no number")))
     if not np.isfinite(cells).all():  # type: ignore[arg-type]
         raise InputError(path, where, "a number isn't finite", "take the row out, or record again")
 

@@ -6,25 +6,22 @@ row of units, semicolons, decimal commas), Bose WinTest's (quoted, a comma at th
 and a null byte after the first). All are names, perhaps units, and numbers below what else.
 """
 
-import codecs
 import csv
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, THOUSANDS, Cell, Sheet, sheet_of_rows, why_no_number
+from legfem.data.formats.lines import Lines, read_lines
+from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, Cell, Sheet, sheet_of_rows, why_no_number
 
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
 _NUMBER = {
-    mark: re.compile(rf"\s*[+-]?(\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)([eE][+-]?\d+)?\s*") for mark in ".,"
+    mark: re.compile(rf"\s*[+-]?(\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)([eEdD][+-]?\d+)?\s*") for mark in ".,"
 }
-_COMMENT = re.compile(r"^\s*[#%]+\s?")
-"""Before a line of names, as NumPy and gnuplot write it."""
-_QUOTED_THOUSANDS = re.compile(rf'"\s*({THOUSANDS.pattern})\s*"')
-_SPACED_THOUSANDS = re.compile(r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))")
-"""As the Swiss and the French write them; a plain space parts them only in a cell of its own."""
-_SPACED_CELL = re.compile(r'(?:^|(?<=[;\t"]))\s*[+-]?\d{1,3}(?: \d{3})+(?=(?:[.,]\d*)?\s*(?:[;\t"]|$))')
-_QUOTED_LINE = re.compile(r'"[^"]*[,;\t][^"]*"')
+_FORTRAN = str.maketrans(",dD", ".ee")
+"""Decimal commas, and exponents as Fortran writes them."""
+_WORD = re.compile(r'"([^"]*)"|(\S+)')
 _BETWEEN_WORDS = re.compile(r"\s+(?![(\[<])")
 """Not before a unit in brackets."""
 _BARE_THOUSANDS = re.compile(r'(?<![\d."])\d{1,3}(,\d{3})+\.\d+(?![\d"])')
@@ -39,39 +36,49 @@ def read_text(path: Path) -> list[Sheet]:
     InputError
         If it is no text, or no table of numbers, or one that can be read in two ways.
     """
-    text, encoding = _decoded(path)
-    given = text.splitlines()
-    if all(_QUOTED_LINE.fullmatch(line.strip()) for line in given if line.strip()):
-        given = [line.strip().removeprefix('"').removesuffix('"') for line in given]
-    lines, grouped = [], 0
-    for line in given:
-        # In quotes, and with a decimal mark of the other kind, there is but one way to read them.
-        plain, count = _QUOTED_THOUSANDS.subn(_without_thousands, _COMMENT.sub("", line))
-        plain, further = _SPACED_THOUSANDS.subn("", plain)
-        plain, more = _SPACED_CELL.subn(lambda found: found[0].replace(" ", ""), plain)
-        lines.append(plain)
-        grouped += count + further + more
-    _check_thousands(path, lines)
+    lines = read_lines(path)
+    _check_thousands(path, lines.texts)
     delimiter, decimal = _dialect(path, lines)
-    parted = _parted(lines, delimiter)
+    parted = _with_row_numbers(lines, _parted(lines.texts, delimiter))
     if delimiter == " ":
         # Words of another number than the columns name none of them: one of theirs would be its neighbour's.
-        width = len(parted[_middle_of(lines)])
+        width = len(parted[_middle_of(lines.texts)])
         parted = [row if len(row) == width else [" ".join(row)] for row in parted]
-    rows = [[_cell(c, decimal) for c in cells] for cells in parted]
-    remarks: tuple[str, ...] = (
-        f"text in {encoding}, columns parted by {_DELIMITERS[delimiter]}, decimals by "
+    remarks = [
+        f"text in {lines.encoding}, columns parted by {_DELIMITERS[delimiter]}, decimals by "
         f"{'points' if decimal == '.' else 'commas'}: so the numbers are complete",
-    )
-    if grouped:
-        remarks += (f"{grouped} numbers have thousands' separators, which are taken out",)
-    found = sheet_of_rows(path, "", rows, remarks)
+        *lines.remarks,
+    ]
+    if not lines.ends and _is_cut(parted, decimal):
+        last = next(k for k in reversed(range(len(parted))) if parted[k])
+        parted[last] = []
+        remarks.append(f"line {last + 1}, the last, breaks off within a number, and is left out")
+    rows = [[_cell(c, decimal) for c in cells] for cells in parted]
+    found = sheet_of_rows(path, "", rows, tuple(remarks))
     return [] if found is None else [found]
 
 
-def _without_thousands(found: re.Match[str]) -> str:
-    text = found[1]
-    return f'"{text.replace("," if text.rfind(".") > text.rfind(",") else ".", "")}"'
+def _with_row_numbers(lines: Lines, parted: list[list[str]]) -> list[list[str]]:
+    """Return rows with a name for the rows' quoted numbers, which R's ``write.table`` leaves without one."""
+    samples = [k for k in range(lines.first, len(parted)) if parted[k]]
+    head = next((k for k in reversed(range(min(lines.first, len(parted)))) if parted[k]), None)
+    if head is None or not samples or len(parted[head]) != len(parted[samples[0]]) - 1:
+        return parted
+    if all(lines.texts[k].startswith(f'"{n}"') for n, k in enumerate(samples, 1)):
+        return [["row", *row] if k == head else row for k, row in enumerate(parted)]
+    return parted
+
+
+def _is_cut(rows: Sequence[Sequence[str]], decimal: str) -> bool:
+    """Tell whether the last row has fewer decimals in its last cell than all before it, or has no such cell."""
+    *before, last = [row for row in rows if row][-_LINES_TRIED:]
+    if len(before) < FEWEST_ROWS or not all(_are_numbers(row, decimal) for row in before[1:]):
+        return False
+    if len(last) < min(map(len, before[1:])) and _are_numbers(last, decimal):
+        return True
+    digits = {len(row[-1].partition(decimal)[2]) for row in before[1:]}
+    begun = last[-1] in ("", "-", "+") or _are_numbers(last[-1:], decimal)
+    return begun and len(digits) == 1 and len(last[-1].partition(decimal)[2]) < digits.pop()
 
 
 def _check_thousands(path: Path, lines: list[str]) -> None:
@@ -93,36 +100,20 @@ def _check_thousands(path: Path, lines: list[str]) -> None:
         )
 
 
-def _decoded(path: Path) -> tuple[str, str]:
-    raw = path.read_bytes()
-    for mark, name in (
-        (codecs.BOM_UTF8, "utf-8-sig"),
-        (codecs.BOM_UTF16_LE, "utf-16"),
-        (codecs.BOM_UTF16_BE, "utf-16"),
-    ):
-        if raw.startswith(mark):
-            return raw.decode(name, errors="replace"), name.removesuffix("-sig")
-    if raw.count(0) > 0.002 * len(raw) + 1:
-        raise InputError(path, "file", "is no text (it holds null bytes)", "export it as CSV from its program")
-    raw = raw.replace(b"\0", b"")
-    try:
-        return raw.decode("utf-8"), "utf-8"
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", errors="replace"), "cp1252 (it isn't utf-8)"
-
-
 def _middle_of(lines: list[str]) -> int:
     filled = [k for k, line in enumerate(lines) if line.strip()]
     return filled[len(filled) // 2]
 
 
-def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
+def _dialect(path: Path, lines: Lines) -> tuple[str, str]:
     """Return delimiter and decimal mark with which the last lines are numbers throughout."""
-    filled = [line for line in lines if line.strip()]
+    filled = [line for line in lines.texts if line.strip()]
+    # A page's heading, which is printed anew, is no sample.
+    head = set(lines.texts[: lines.first] if lines.first < len(lines.texts) else ())
     # The middle, where no heading is, and the end, unless something follows there. A table of few rows has one
     # line above its numbers.
     middle = len(filled) // 2 if len(filled) >= FEWEST_ROWS else 1
-    tried = filled[middle : middle + _LINES_TRIED] or filled
+    tried = [line for line in filled[middle:] if line not in head][:_LINES_TRIED] or filled
     fits = [
         (delimiter, decimal, widths.pop())
         for delimiter in _DELIMITERS
@@ -134,15 +125,7 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
     ]
     fits = [fit for fit in fits if fit[2] >= 2] or _with_other_columns(tried)
     if len(filled) < 2 or not fits:
-        ragged = any(len(_widths(tried, d, ".")) > 1 for d in "\t;,|")
-        cells = [cell for d in "\t;," for row in _parted(tried, d) for cell in row]
-        problem, remedy = next(filter(None, map(why_no_number, cells)), None) or (
-            "its rows have different numbers of cells"
-            if ragged and len(filled) >= FEWEST_ROWS
-            else "holds no table of numbers",
-            "export it again as CSV with one row a sample",
-        )
-        raise InputError(path, "file", problem, remedy)
+        raise InputError(path, "file", *_why_no_table(filled, tried))
     marked = [fit for fit in fits if any(fit[1] in line for line in tried)] or fits
     best = [fit for fit in marked if fit[0] != " "] or marked
     # Without a point or comma in any number both marks fit alike.
@@ -151,6 +134,20 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
         ways = " or ".join(f"{_DELIMITERS[d]} ({w} columns)" for d, _, w in best)
         raise InputError(path, "file", f"its columns may be parted by {ways}", "part them by semicolons or tabs")
     return best[0][0], best[0][1]
+
+
+def _why_no_table(filled: Sequence[str], tried: list[str]) -> tuple[str, str]:
+    """Return what keeps lines from being a table of numbers, and how to mend it."""
+    cells = [cell for d in "\t;," for row in _parted(tried, d) for cell in row]
+    if told := next(filter(None, map(why_no_number, cells)), None):
+        return told
+    if any(_are_numbers([line], mark) for mark in ".," for line in tried):
+        return "holds one column of numbers", "export time, displacement and force as three columns of one file"
+    if not any(character.isdigit() for line in filled for character in line):
+        return "holds no numbers", "export the recording again: nothing of it is in this file"
+    if len(filled) >= FEWEST_ROWS and any(len(_widths(tried, d, ".")) > 1 for d in "\t;,|"):
+        return "its rows have different numbers of cells", "export it again as CSV with one row a sample"
+    return "holds no table of numbers", "export it again as CSV with one row a sample"
 
 
 def _with_other_columns(lines: list[str]) -> list[tuple[str, str, int]]:
@@ -174,7 +171,7 @@ def _with_other_columns(lines: list[str]) -> list[tuple[str, str, int]]:
     return [fit for share, fit in found if share == most]
 
 
-def _are_numbers(cells: list[str], decimal: str) -> bool:
+def _are_numbers(cells: Sequence[str], decimal: str) -> bool:
     return all(_NUMBER[decimal].fullmatch(cell) for cell in cells)
 
 
@@ -190,7 +187,12 @@ def _widths(lines: list[str], delimiter: str, decimal: str) -> set[int]:
 
 def _parted(lines: list[str], delimiter: str) -> list[list[str]]:
     if delimiter == " ":
-        return [line.split() if "(" not in line and "[" not in line else _words(line) for line in lines]
+        return [
+            [quoted or bare for quoted, bare in _WORD.findall(line)]
+            if '"' in line or ("(" not in line and "[" not in line)
+            else _words(line)
+            for line in lines
+        ]
     try:
         return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
     except csv.Error:  # a cell of a hundred thousand characters is no number either
@@ -205,5 +207,5 @@ def _words(line: str) -> list[str]:
 
 def _cell(text: str, decimal: str) -> Cell:
     if _NUMBER[decimal].fullmatch(text):
-        return float(text.replace(",", "."))
+        return float(text.translate(_FORTRAN))
     return float("nan") if text.lower() in ("nan", "inf", "-inf", "#n/a") else text

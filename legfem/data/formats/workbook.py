@@ -14,10 +14,12 @@ from xml.etree import ElementTree
 import xlrd
 from openpyxl import load_workbook
 
-from legfem.data.formats.sheet import Cell, Sheet, check_size, sheet_of_rows
+from legfem.data.formats.sheet import NOT_CALCULATED, Cell, Sheet, check_size, sheet_of_rows
 
 _NUMBER = re.compile(r"\s*[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?\s*")
 _MOST_COLUMNS = 1_000
+_PAGE = re.compile(r"xl/worksheets/[^/]+\.xml")
+_NO_VALUE = re.compile(rb"(?:</f>|<f[^<>]*/>)(?:<v\s*/>|<v></v>)?</c>")
 _IN_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}[.,]\d{3}\s*")
 
 
@@ -25,11 +27,15 @@ def read_workbook(path: Path) -> list[Sheet]:
     """Read the tables of a workbook's sheets; sheets without one are passed over."""
     with zipfile.ZipFile(path) as archive:
         check_size(path, sum(one.file_size for one in archive.infolist()))
-    book = load_workbook(path, read_only=True, data_only=True)
-    try:
-        found = [_table(path, page.title, page.iter_rows(values_only=True)) for page in book.worksheets]
-    finally:
-        book.close()
+        empty = sum(len(_NO_VALUE.findall(archive.read(one))) for one in archive.namelist() if _PAGE.fullmatch(one))
+    remarks = (f"{empty} {NOT_CALCULATED}",) if empty else ()
+    # openpyxl asks the name of a file, which may be another, and not of its content.
+    with path.open("rb") as content:
+        book = load_workbook(content, read_only=True, data_only=True)
+        try:
+            found = [_table(path, page.title, page.iter_rows(values_only=True), remarks) for page in book.worksheets]
+        finally:
+            book.close()
     return [sheet for sheet in found if sheet is not None]
 
 
@@ -96,14 +102,14 @@ def _open_cell(element: ElementTree.Element) -> Cell:
     return "".join("".join(one.itertext()) for one in element.iter(f"{_TEXT}p")) or None
 
 
-def _table(path: Path, name: str, given: Iterable[Sequence[object]]) -> Sheet | None:
+def _table(path: Path, name: str, given: Iterable[Sequence[object]], remarks: tuple[str, ...] = ()) -> Sheet | None:
     rows = [[_cell(value) for value in row] for row in given]
     mark = _decimal_mark(rows)
     if mark is None:
-        return sheet_of_rows(path, name, rows)
+        return sheet_of_rows(path, name, rows, remarks)
     words = "points" if mark == "." else "commas"
     remark = f"numbers are text with decimal {words}: so they are complete"
-    return sheet_of_rows(path, name, [[_number(c, mark) for c in row] for row in rows], (remark,))
+    return sheet_of_rows(path, name, [[_number(c, mark) for c in row] for row in rows], (*remarks, remark))
 
 
 def _old_cell(cell: xlrd.sheet.Cell, datemode: int) -> object:

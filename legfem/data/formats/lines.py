@@ -1,0 +1,160 @@
+"""The lines of a text as they were meant, without what encodings, spreadsheets and interrupted writing leave there."""
+
+import codecs
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from legfem.common.errors import InputError
+from legfem.data.formats.sheet import FEWEST_ROWS, THOUSANDS
+
+_MARKS = {
+    # UTF-32's begins with UTF-16's.
+    codecs.BOM_UTF8: "utf-8",
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF32_BE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+_MOST_NULLS = 0.002
+_LOST = re.compile(rb"([^\0]+)(\0{64,})")
+"""A block that a system reserved and never wrote, as after a loss of power."""
+_WIDE = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)}
+"""Full-width letters and figures, as Chinese and Japanese programs write them."""
+_UNSEEN = dict.fromkeys([0x00AD, 0x200B, 0x200E, 0x200F, 0x2060, 0xFEFF, *range(0x202A, 0x202F)])
+_CHARACTERS = {**_WIDE, **_UNSEEN, 0x2212: "-"}
+_DASH = re.compile(r"(?<![\w–])–(?=[\d.,])")
+"""In a minus sign's place."""
+_FORMULA = re.compile(r'="([^"]*)"')
+"""How a cell is kept from a spreadsheet's guesses."""
+_COMMENT = re.compile(r"^\s*[#%]+\s?")
+_OF_NUMBERS = re.compile(r"(?=.*\d)[\s\d.,;:|+\-eEdD\"'\u00a0\u202f]*")
+_QUOTED_THOUSANDS = re.compile(rf'"\s*({THOUSANDS.pattern})\s*"')
+_SPACED_THOUSANDS = re.compile(r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))")
+"""As the Swiss and the French write them; a plain space parts them only in a cell of its own."""
+_SPACED_CELL = re.compile(r'(?:^|(?<=[;\t"]))\s*[+-]?\d{1,3}(?: \d{3})+(?=(?:[.,]\d*)?\s*(?:[;\t"]|$))')
+_QUOTED_LINE = re.compile(r'\s*"([^"]*[,;\t][^"]*)"\s*')
+_MOST_LINES_OF_A_CELL = 5
+
+
+@dataclass(frozen=True)
+class Lines:
+    """A text's lines, of which an empty one stands for each that is left out, so that numbers are the file's.
+
+    Attributes
+    ----------
+    texts : list of str
+        Without comments' marks above the numbers, and without comments among them.
+    first : int
+        The first line of numbers; beyond the last where none holds numbers alone.
+    encoding : str
+        What the text was decoded from.
+    ends : bool
+        Whether the last line has its end.
+    remarks : tuple of str
+        What was taken out.
+    """
+
+    texts: list[str]
+    first: int
+    encoding: str
+    ends: bool
+    remarks: tuple[str, ...]
+
+
+def read_lines(path: Path) -> Lines:
+    """Read a text's lines.
+
+    Raises
+    ------
+    InputError
+        If it is no text, or a block of it was never written.
+    """
+    text, encoding, left = _decoded(path)
+    given = _DASH.sub("-", text.translate(_CHARACTERS)).splitlines()
+    given = [_FORMULA.sub(r'"\1"', line) for line in _with_whole_cells(given)]
+    # A line in quotes as a whole is one that a spreadsheet took for a cell.
+    given = [found[1] if (found := _QUOTED_LINE.fullmatch(line)) else line for line in given]
+    first = _first_of_numbers(given)
+    broken = next((k for k in range(first, len(given)) if "\0" in given[k]), None)
+    if broken is not None:
+        raise InputError(path, f"line {broken + 1}", "holds a null byte: it is damaged", "copy it again")
+    remarks = [f"{left} null bytes at its end are left out: it was not written to its end"] if left else []
+    texts, grouped, comments = [], 0, 0
+    for k, line in enumerate(given):
+        if _COMMENT.match(line) and k > first:
+            texts.append("")
+            comments += 1
+            continue
+        # In quotes, and with a decimal mark of the other kind, there is but one way to read them.
+        plain = _COMMENT.sub("", line.replace("\0", ""))
+        plain, count = _QUOTED_THOUSANDS.subn(_without_thousands, plain)
+        plain, further = _SPACED_THOUSANDS.subn("", plain)
+        plain, more = _SPACED_CELL.subn(lambda found: found[0].replace(" ", ""), plain)
+        texts.append(plain)
+        grouped += count + further + more
+    if comments:
+        remarks.append(f"comments among the numbers are left out ({comments} lines)")
+    if grouped:
+        remarks.append(f"{grouped} numbers have thousands' separators, which are taken out")
+    return Lines(texts, first, encoding, text.endswith(("\n", "\r")), tuple(remarks))
+
+
+def _first_of_numbers(lines: Sequence[str]) -> int:
+    """Return where three lines of numbers follow one another, as a date in a heading doesn't; the end without any."""
+    filled = [k for k, line in enumerate(lines) if line.strip()]
+    found = [_OF_NUMBERS.fullmatch(lines[k]) is not None for k in filled]
+    needed = 3 if len(filled) >= FEWEST_ROWS else 1
+    return next((k for i, k in enumerate(filled) if all(found[i : i + needed])), len(lines))
+
+
+def _without_thousands(found: re.Match[str]) -> str:
+    text = found[1]
+    return f'"{text.replace("," if text.rfind(".") > text.rfind(",") else ".", "")}"'
+
+
+def _with_whole_cells(lines: Sequence[str]) -> list[str]:
+    """Return lines in which a quoted cell of several lines, as a heading's ``"Load⏎(N)"``, stands on one."""
+    whole: list[str] = []
+    k = 0
+    while k < len(lines):
+        taken = 1
+        if lines[k].count('"') % 2:
+            ends = (n for n in range(2, _MOST_LINES_OF_A_CELL + 1) if not _quotes(lines[k : k + n]) % 2)
+            taken = next(ends, 1)
+        whole += [" ".join(lines[k : k + taken]), *[""] * (taken - 1)]
+        k += taken
+    return whole
+
+
+def _quotes(lines: Sequence[str]) -> int:
+    return sum(line.count('"') for line in lines)
+
+
+def _decoded(path: Path) -> tuple[str, str, int]:
+    """Return a file's text, its encoding, and how many null bytes were left out at its end."""
+    raw = path.read_bytes()
+    for mark, name in _MARKS.items():
+        if raw.startswith(mark):
+            return raw.removeprefix(codecs.BOM_UTF8).decode(name, errors="replace"), name, 0
+    pairs = raw[: len(raw) // 2 * 2]
+    for name, nulls in (("utf-16-le", pairs[1::2]), ("utf-16-be", pairs[::2])):
+        if pairs and nulls.count(0) > 0.9 * len(nulls):
+            return raw.decode(name, errors="replace"), f"{name} (it doesn't say so)", 0
+    whole = raw.rstrip(b"\0")
+    left = len(raw) - len(whole)
+    if whole.count(0) > _MOST_NULLS * len(whole) + 1:
+        lost = _LOST.match(whole)
+        if lost is not None:
+            raise InputError(
+                path,
+                f"line {lost[1].count(b'\n') + 1}",
+                f"{len(lost[2])} null bytes stand in place of text: part of the file is lost",
+                "copy it again from the instrument",
+            )
+        raise InputError(path, "file", "is no text (it holds null bytes)", "export it as CSV from its program")
+    try:
+        return whole.decode("utf-8"), "utf-8", left if left > 1 else 0
+    except UnicodeDecodeError:
+        return whole.decode("cp1252", errors="replace"), "cp1252 (it isn't utf-8)", left if left > 1 else 0
