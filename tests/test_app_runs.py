@@ -26,7 +26,7 @@ from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.inverse.document import fit_document
-from legfem.legs.document import LegDocument
+from legfem.legs.details import LegDocument
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import document

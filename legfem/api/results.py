@@ -26,6 +26,7 @@ from legfem.report.render.html import rendered
 from legfem.report.render.table import estimates_frame
 from legfem.report.render.text import brief
 from legfem.specimens.folder import SpecimenFolder
+from legfem.stockings.leg import StockingLeg
 
 
 class Result(ABC):
@@ -72,9 +73,12 @@ class Result(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Identification(Result):
-    """Stiffness identified from recordings of a leg, of its sites together, or of specimens."""
+    """Stiffness identified from a leg's recordings, of its sites together, from specimens, or from both scans of a leg.
 
-    given: Subject | SitedLeg | SpecimenFolder
+    Of a leg in its stocking also the pressures on the skin and inside.
+    """
+
+    given: Subject | SitedLeg | SpecimenFolder | StockingLeg
     fits: tuple[Fit[Any], ...]
     """One a law."""
     _section: JointForward[PlaneStrainForward] | None = None
@@ -93,7 +97,8 @@ class Identification(Result):
 
     def summary(self) -> str:
         """Values, intervals, which law fits better, whether sites agree, how well the rest is predicted, warnings."""
-        return brief(kind_of(self.fits).page(self.fits, None, "", ""))
+        kind = kind_of(self.fits)
+        return brief(kind.page(self.fits), kind.told)
 
     def document(self) -> dict[str, Any]:
         """What ``result.json`` holds; its laws are members."""
@@ -129,7 +134,7 @@ class Identification(Result):
         return kind_of(self.fits).page(self.fits, pressed, "", "")
 
 
-IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = Identification
+IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = LegInStocking = Identification
 """Names that the result had when each kind had its own."""
 
 

@@ -127,13 +127,6 @@ def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
             name: ModelResult(_measures(law["parameters"]), law["goodness"]["p_value"], _curve(law))
             for name, law in document["laws"].items()
         }
-    if "stiffness" in document:
-        entries = {
-            name: entry["identified"]
-            for name, entry in document["stiffness"].items()
-            if entry["identified"] is not None
-        }
-        return {"": ModelResult(_measures(entries))}
     return {}
 
 

@@ -21,7 +21,8 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.contact import SLOW_WAYS, Contact, Onset, common_onset, enough_gain
 from legfem.data.noise import WANDER_LENGTH_MM, Instrument
-from legfem.data.segmentation import AIR, LOADING, Segmentation
+from legfem.data.phases import AIR, LOADING
+from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import local_line, smooth_displacement
 
 _GAIN = 0.02

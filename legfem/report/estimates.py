@@ -12,8 +12,8 @@ from legfem.common.units import mpa_to_kpa, readable_unit
 from legfem.data.ranges import PUBLISHED_C10, Published
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import parameter_of, symbol_of, unit_of
-from legfem.inverse.comparison import ErrorSource, main_source
-from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
+from legfem.inverse.comparison import ErrorSource
+from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
 from legfem.inverse.fit import Fit, Goodness, TestFit
 from legfem.inverse.parameter import Parameter
 from legfem.legs.elastography import ShearModulus

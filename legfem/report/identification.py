@@ -1,4 +1,4 @@
-"""The folder of an identification: result.json, pages, figures, tables and fields, of a leg or of specimens."""
+"""The folder of an identification: result.json, pages, figures, tables and fields, of any kind."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.legs.details import LegDetails
-from legfem.legs.notices import curve_of
+from legfem.legs.site_test import curve_of
 from legfem.report.estimates import preferred
 from legfem.report.folder import REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.kinds import kind_of
@@ -49,7 +49,7 @@ def write_report(
     Parameters
     ----------
     fits
-        One a law, of one leg or one folder of specimens.
+        One a law, of one leg, one folder of specimens, or one leg in its stocking.
     out
         Folder; made if missing.
     command
@@ -61,18 +61,20 @@ def write_report(
         Whether each rank has fits and a folder of its own; else the first one of MPI's writes alone.
     """
     kind, out = kind_of(fits), Path(out)
-    comm = MPI.COMM_SELF if experiment is None else experiment.comm
+    comm = kind.comm(fits) if experiment is None else experiment.comm
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0 and not every_rank:
         return out / REPORT
     if comm.rank == 0:
         keep_another(out, command, "result.json")
         write_document(out / "result.json", fit_document(fits, kind.document))
     with made_in_place(out, comm) as folder:
-        solved = _Solved() if experiment is None else _deformed_state(fits, experiment, folder)
+        solved = _Solved(files=kind.fields(fits, folder))
+        if experiment is not None:
+            solved = _deformed_state(fits, experiment, folder)
         if comm.rank == 0:
             page = kind.page(fits, solved.pressed, command, solved.note)
             entries = [*kind.files(fits, folder), *solved.files, RESULT]
-            write_page(page, folder, "curves", entries, estimates_frame(fits))
+            write_page(page, folder, kind.explore, entries, estimates_frame(fits))
     return out / REPORT
 
 

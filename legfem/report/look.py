@@ -12,10 +12,10 @@ import numpy as np
 from legfem.channels.registry import OF_LEGS
 from legfem.common.documents import markdown_table, versions_of
 from legfem.data import Recording, SourceColumns
+from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING
 from legfem.data.quality import GRADES, Quality
 from legfem.data.reader import Proposal
 from legfem.data.recording import QUANTITIES, RecordedChannel
-from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Tone, Verbatim, WebPage, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
