@@ -19,7 +19,6 @@ from legfem.report.stocking_pressures import (
     sensor_rows,
     sentence_at_ankle,
     share_of,
-    stiffness_interval,
     tension_text,
     vein_interval,
 )
@@ -28,6 +27,7 @@ from legfem.report.stocking_stiffness import (
     discrepancy_blocks,
     discrepancy_verdict,
     stiffness_blocks,
+    stiffness_interval,
     verdict_sentence,
 )
 from legfem.report.words import moduli_text
