@@ -32,8 +32,8 @@ from legfem.report.identification import write_report
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
 from legfem.report.stocking_page import stocking_web_page
-from legfem.report.stocking_pressures import stiffness_interval, vein_interval
-from legfem.report.stocking_stiffness import verdict_sentence
+from legfem.report.stocking_pressures import vein_interval
+from legfem.report.stocking_stiffness import stiffness_interval, verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
 from legfem.stockings.assessment import assessed
 from legfem.stockings.details import StockingDocument

@@ -239,7 +239,7 @@ def model_errors(
     """
     law, best = found.search.law, found.best
     tasks = [
-        _Near(_at_ratio(one, law, best.outcome.values), dict(best.outcome.values), curve)
+        _NearOptimum(_at_ratio(one, law, best.outcome.values), dict(best.outcome.values), curve)
         for one, curve in zip(models, best.outcome.curves, strict=True)
     ]
     told = progress
@@ -278,7 +278,7 @@ def model_errors(
 
 
 @dataclass(frozen=True, eq=False)
-class _Near:
+class _NearOptimum:
     """A site near the optimum."""
 
     models: LegModels
@@ -295,7 +295,7 @@ def _at_ratio(models: LegModels, law: IdentifiedLaw, values: Values) -> LegModel
     return replace(models, fibres=fibres)
 
 
-def _left_at(progress: Progress, near: _Near) -> tuple[FloatArray, dict[str, FloatArray], int]:
+def _left_at(progress: Progress, near: _NearOptimum) -> tuple[FloatArray, dict[str, FloatArray], int]:
     """Return a site's grid (mm), the modes that are left there, and how many solves that took."""
     solver = LegSolver(near.models, progress)
     share = solver.lasting(near.values, near.curve, np.zeros(len(solver.grid)))

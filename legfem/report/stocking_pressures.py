@@ -13,7 +13,6 @@ from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLe
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
-from legfem.stockings.assessment import TISSUES
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
 from legfem.stockings.levels import PLACES, LevelPressure
@@ -40,21 +39,6 @@ def share_of(pressures: Sequence[float], mean: float) -> str:
         return "an unknown share"
     low, high = f"{shares[0]:.0f}", f"{shares[-1]:.0f}"
     return f"{low} %" if low == high else f"{low} to {high} %"
-
-
-def stiffness_values(parameters: dict[str, float]) -> str:
-    """Return stiffnesses (MPa) by name, in kPa."""
-    return ", ".join(f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items())
-
-
-def stiffness_interval(interval: tuple[float, float]) -> str:
-    """Return a 95 % interval (MPa) in kPa, in words where it is open."""
-    low, high = (mpa_to_kpa(end) for end in interval)
-    if low > 0 and np.isfinite(high):
-        return f"{low:.3g} to {high:.3g}"
-    if low > 0:
-        return f"at least {low:.3g}"
-    return f"at most {high:.3g}" if np.isfinite(high) else "any"
 
 
 def vein_interval(details: StockingDetails, vein: int) -> tuple[float, float]:

@@ -7,7 +7,6 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report import page as web
 from legfem.report.page import Block, Prose, WebTable
-from legfem.report.stocking_pressures import stiffness_values
 from legfem.report.words import short_probability
 from legfem.stockings.assessment import TISSUES
 from legfem.stockings.details import StockingDetails, StockingFit
@@ -18,6 +17,21 @@ from legfem.stockings.misfit import CONTOUR_NAMES
 
 STIFFNESS = "Stiffness of muscle and fat"
 """Title of the chapter."""
+
+
+def stiffness_values(parameters: dict[str, float]) -> str:
+    """Return stiffnesses (MPa) by name, in kPa."""
+    return ", ".join(f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items())
+
+
+def stiffness_interval(interval: tuple[float, float]) -> str:
+    """Return a 95 % interval (MPa) in kPa, in words where it is open."""
+    low, high = (mpa_to_kpa(end) for end in interval)
+    if low > 0 and np.isfinite(high):
+        return f"{low:.3g} to {high:.3g}"
+    if low > 0:
+        return f"at least {low:.3g}"
+    return f"at most {high:.3g}" if np.isfinite(high) else "any"
 
 
 def verdict_sentence(known: Estimate) -> str:
@@ -219,8 +233,7 @@ def discrepancy_verdict(found: ModelDiscrepancy) -> str:
     if found.rms_after is not None and found.parameters_after is not None:
         muscle, fat = mpa_to_kpa(found.parameters_after)
         text += (
-            f" With {found.named[0]} in the model, solved anew, the contours are met to "
-            f"{found.rms_after:.3f} mm instead of {found.rms_before:.3f} mm, and C10 is "
-            f"{muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
+            f" With {found.named[0]} in the model, solved anew, the contours are met to {found.rms_after:.3f} mm "
+            f"instead of {found.rms_before:.3f} mm, and C10 is {muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
         )
     return text
