@@ -82,8 +82,6 @@ class Identification(Result):
     fits: tuple[Fit[Any], ...]
     """One a law."""
     _section: JointForward[PlaneStrainForward] | None = None
-    jobs: int = 1
-    """Processes that may draw a report."""
 
     def __getitem__(self, law: LawName) -> Fit[Any]:
         """A law's fit; raises KeyError for one that wasn't identified."""
@@ -115,7 +113,7 @@ class Identification(Result):
 
         Under MPI the first rank writes alone, unless every rank has a leg and a folder of its own.
         """
-        return write_report(self.fits, Path(folder), command_line(), self._experiment, self.jobs, every_rank)
+        return write_report(self.fits, Path(folder), command_line(), self._experiment, every_rank)
 
     def to_frame(self) -> pd.DataFrame:
         """The parameters: a row each, with law, value, 95 % interval, unit and verdict."""

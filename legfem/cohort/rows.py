@@ -1,19 +1,16 @@
 """What was found of each member: a row of the cohort, from the documents that the commands write; all as one table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from legfem.cohort.members import DESIGN, Member
 from legfem.common.documents import literal
 from legfem.inverse.catalogue import unit_suffix
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -205,8 +202,6 @@ _MEANINGS = {
 
 def cohort_frame(members: Sequence[Member], rows: Sequence[Row]) -> pd.DataFrame:
     """Return a row a member, in the members' order; empty cells where there is nothing."""
-    import pandas as pd
-
     by_name = {one.name: one for one in members}
     entries = []
     for row in rows:
@@ -239,8 +234,6 @@ def column(model: str, *parts: str) -> str:
 
 def units_frame(frame: pd.DataFrame, rows: Sequence[Row]) -> pd.DataFrame:
     """Return unit and meaning of each of a frame's columns."""
-    import pandas as pd
-
     known: dict[str, tuple[str, str]] = {name: (_unit(name), text) for name, text in _MEANINGS.items()}
     for row in rows:
         for model, found in row.models.items():
@@ -266,8 +259,6 @@ def _unit(name: str) -> str:
 
 def write_tables(frame: pd.DataFrame, units: pd.DataFrame, folder: Path) -> list[Path]:
     """Write the table as CSV and as a workbook, and as Parquet where pyarrow is installed; return the paths."""
-    import pandas as pd
-
     plain = frame.map(literal)
     written = [folder / CSV, folder / UNITS, folder / WORKBOOK]
     plain.to_csv(written[0], index=False)

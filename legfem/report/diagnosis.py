@@ -380,14 +380,13 @@ def _alike(found: Diagnosis) -> list[str]:
 def _noise(found: Diagnosis) -> str:
     noise, posterior = found.errors.noise, found.best.posterior
     return (
-        f"Standard deviations: {noise.force_sd:.3g} N of a force reading within its trial "
-        f"({noise.white_sd:.2g} N from reading to reading, and {noise.slow_sd:.2g} N slowly, over "
-        f"{noise.correlation_time:.2g} s), {posterior.zero_sd:.2g} N of a trial's zero, "
-        f"{100 * posterior.gain_sd:.2g} % of its gain, and {noise.wander_sd:.2g} mm of the displacement. They come "
-        f"from {noise.source}. The {len(found.observed.values)} values compared are equivalent to "
-        f"{found.errors.effective_samples:.0f} independent ones. {_solutions(found)} What is not "
-        "known exactly (the geometry and the assumed tissue parameters) may vary within "
-        "its stated accuracy; the table of numbers says how far each was moved."
+        f"Standard deviations: {noise.force_sd:.3g} N of a force reading within its trial ({noise.white_sd:.2g} N from "
+        f"reading to reading, and {noise.slow_sd:.2g} N slowly, over {noise.correlation_time:.2g} s), "
+        f"{posterior.zero_sd:.2g} N of a trial's zero, {100 * posterior.gain_sd:.2g} % of its gain, and "
+        f"{noise.wander_sd:.2g} mm of the displacement. They come from {noise.source}. The "
+        f"{len(found.observed.values)} values compared are equivalent to {found.errors.effective_samples:.0f} "
+        f"independent ones. {_solutions(found)} What is not known exactly (the geometry and the assumed tissue "
+        "parameters) may vary within its stated accuracy; the table of numbers says how far each was moved."
     )
 
 

@@ -32,9 +32,8 @@ def verdict_sentence(found: Diagnosis) -> str:
     """Return the verdict in some sentences."""
     if found.verdict == "consistent":
         return (
-            "The model describes the recordings within their errors and what is not known exactly of "
-            "what was pressed. It needs no further physics "
-            f"(probability {percent(found.explained.adequacy)}). {air(found)}"
+            "The model describes the recordings within their errors and what is not known exactly of what was pressed. "
+            f"It needs no further physics (probability {percent(found.explained.adequacy)}). {air(found)}"
         ).strip()
     if found.verdict == "unexplained" and not found.withheld:
         return misfit_sentence(found)
@@ -55,9 +54,8 @@ def verdict_sentence(found: Diagnosis) -> str:
         f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
     )
     return (
-        f"{_contradiction(found)} {kin_sentence(found.models)}It leaves out one of these, and the "
-        f"recordings do not show which: {candidates}. "
-        f"{stiffness_range(found.base, found.models)} {air(found)}"
+        f"{_contradiction(found)} {kin_sentence(found.models)}It leaves out one of these, and the recordings do not "
+        f"show which: {candidates}. {stiffness_range(found.base, found.models)} {air(found)}"
     ).strip()
 
 

@@ -289,9 +289,8 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
                 ("What was read", _read(seen[0].proposal.channels)),
                 (
                     "How sure",
-                    "Columns, units and directions are inferred from names and from the "
-                    "motion: compare the curves with what you did. A grade judges the recording, "
-                    "not what was tested.",
+                    "Columns, units and directions are inferred from names and from the motion: compare the curves "
+                    "with what you did. A grade judges the recording, not what was tested.",
                 ),
                 (
                     "What to do",

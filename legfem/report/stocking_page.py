@@ -369,10 +369,9 @@ def _scanned(details: StockingDetails) -> list[web.Block]:
     made = "Simulated scans" if leg.origin == "simulated" else "Scans"
     which = "without" if leg.compressed is None else "without and with"
     lines = [
-        f"{made} of {leg.bare.length:.0f} mm of the leg, z = {leg.bare.levels[0]:.0f} to "
-        f"{leg.bare.levels[-1]:.0f} mm, {which} the stocking. Bones: "
-        f"{', '.join(leg.bare.bones)}. Coordinates are taken as DICOM's: x to the patient's left, "
-        "y to the back, z upwards."
+        f"{made} of {leg.bare.length:.0f} mm of the leg, z = {leg.bare.levels[0]:.0f} to {leg.bare.levels[-1]:.0f} mm, "
+        f"{which} the stocking. Bones: {', '.join(leg.bare.bones)}. Coordinates are taken as DICOM's: x to the "
+        "patient's left, y to the back, z upwards."
     ]
     registration = leg.registration
     if registration is not None:
@@ -388,11 +387,10 @@ def _scanned(details: StockingDetails) -> list[web.Block]:
     accuracy = leg.accuracy
     if leg.compressed is not None:
         lines.append(
-            f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard "
-            f"deviation, correlated over {accuracy.correlation:g} mm), which leaves "
-            f"{accuracy.smoothed_sd:.2g} mm in its contours, and the stocking's pressure to be "
-            f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
-            "the stiffness rest on that."
+            f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard deviation, correlated over "
+            f"{accuracy.correlation:g} mm), which leaves {accuracy.smoothed_sd:.2g} mm in its contours, and the "
+            f"stocking's pressure to be {100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the "
+            "intervals of the stiffness rest on that."
         )
     return [web.Prose(line) for line in lines]
 

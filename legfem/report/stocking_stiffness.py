@@ -233,8 +233,7 @@ def discrepancy_verdict(found: ModelDiscrepancy) -> str:
     if found.rms_after is not None and found.parameters_after is not None:
         muscle, fat = mpa_to_kpa(found.parameters_after)
         text += (
-            f" With {found.named[0]} in the model, solved anew, the contours are met to "
-            f"{found.rms_after:.3f} mm instead of {found.rms_before:.3f} mm, and C10 is "
-            f"{muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
+            f" With {found.named[0]} in the model, solved anew, the contours are met to {found.rms_after:.3f} mm "
+            f"instead of {found.rms_before:.3f} mm, and C10 is {muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
         )
     return text

@@ -3,8 +3,6 @@
 How stiff each is beside the others is found with it, see `legfem.specimens.nuisances`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

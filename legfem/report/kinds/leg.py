@@ -238,10 +238,9 @@ def _headline(chosen: LegFit) -> web.Headline:
                 f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is "
                 f"missing."
                 if tone == "wrong"
-                else f"No correction is needed: C10 is {c10}. If the assumed stiffness of fat or fascia, the "
-                f"units or the "
-                "sizes are wrong, C10 changes: the table of numbers and “What could not be tested” "
-                "say by how much.",
+                else f"No correction is needed: C10 is {c10}. If the assumed stiffness of fat or fascia, the units or "
+                "the sizes are wrong, C10 changes: the table of numbers and “What could not be tested” say by how "
+                "much.",
             ),
             ("What to do", _next(chosen)[0]),
             *_high_or_low(chosen, tone),
