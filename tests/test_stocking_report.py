@@ -30,6 +30,7 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.identification import write_report
 from legfem.report.render.html import rendered
+from legfem.report.render.table import estimates_frame
 from legfem.report.render.text import plain_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import vein_interval
@@ -399,6 +400,8 @@ def test_document_has_every_number_with_its_unit(result):
     )
     vein = read["computed"]["pressure_at_fibular_vein"]
     assert vein["ci95"][0] < vein["value"] < vein["ci95"][1]
+    rows = estimates_frame([result]).set_index("parameter")
+    assert rows.loc["pressure_on_skin", "value"] == skin["value"] and rows.loc["c10_deep", "unit"] == "kPa"
 
 
 def test_a_leg_without_a_scan_in_its_stocking_is_reported(result):
