@@ -126,6 +126,7 @@ def test_the_document_has_the_statistics_and_what_is_odd():
 def test_warnings_are_of_a_kind_that_leaves_numbers_out_and_names_in():
     kinds = {
         "No 3D correction is applied: these recordings": "No 3D correction is applied",
+        "neo-Hookean law: The search ended before it converged: the optimum": "The search ended before it converged",
         "The fascia's Poisson's ratio is -0.14 with its C10 as given: its bulk": (
             "The fascia's Poisson's ratio is … with its C10 as given"
         ),

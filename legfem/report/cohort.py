@@ -20,6 +20,7 @@ from legfem.report.cohort_statistics import colours_of
 from legfem.report.many import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
+from legfem.report.style import LAW_NAMES
 from legfem.report.words import BEYOND_A_FIT, ORIGINS, number, short_probability
 
 _DONE = {
@@ -196,7 +197,9 @@ def _headline(
 
 
 def _kind_of(warning: str) -> str:
-    """A warning without what differs from member to member: its first clause, without numbers and files."""
+    """A warning without what differs from member to member: its first clause, without laws, numbers and files."""
+    law = next((text for name in LAW_NAMES.values() if warning.startswith(text := f"{name} law: ")), "")
+    warning = warning.removeprefix(law)
     doubt = warning.startswith(_DOUBT)
     parts = warning.removeprefix(_DOUBT).split(": ", 1)
     text = parts[-1].partition(";")[0] if doubt else re.split(r"(?<=\D)[.:;] ", warning, maxsplit=1)[0]
