@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from legfem.common.errors import doubt_lines
+from legfem.common.units import percent
 from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
@@ -32,7 +33,7 @@ from legfem.report.diagnosis_sentences import (
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import ORIGINS, capital, percent
+from legfem.report.words import ORIGINS, capital
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
@@ -400,6 +401,10 @@ def _solutions(found: Diagnosis) -> str:
     if math.isnan(found.emulator_error):
         return made + "a solution of the base model stopped, so the interpolation could not be checked."
     return made + (
-        f"the interpolation differed from the base model's solution by at most {found.emulator_error:.2%} of "
-        f"the largest force."
+        f"the interpolation differed from the base model's solution by at most {_share_of_force(found.emulator_error)} "
+        "of the largest force."
     )
+
+
+def _share_of_force(error: float) -> str:
+    return "0.01 %" if error < 1e-4 else f"{100 * error:.2g} %"

@@ -230,7 +230,7 @@ def stocking_web_page(
         web.Chapter("How it was computed", [_computed(result)]),
     ]
     return web.WebPage(
-        title=f"What does its compression stocking do to leg {leg.id}?",
+        title=f"What does the compression stocking do to leg {leg.id}?",
         subject=leg.title,
         origin=leg.origin,
         headline=_headline(result),

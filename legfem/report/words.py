@@ -6,13 +6,16 @@ The fibula, where it is named beside the tibia, is on the lateral side.
 """
 
 import math
+import re
 import shlex
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
+from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 
 ORIGINS = {
@@ -77,7 +80,9 @@ def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
 def options_of(subject: Subject) -> str:
     """Options of a command that name a subject."""
     site = f" --site {shlex.quote(subject.site)}" if subject.site else ""
-    return f"--subject-dir {subject.directory}{site}"
+    if subject.id in SUBJECTS.names and SUBJECTS.find(subject.id).resolve() == Path(subject.directory).resolve():
+        return f"--subject {subject.id}{site}"
+    return f"--subject-dir {shlex.quote(str(subject.directory))}{site}"
 
 
 @dataclass(frozen=True)
@@ -121,11 +126,14 @@ def unwrapped(points: FloatArray) -> FloatArray:
     return np.asarray(np.unwrap(angle_round(points, centre), axis=1, period=360.0))
 
 
-def percent(probability: float) -> str:
-    """Return a probability in whole per cent, never quite none or all."""
-    if probability > 0.99:
-        return "over 99 %"
-    return "below 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+_KEY = re.compile(r"([cd][12]0?)_(deep|superficial|fascia)")
+_TISSUES = {"deep": "muscle", "superficial": "fat", "fascia": "fascia"}
+
+
+def called(key: str) -> str:
+    """Return how a parameter of documents and tables is called on pages: C10 of the muscle for ``c10_deep``."""
+    found = _KEY.fullmatch(key)
+    return f"{found[1].upper()} of the {_TISSUES[found[2]]}" if found else key.replace("_", " ")
 
 
 def share(value: float) -> str:
