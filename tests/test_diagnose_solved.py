@@ -94,8 +94,8 @@ def responses_in(folder, variants):
         ("indenter-tilt", {"angle": 0.0}, 0.0),
         ("contact-slip", {"slip": 0.0}, 0.0),
         ("fat-sliding", {"sliding": 0.0}, 0.0),
-        ("viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0}, 2e-3),
-        ("superficial-viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0}, 2e-3),
+        ("viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0, "slow": 0.0}, 2e-3),
+        ("superficial-viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0, "slow": 0.0}, 2e-3),
         pytest.param(
             "poroelastic-drainage",
             {"permeability": 0.0, "skeleton": 0.03},
@@ -157,7 +157,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     np.testing.assert_allclose(library.curve(*SOFT), solved.curve(*SOFT), rtol=6e-3)
     deep = observed.displacement > 0.3 * DEPTH
     for name, values in (
-        ("viscoelasticity", {"ratio": 0.1, "relaxation_time": 8.0, "spread": 1.0}),
+        ("viscoelasticity", {"ratio": 0.1, "relaxation_time": 8.0, "spread": 1.0, "slow": 0.0}),
         ("fascia-stiffness", {"factor": 2.0}),
         ("superficial-stiffness", {"factor": 1.4}),
     ):

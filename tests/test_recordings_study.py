@@ -103,7 +103,7 @@ def test_relaxation_is_that_of_a_standard_solid_on_a_ramp():
     grid = np.linspace(0.1, 6.0, 60)
     curves = ElasticCurves(grid, np.tile(grid, (len(STIFFENING_SHARES), 1)))
     mechanism = TissueRelaxation()
-    values = {"ratio": 0.7, "relaxation_time": 4.0, "spread": 1.0}
+    values = {"ratio": 0.7, "relaxation_time": 4.0, "spread": 1.0, "slow": 0.0}
     responses = SpecimenResponses(curves, motion)
     change = responses.relative_change(mechanism, values, (3.0, 0.0), observed)
     t = motion.at_stations(observed)

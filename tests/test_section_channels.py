@@ -106,9 +106,10 @@ def test_the_skin_under_the_cylinder_is_as_deep_as_the_cylinder(test, solved):
     assert all((np.diff(channels[name]) < 0).all() for name in THICKNESSES)
 
 
-def test_the_skin_beside_is_where_its_deformed_polygon_is(test):
-    """Against shapely on the deformed skin's nodes, whose chords are a little inside."""
-    rises = test.solve(depth=DEPTH).path.channels
+@pytest.mark.parametrize("tilt", [0.0, 12.0])
+def test_the_skin_beside_is_where_its_deformed_polygon_is(test, tilt):
+    """Against shapely on the deformed skin's nodes, whose chords are a little inside; a tilt doesn't turn the image."""
+    rises = test.solve(depth=DEPTH, placement=LateralPlacement(tilt_deg=tilt)).path.channels
     system, travel = test.system, test.section_mesh.direction
     left = np.array([-travel[1], travel[0]])
     nodes = system.spaces.skin_space.tabulate_dof_coordinates()[:, :2]
@@ -116,7 +117,7 @@ def test_the_skin_beside_is_where_its_deformed_polygon_is(test):
     edges = system.spaces.skin_space.dofmap.list
     halves = np.concatenate([edges[:, [0, 2]], edges[:, [2, 1]]])
     for beside, kind in RISES.items():
-        origin = system.start + beside * left - 200 * travel
+        origin = test.section_mesh.touch + beside * left - 200 * travel
         line = shapely.LineString([origin, origin + 400 * travel])
         before, after = (line & shapely.MultiLineString(list(points[halves])) for points in (nodes, moved))
         place = [((shapely.get_coordinates(crossing) - origin) @ travel).min() for crossing in (before, after)]

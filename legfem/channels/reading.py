@@ -10,7 +10,7 @@ import numpy as np
 
 from legfem.channels.kind import ChannelFile, Channels
 from legfem.channels.seen import ReadState, Seen, SeenModel
-from legfem.channels.site import Sight
+from legfem.channels.site import Line, Sight
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.solve.sensitivity import SensitivityTracker
@@ -28,15 +28,18 @@ class ChannelReader:
         Of the kinds that the model gives.
     sights
         Places at which some kinds are seen.
+    stated
+        Line of travel that images refer to; the cylinder's own without it.
     """
 
     system: System
     files: tuple[ChannelFile, ...]
     sights: tuple[Sight, ...] = ()
+    stated: Line | None = None
 
     @cached_property
     def _model(self) -> SeenModel:
-        return SeenModel(self.system, self.sights)
+        return SeenModel(self.system, self.sights, self.stated)
 
     def read(self, state: ReadState) -> Channels:
         """Return the channels there are in a state; collective over the system's ranks."""

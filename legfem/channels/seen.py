@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from legfem.channels.site import Sight
+from legfem.channels.site import Line, Sight
 from legfem.common.units import FloatArray
 from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
 from legfem.fem.points import PointsInside
@@ -61,10 +61,14 @@ class SeenModel:
         A section with its line of travel, or a leg with its axis along z, pressed square to that.
     sights
         Places at which kinds are seen that have no course without them.
+    stated
+        Line of travel that images of a section refer to, which they don't leave where the cylinder is tilted or aimed
+        elsewhere; the cylinder's own without it.
     """
 
     system: System
     sights: tuple[Sight, ...] = ()
+    stated: Line | None = None
 
     @cached_property
     def outlines(self) -> dict[str, Outline]:
@@ -109,7 +113,7 @@ class SkinOnFace:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A state of a model, as kinds of channel see it; all turns with the line of travel.
+    """A state of a model, as kinds of channel see it: forces and layers turn with the line of travel, images don't.
 
     Parameters
     ----------
@@ -198,6 +202,12 @@ class Seen:
     def line(self, name: str) -> CrossedOutline:
         """Return one of a section's outlines as the line of travel crosses it; see `SeenModel.outlines`."""
         return self._lines[name]
+
+    @property
+    def profile(self) -> CrossedOutline:
+        """A section's skin as an image of it has the stated line of travel cross it."""
+        stated, skin = self.model.stated, self._lines["skin"]
+        return skin if stated is None else replace(skin, origin=stated.origin, direction=stated.direction)
 
     @cached_property
     def _lines(self) -> dict[str, CrossedOutline]:

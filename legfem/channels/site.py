@@ -28,6 +28,22 @@ class Sight:
 
 
 @dataclass(frozen=True, eq=False)
+class Line:
+    """A line of travel.
+
+    Parameters
+    ----------
+    origin : (d,) array
+        A point on it, mm.
+    direction : (d,) array
+        Its unit vector.
+    """
+
+    origin: FloatArray
+    direction: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Site:
     """Where a leg is pressed: its section in the plane of the travel, and the indenter."""
 

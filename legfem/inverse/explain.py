@@ -14,7 +14,15 @@ from functools import partial
 import numpy as np
 
 from legfem.inverse.evidence import probabilities
-from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, counts_for, log_bayes_factor, singles_of
+from legfem.inverse.explanation import (
+    ADDS_FROM,
+    Explained,
+    Explanation,
+    better_of,
+    counts_for,
+    log_bayes_factor,
+    singles_of,
+)
 from legfem.inverse.laplace import integrate_strength
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
 from legfem.inverse.mechanism import Mechanism
@@ -184,22 +192,27 @@ def _joint(problem: LinearisedProblem, one: Explanation, other: Explanation) -> 
 def _confirmed(found: list[Explanation], weighing: Weighing, confirm: Confirm) -> list[Explanation]:
     """Refit the leading explanations about full solutions, until none of them is emulated.
 
-    Those that explain no more than nothing does stay emulated: they change no verdict.
+    Those that explain no more than nothing does stay emulated: they change no verdict. With a pair goes the better one
+    of its mechanisms, beside which it has to explain more.
     """
     nothing = _nothing(found)
     for _ in range(3):
-        waiting = [
+        singles = singles_of(found)
+        leading = [
             e
             for e in found[:CONFIRMED_MOST]
-            if not e.confirmed
-            and e.names
+            if e.names
             and e.probability >= CONFIRMED_FROM
             and log_bayes_factor(e, nothing) > 0.0
-            and counts_for(e, singles_of(found)) is e
+            and counts_for(e, singles) is e
         ]
+        alone = [better_of(e, singles) for e in leading]
+        waiting = dict.fromkeys(e.names for e in (*alone, *leading) if not e.confirmed)
         if not waiting:
             break
-        for one in waiting:
+        for names in waiting:
+            # Pairs may have been fitted anew, about the solution of one of their mechanisms.
+            one = next(e for e in found if e.names == names)
             shifted, refit, made = confirm(one.problem, one.fit)
             again = weighing.of(shifted, refit, one.log_prior, True)
             moved = abs(again.posterior.log_evidence - one.posterior.log_evidence)

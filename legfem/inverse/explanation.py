@@ -281,9 +281,14 @@ def singles_of(every: Sequence[Explanation]) -> dict[tuple[str, ...], Explanatio
 
 def counts_for(one: Explanation, singles: Mapping[tuple[str, ...], Explanation]) -> Explanation:
     """Return the better one of a pair's mechanisms, if the pair explains no more; else itself."""
-    alone = [singles[n,] for n in one.names if (n,) in singles and len(one.names) > 1]
-    best = max(alone, key=lambda e: e.posterior.log_evidence, default=one)
+    best = better_of(one, singles)
     return best if log_bayes_factor(one, best) < MORE_THAN_ALONE else one
+
+
+def better_of(one: Explanation, singles: Mapping[tuple[str, ...], Explanation]) -> Explanation:
+    """Return the explanation by the better one of a pair's mechanisms alone; itself of one mechanism."""
+    alone = [singles[n,] for n in one.names if (n,) in singles and len(one.names) > 1]
+    return max(alone, key=lambda e: e.posterior.log_evidence, default=one)
 
 
 def log_bayes_factor(one: Explanation, nothing: Explanation) -> float:

@@ -28,7 +28,7 @@ from scipy.linalg import solve_banded
 
 from legfem.common.units import FloatArray
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation, spectrum
+from legfem.legs.mechanisms.viscoelasticity import SPECTRUM, TIMES_S, spectrum
 
 QUICKENING = "viscoelasticity.quickening"
 _MOST = 3.0
@@ -39,8 +39,7 @@ _ANOTHER_RATE = 2.0
 def relaxation_parameters() -> tuple[Parameter, ...]:
     """Return ratio, middle and spread of the spectrum within bounds alone, and the quickening."""
     spectral = tuple(
-        replace(one, name=f"viscoelasticity.{one.name}", prior=None, role="identified")
-        for one in TissueRelaxation.parameters
+        replace(one, name=f"viscoelasticity.{one.name}", prior=None, role="identified") for one in SPECTRUM
     )
     quickening = Parameter(
         QUICKENING,

@@ -8,6 +8,7 @@ import typer
 
 from legfem.common.command_line import study_context
 from legfem.common.documents import json_types
+from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
@@ -28,6 +29,13 @@ app = new_app()
 def sealed(
     legs: Annotated[int, typer.Option(min=1, help="Legs; each costs a library of responses.")] = 5,
     most: Annotated[int, typer.Option(min=1, help="Cases of each leg, of those that there are.")] = 100,
+    channels: Annotated[
+        list[str] | None,
+        typer.Option(help=f"One of {', '.join(SUBSETS)}: what is diagnosed by; may be given again. All by default."),
+    ] = None,
+    confirm: Annotated[
+        bool, typer.Option("--confirm", help="Confirm by full solutions, as `legfem diagnose` does; takes far longer.")
+    ] = False,
     seed: Seed = 1,
     library: Library = None,
     out: Out = None,
@@ -38,25 +46,29 @@ def sealed(
     Example: python -m studies.sealed --legs 5 --seed 1
     """
     with study_context("sealed", out, jobs, DONE_IS_KEPT) as (folder, processes), progress_on() as progress:
-        lab = Lab(library or library_folder(), read_correction(REFERENCE), seed)
-        store = Store(folder / "said", list[Said], seed, MODULES)
+        if unknown := set(channels or ()) - set(SUBSETS):
+            raise InputError("--channels", sorted(unknown)[0], "is not one of them", f"give {', '.join(SUBSETS)}")
+        lab = Lab(library or library_folder(), read_correction(REFERENCE), seed, confirm)
+        subsets = [name for name in SUBSETS if not channels or name in channels]
+        store = Store(folder / "said", list[Said], [seed, confirm, subsets], MODULES)
         every: list[Said] = []
         for leg in range(legs):
             cases = [case for case in channel_cases(legs, seed) if case.leg == leg][:most]
             waiting = [case for case in cases if store.get(case) is None]
             if waiting:
-                for programme in dict.fromkeys(programme for programme, _ in SUBSETS.values()):
+                for programme in dict.fromkeys(SUBSETS[name][0] for name in subsets):
                     lab.library(cases[0], programme, progress)
-            with Workers(_said, lab, processes) as workers:
+            with Workers(_said, (lab, subsets), processes) as workers:
                 for found in finish(workers, cases, store, progress, f"diagnosing cases of leg {leg + 1}", _line):
                     every += found
             document = {"cases": json_types([one.__dict__ for one in every])}
             write_results(folder, document, page(every))
 
 
-def _said(lab: Lab, case: SealedCase) -> list[Said]:
-    """Return what is said of a case, by every subset of channels; nothing where a solution stopped."""
-    found = (lab.said(case, subset) for subset in subsets_of(case))
+def _said(given: tuple[Lab, list[str]], case: SealedCase) -> list[Said]:
+    """Return what is said of a case, by those subsets of channels; nothing where a solution stopped."""
+    lab, subsets = given
+    found = (lab.said(case, subset) for subset in subsets_of(case) if subset in subsets)
     return [one for one in found if one is not None]
 
 

@@ -15,6 +15,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library, middle_of
 from legfem.inverse.mechanism import Mechanism, TissueMechanism
+from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction
@@ -158,7 +159,7 @@ def say(found: Diagnosis, case: SealedCase, subset: str, seconds: float) -> Said
 
 @dataclass(eq=False)
 class Lab:
-    """Records cases, and diagnoses them by a leg's library alone.
+    """Records cases, and diagnoses them.
 
     Parameters
     ----------
@@ -168,12 +169,16 @@ class Lab:
         Of a cylinder's ends.
     seed
         Of legs and errors.
+    confirms
+        Whether full solutions confirm the leading explanations, as in a user's diagnosis; else a leg's library alone
+        is asked, which takes a fraction of the time.
     """
 
     folder: Path
     correction: TabulatedCorrection
     seed: int
-    _libraries: dict[str, Library] = field(default_factory=dict, repr=False)
+    confirms: bool = False
+    _libraries: dict[str, tuple[Library, SolvedResponses]] = field(default_factory=dict, repr=False)
     _middles: dict[int, float] = field(default_factory=dict, repr=False)
     _recorded: dict[tuple[int, str], list[Recording] | None] = field(default_factory=dict, repr=False)
     _truths: dict[int, Truths] = field(default_factory=dict, repr=False)
@@ -211,8 +216,11 @@ class Lab:
             plane_strain_stated=True,
         )
 
-    def library(self, case: SealedCase, programme: str, progress: Progress) -> Library | None:
-        """Return a leg's library for a case's recordings: about one stiffness and to one depth, whatever the case."""
+    def library(self, case: SealedCase, programme: str, progress: Progress) -> tuple[Library, SolvedResponses] | None:
+        """Return a leg's library for a case's recordings, and its full solutions.
+
+        They are about one stiffness and to one depth, whatever the case; nothing where a solution stopped.
+        """
         subject = self.subject(case, programme, SUBSETS["all"][1])
         if subject is None:
             return None
@@ -227,11 +235,12 @@ class Lab:
             if case.leg not in self._middles:
                 self._middles[case.leg] = middle_of(observed, coarse, STIFFENING[law])
             middle = self._middles[case.leg]
-            self._libraries[key] = build_library(fine, coarse, observed, able, 1, progress, STIFFENING[law], middle)
+            library = build_library(fine, coarse, observed, able, 1, progress, STIFFENING[law], middle)
+            self._libraries[key] = library, fine
         return self._libraries[key]
 
-    def diagnose(self, subject: Subject, library: Library) -> Diagnosis:
-        """Diagnose recordings by a library alone."""
+    def diagnose(self, subject: Subject, library: Library, solved: SolvedResponses | None) -> Diagnosis:
+        """Diagnose recordings by a library, and by full solutions where there are any."""
         observed = Diagnoser(self.folder, self.correction).observations(subject).with_channels(library.beside.names)
         ends = choose_correction("auto", subject)
         return diagnose_body(
@@ -239,7 +248,7 @@ class Lab:
             INSTRUMENT,
             subject.tissues["deep"].law,
             library.seeing([course for one in observed.channels for course in one.courses]),
-            None,
+            solved,
             Silent(),
             accuracy_of(subject),
             ends,
@@ -252,11 +261,12 @@ class Lab:
     def said(self, case: SealedCase, subset: str) -> Said | None:
         """Return what a diagnosis of some of a recording's channels says; None where a solution stopped."""
         programme, names = SUBSETS[subset]
-        subject, library = self.subject(case, programme, names), self.library(case, programme, Silent())
-        if subject is None or library is None:
+        subject, known = self.subject(case, programme, names), self.library(case, programme, Silent())
+        if subject is None or known is None:
             return None
+        library, solved = known
         begun = time.process_time()
-        found = self.diagnose(subject, library)
+        found = self.diagnose(subject, library, solved if self.confirms else None)
         return say(found, case, subset, time.process_time() - begun)
 
 

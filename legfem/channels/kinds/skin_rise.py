@@ -3,7 +3,9 @@
 A scanner or cameras give points: a frame a time, ``x_mm, y_mm`` of the skin in the outlines' coordinates, tracked or
 not. Along the line of travel, and at an offset to its left, the skin stands where a parabola through the points within
 a few millimetres has it; its rise is how far that has moved against the travel since the first frame, which is taken
-before the cylinder presses. So what is off in the registration of both systems cancels but for the skin's slope.
+before the cylinder presses. So what is off in the registration of both systems cancels but for the skin's slope. Line
+and travel are the stated ones: a cylinder that is tilted doesn't turn the image, in which the lines would graze a skin
+that is steep there already.
 """
 
 from __future__ import annotations
@@ -67,7 +69,7 @@ class SkinRises(FramesFile):
 
     def read(self, seen: Seen) -> Channels:
         """Return the rises, of those whose line meets the skin."""
-        skin, found = seen.line("skin"), {}
+        skin, found = seen.profile, {}
         for offset, kind in RISES.items():
             now, first = skin.place(offset), skin.undeformed(offset)
             if now is not None and first is not None:

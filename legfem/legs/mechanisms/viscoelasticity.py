@@ -19,7 +19,7 @@ from legfem.inverse.parameter import Parameter, Prior
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic
 
-TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0)
+TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0, 600.0)
 """Relaxation times of the model's branches: a continuous spectrum is spread over them."""
 _NODES = 160
 RELAXES = "the leg relaxes: its force fades while it is held"
@@ -56,37 +56,47 @@ def needs_time(observed: Observations) -> str | None:
     return "an effect of rate cannot be determined from one loading ramp: it needs a hold, unloading or a second rate"
 
 
+SPECTRUM: tuple[Parameter, ...] = (
+    strength(
+        "ratio",
+        "-",
+        "relaxing stress over the lasting one",
+        2.0,
+        (0.0, 40.0),
+        "muscle loses a third to three quarters of its force in a hold",
+    ),
+    Parameter(
+        "relaxation_time",
+        "s",
+        (0.03, 300.0),
+        Prior(8.0, 1.5, "log", "reported spectra"),
+        scale="log",
+        statement="middle of the spectrum",
+    ),
+    Parameter(
+        "spread",
+        "-",
+        (0.05, 4.0),
+        Prior(1.5, 1.0, "linear", "reported spectra"),
+        statement="standard deviation of the logarithm of the times",
+    ),
+)
+SLOW = Parameter(
+    "slow",
+    "-",
+    (0.0, 0.9),
+    Prior(0.1, 0.1, "linear", "muscle still relaxes after minutes"),
+    statement="share of the relaxing stress that fades over ten minutes or more, which a hold of a minute hardly shows",
+)
+
+
 @dataclass(frozen=True)
 class TissueRelaxation(TissueMechanism):
     """A spectrum of Prony branches of the deep tissue's deviatoric stress."""
 
     name: ClassVar[str] = "viscoelasticity"
     statement: ClassVar[str] = "the deep tissue relaxes: its force depends on the rate and fades while held"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength(
-            "ratio",
-            "-",
-            "relaxing stress over the lasting one",
-            2.0,
-            (0.0, 40.0),
-            "muscle loses a third to three quarters of its force in a hold",
-        ),
-        Parameter(
-            "relaxation_time",
-            "s",
-            (0.03, 300.0),
-            Prior(8.0, 1.5, "log", "reported spectra"),
-            scale="log",
-            statement="middle of the spectrum",
-        ),
-        Parameter(
-            "spread",
-            "-",
-            (0.05, 4.0),
-            Prior(1.5, 1.0, "linear", "reported spectra"),
-            statement="standard deviation of the logarithm of the times",
-        ),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (*SPECTRUM, SLOW)
     kin: ClassVar[str] = RELAXES
     next_experiment: ClassVar[str] = "hold the deepest position for a minute, and press at two rates"
     variant: ClassVar[str] = "viscoelastic"
@@ -100,7 +110,7 @@ class TissueRelaxation(TissueMechanism):
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return several times, narrow and wide."""
         return tuple(
-            {"ratio": 0.2, "relaxation_time": time, "spread": spread}
+            {"ratio": 0.2, "relaxation_time": time, "spread": spread, "slow": 0.1}
             for time in (1.5, 6.0, 25.0)
             for spread in (0.4, 2.0)
         )
@@ -124,9 +134,10 @@ class TissueRelaxation(TissueMechanism):
         return tuple(f"{name}.ratio" for name in self._branches())
 
     def shares(self, values: Values) -> FloatArray:
-        """Return every branch's ratio."""
-        each = spectrum(values["relaxation_time"], values["spread"])
-        return values["ratio"] * np.array(each)
+        """Return every branch's ratio; the last one bears what is slow."""
+        each = (1.0 - values["slow"]) * np.array(spectrum(values["relaxation_time"], values["spread"]))
+        each[-1] += values["slow"]
+        return values["ratio"] * each
 
     def _branches(self) -> list[str]:
         return [f"{self.region}.viscoelasticity{k + 1}" for k in range(len(TIMES_S))]
