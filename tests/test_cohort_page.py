@@ -81,7 +81,9 @@ def test_an_outlier_is_one_of_its_group():
     found = replace(rows[0].models["reduced-polynomial"], measures=measures)
     rows[0] = replace(rows[0], models={"reduced-polynomial": found})
     (said,) = (one for one in sentences(members, rows) if "robust" in one)
-    assert said.startswith(f"{rows[0].name}: c10_deep lies") and said.endswith("above the median of group control.")
+    assert said.startswith(f"{rows[0].name}: C10 of the muscle lies") and said.endswith(
+        "above the median of group control."
+    )
 
 
 def test_what_is_missing_is_listed():

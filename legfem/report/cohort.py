@@ -15,13 +15,14 @@ from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
 from legfem.common.documents import versions_of
+from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
 from legfem.report.many import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import ORIGINS, called, number, short_probability
+from legfem.report.words import ORIGINS, number, short_probability
 
 _DONE = {
     "identify": "Stiffness of the deep tissue was identified from indentation recordings of {what} by legfem {legfem}",

@@ -12,9 +12,10 @@ from legfem.cohort.members import Member
 from legfem.cohort.population_model import LEVELS, PopulationFit
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
+from legfem.inverse.catalogue import called
 from legfem.report.curves import Curves, Line
 from legfem.report.style import DATA_COLOUR, new_figure, styled
-from legfem.report.words import called, capital, short_probability
+from legfem.report.words import capital, short_probability
 
 TITLE = "Statistics"
 _MOST_POINTS = 400

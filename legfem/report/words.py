@@ -6,7 +6,6 @@ The fibula, where it is named beside the tibia, is on the lateral side.
 """
 
 import math
-import re
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
@@ -124,16 +123,6 @@ def unwrapped(points: FloatArray) -> FloatArray:
     """Return the angles of closed contours' points (n, m, 2) about their middles, increasing."""
     centre = points.mean(axis=1, keepdims=True)
     return np.asarray(np.unwrap(angle_round(points, centre), axis=1, period=360.0))
-
-
-_KEY = re.compile(r"([cd][12]0?)_(deep|superficial|fascia)")
-_TISSUES = {"deep": "muscle", "superficial": "fat", "fascia": "fascia"}
-
-
-def called(key: str) -> str:
-    """Return how a parameter of documents and tables is called on pages: C10 of the muscle for ``c10_deep``."""
-    found = _KEY.fullmatch(key)
-    return f"{found[1].upper()} of the {_TISSUES[found[2]]}" if found else key.replace("_", " ")
 
 
 def share(value: float) -> str:
