@@ -282,7 +282,7 @@ def _assembled(
                 table = unchanged(m, len(solved.grid))
                 other = unchanged(m, (len(solved.grid) + 1) * len(names))
             if table is None or other is None:
-                missing[m.name] = "its simulations did not reach the end of the protocol"
+                missing[m.name] = "simulations did not reach the end of the protocol"
             else:
                 changes[m.name, key], beside[m.name, key] = table, other
     geometric = {t.geometry.name: o[_ONE] for t, o in done if t.geometry is not None}

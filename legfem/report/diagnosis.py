@@ -176,16 +176,16 @@ def _where(found: Diagnosis) -> list[web.Block]:
             )
         ]
     how = (
-        "Intervals in which the repaired model differs from the base model by more than a trial's noise"
+        "The table lists intervals in which the repaired model differs from the base model by more than a trial's noise"
         if found.models
-        else "Intervals that stand out from the noise (chosen among all intervals)"
+        else "The table lists intervals that stand out from the noise (chosen among all intervals)"
     )
     more = tables.places_left_out(found)
     return [
         web.Prose(
-            f"{how}. The size is the mean of model less recorded force: below zero, the tissue pushed back harder "
-            "than the model. The noise is the standard deviation of one trial's value. The p-value is family-wise, "
-            "over all intervals; '-' means that the interval by itself is not significant."
+            f"{how}. The size is the model's force minus the recorded one, on average: where it is negative, the leg "
+            "resisted more than the model. The noise is the standard deviation of one trial's value. The p-value is "
+            "family-wise, over all intervals; '-' means that the interval by itself is not significant."
         ),
         web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
         *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
@@ -198,9 +198,10 @@ def _each_recording(base: Fit[None]) -> list[web.Block]:
     if not names:
         return []
     agreed = base.agreement
-    said = f"With the base model the recordings' own values of {symbol_of(names[0])} differ by chi-square "
-    said += f"{estimates.chance(agreed)}"
-    said += "." if agreed.p_value > _DIFFER else ": by more than usual errors of readings, gain and zero cause."
+    same = agreed.p_value > _DIFFER
+    said = f"Fitted one by one with the base model, the recordings {'agree' if same else 'disagree'} on "
+    said += f"{symbol_of(names[0])} (chi-square {estimates.chance(agreed)})"
+    said += "." if same else ": their values differ by more than usual errors of readings, gain and zero cause."
     rows = [[one.name, *(estimates.own_value(one, name) for name in names)] for one in base.tests]
     columns = ["recording", *(f"{symbol_of(name)} ± standard error" for name in names)]
     return [web.Prose(said), web.WebTable("What each recording gives by itself", columns, rows, folded=True)]
@@ -237,10 +238,10 @@ def _checks(found: Diagnosis) -> list[web.Block]:
     """Return what the base model and the first explanation leave in each phase."""
     return [
         web.Prose(
-            "The next table compares the misfit in each phase (root mean square) with what errors of gain and zero, "
-            "noise, and all that is not known exactly would cause. It gives the share of tests in which a correct "
-            "model would miss by as much. A share below 1 % means that the model's form is wrong in that phase, "
-            "however probable it is among the models that were tried."
+            "The next table compares the misfit in each phase (root mean square) with the misfit that errors of "
+            "gain and zero, noise, and numbers that are not known exactly would cause. It gives the share of tests "
+            "in which a correct model would miss by as much. A share below 1 % means that the model's form is wrong "
+            "in that phase, however probable it is among the models that were tried."
         ),
         web.WebTable("Misfit of the models in each phase", *tables.phase_cells(found), folded=True),
     ]
@@ -289,8 +290,9 @@ def _looks(found: Diagnosis) -> str:
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
         f"R2 = {r_squared_of(found.base.fit, found):.5f}. Probabilities weigh all explanations "
         "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
-        "nothing is taken to be as probable as one missing mechanism, and two half as probable. “Nothing detectable” "
-        "is nothing at all, or an effect that is too small for these recordings to detect."
+        "“nothing is missing” and “one mechanism is missing” are taken to be equally probable, “two are missing” half "
+        "as probable. “Nothing detectable” is nothing at all, or an effect that is too small for these recordings to "
+        "detect."
     )
     if found.verdict == "consistent":
         looks += (
@@ -385,8 +387,9 @@ def _noise(found: Diagnosis) -> str:
         f"({noise.white_sd:.2g} N from reading to reading, and {noise.slow_sd:.2g} N slowly, over "
         f"{noise.correlation_time:.2g} s), {posterior.zero_sd:.2g} N of a trial's zero, "
         f"{100 * posterior.gain_sd:.2g} % of its gain, and {noise.wander_sd:.2g} mm of the displacement. They come "
-        f"from {noise.source}. The {len(found.observed.values)} values compared are equivalent to "
-        f"{found.errors.effective_samples:.0f} independent ones. {_solutions(found)} What is not "
+        f"from {noise.source}. The {len(found.observed.values)} values compared carry as much "
+        f"information as {found.errors.effective_samples:.0f} independent ones, because neighbours have similar "
+        f"errors. {_solutions(found)} What is not "
         "known exactly (the geometry and the assumed tissue parameters) may vary within "
         "its stated accuracy; the table of numbers says how far each was moved."
     )
