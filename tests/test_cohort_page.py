@@ -151,7 +151,7 @@ def test_ten_thousand_rows_are_drawn_and_sorted_as_few(tmp_path: Path):
     count = "document.querySelectorAll('*').length"
     table = "document.querySelector('#sortable-numbers')"
     first, last = (f"[...{table}.querySelectorAll('tbody th')].at({place}).textContent" for place in (0, -1))
-    sort = f"[...{table}.querySelectorAll('button')].find((one) => one.textContent.startsWith('c10')).click()"
+    sort = f"[...{table}.querySelectorAll('button')].find((one) => one.textContent.startsWith('C10')).click()"
     with Driven(browser.browser()) as page:
         page.open(path.as_uri())
         page.until("document.querySelectorAll('.sortable tbody tr').length > 10")
