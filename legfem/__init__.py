@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from legfem.api.cohorts import Cohort, cohort
     from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
     from legfem.api.identification import identify
-    from legfem.api.leg_in_stocking import LegInStocking, stocking
+    from legfem.api.leg_in_stocking import stocking
     from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
     from legfem.api.planned import PlannedTests, plan
-    from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
+    from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen, LegInStocking
     from legfem.common.errors import InputError
 
     __version__: str

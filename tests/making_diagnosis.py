@@ -13,7 +13,8 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
 from legfem.inverse.library import NuisanceChanges
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.stations import Stations

@@ -49,8 +49,8 @@ from legfem.legs.loading import load_subject
 from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
@@ -67,12 +67,11 @@ from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.misfit import LawMisfit
 from legfem.specimens.sizes import LeftOut
+from legfem.stockings.details import StockingFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
-from legfem.stockings.identification import StockingSettings, run_leg
+from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
-from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.result import StockingResult
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.page import correction_web_page
@@ -223,7 +222,7 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
     ]
 
 
-def stocking(mesh: SolidMeshSettings = COARSE) -> StockingResult:
+def stocking(mesh: SolidMeshSettings = COARSE) -> StockingFit:
     """A short leg of given stiffness in its stocking."""
     bare, tissues = short_leg(), laws(2.6, 6.0)
     slices = calf_levels(bare)
@@ -243,13 +242,11 @@ def stocking(mesh: SolidMeshSettings = COARSE) -> StockingResult:
         slices,
         default_veins(bare, float(np.median(slices))),
     )
-    return run_leg(leg, StockingSettings(), Silent(), mesh=mesh)
+    return identify_in_stocking(leg, StockingSettings(), Silent(), mesh=mesh)
 
 
 def dressed(folder: Path) -> WebPage:
-    found = stocking()
-    moved = {part: found.model.displacement(part, found.equilibrium.state.unknown) for part in SURFACES}
-    return stocking_web_page(found, moved, command=COMMAND)
+    return stocking_web_page(stocking(), COMMAND)
 
 
 def looked(folder: Path) -> WebPage:

@@ -17,8 +17,7 @@ from legfem.inverse.document import fit_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
 from legfem.inverse.trial import CostMap, FullSolve, Generation, SearchLog
-from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence
-from legfem.legs.document import LegDocument
+from legfem.legs.details import AppliedCorrection, LegDetails, LegDocument, SpatialEvidence
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.site_test import SiteTest

@@ -108,7 +108,7 @@ def models_of(
 
 
 def models_as_deep_as_asked() -> Callable[..., list[LegModels]]:
-    """Return what takes the place of `legfem.legs.fit_in_3d.leg_models`."""
+    """Return what takes the place of `legfem.legs.model_3d.leg_models`."""
 
     def models(leg: SitedLeg, curves: Sequence[Any], *_: Any) -> list[LegModels]:
         depth = float(min(curve.displacement[-1] for curve in curves))

@@ -10,9 +10,10 @@ import pytest
 from making_diagnosis import GRID, problem_of, ramps
 
 from legfem.common.units import FloatArray
-from legfem.inverse.about_solutions import base_about_solution, refitted_about_solutions
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.explain import base_about_solution, refitted_about_solutions
+from legfem.inverse.linearised import LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import Responses
 from legfem.legs.mechanisms import mechanism_named
 

@@ -21,7 +21,8 @@ from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.emulator import At
 from legfem.inverse.errors import error_model
-from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, blank_observations, observe
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.predictor import Predictor

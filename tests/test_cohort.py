@@ -19,8 +19,9 @@ from legfem.cohort.known import ExpectedRun
 from legfem.cohort.members import find_members
 from legfem.cohort.rows import Judged, Row, cohort_frame, cohort_model, models_of, units_frame
 from legfem.commands.cohort import app
+from legfem.inverse.catalogue import key_of
 from legfem.inverse.document import fit_document
-from legfem.legs.document import LegDocument
+from legfem.legs.details import LegDocument
 from legfem.legs.schema import SUBJECTS
 
 
@@ -180,11 +181,12 @@ def test_a_leg_in_its_stocking_is_a_row(tmp_path: Path, monkeypatch: pytest.Monk
     leg = tmp_path / "study" / "L1"
     leg.mkdir(parents=True)
     (leg / "leg.toml").write_text("")
-    found = lf.LegInStocking(dressed_leg(COARSEST))
-    monkeypatch.setattr("legfem.api.cohorts.load_leg", lambda folder: found.result.leg)
+    fit = dressed_leg(COARSEST)
+    found = lf.LegInStocking(fit.details.leg, (fit,))
+    monkeypatch.setattr("legfem.api.cohorts.load_leg", lambda folder: found.given)
     monkeypatch.setattr("legfem.api.cohorts.stocking", lambda given, out, cells: found)
     (row,) = lf.cohort(tmp_path / "study", do="stocking", cells=20_000, out=tmp_path / "out").rows
     assert row.done, row.problem
     assert row.judged.tone and (tmp_path / "out" / row.report).is_file()
-    identified = {name for name, one in found.document()["stiffness"].items() if one["identified"]}
-    assert set(row.models[""].measures) == identified
+    assert set(row.models["neo-hookean"].measures) == set(map(key_of, fit.estimates))
+    assert row.origin == "simulated" and row.settings["cells"]

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording, check_trial, segment, segment_all
-from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
+from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING
 from legfem.inverse.observations import observe
 
 INSTRUMENT = Instrument(force_sd=0.02, displacement_sd=0.02)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from making_identification import identify, pressed_leg
 
-from legfem.inverse.comparison import main_source, shares_of_error, total_of
+from legfem.inverse.comparison import total_of
+from legfem.inverse.estimates import main_source, shares_of_error
 from legfem.legs.correction import TabulatedCorrection
 from legfem.report.kinds.leg import leg_page
 

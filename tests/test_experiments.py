@@ -19,8 +19,8 @@ from legfem.jobs.pool import Workers
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Contraction
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from legfem.stockings.leg_model import LegModel3D

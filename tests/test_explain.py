@@ -19,7 +19,8 @@ from legfem.inverse.explain import CONFIRMED_FROM, PRIOR_NONE, PRIOR_PAIR, PRIOR
 from legfem.inverse.explanation import HELD, Explained
 from legfem.inverse.laplace import contact_posterior, gain_of_widths
 from legfem.inverse.library import NuisanceChanges
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
 

@@ -19,7 +19,7 @@ from legfem.inverse.evidence import Evidence
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import INEXACT, Explained, Explanation, log_bayes_factor, singles_of
 from legfem.inverse.laplace import gain_of_widths, laplace_posterior
-from legfem.inverse.linearised import fit
+from legfem.inverse.map_fit import fit
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.verdict import explained_share, limits_of, residual_intervals

@@ -24,10 +24,9 @@ from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.report.identification import write_report
 from legfem.solve.protocol import Protocol
-from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.forward import SpecimenForward, SpecimenVariants
 from legfem.specimens.kind import AXES
 from legfem.specimens.laws import SpecimenTissue, request_of_texts
-from legfem.specimens.mechanisms import SpecimenVariants
 from legfem.specimens.nuisances import OwnStiffness
 from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text, slipping
 from studies.fibrous_specimens.__main__ import page

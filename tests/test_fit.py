@@ -14,7 +14,8 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import Evidence
-from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import strength
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.predictive import folds_of, held_out

@@ -19,7 +19,7 @@ from legfem.commands.identify import app as identify_app
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.settings import IdentificationSettings
-from legfem.legs import fit_in_3d as spatial
+from legfem.legs import identification as leg_identification
 from legfem.report.style import LAW_NAMES
 
 RATIO = ("deep.C10", "deep.fibre_ratio")
@@ -117,7 +117,7 @@ def test_one_site_by_itself_is_identified_as_a_leg(tmp_path, monkeypatch, loaded
 @pytest.mark.parametrize(("sites", "model"), [(("along", "across"), None), (("along",), "can't be told")])
 def test_fibres_are_identified_in_3d(tmp_path, monkeypatch, sites, model) -> None:
     leg = leg_of(tmp_path, sites)
-    monkeypatch.setattr(spatial, "leg_models", lambda *_: models_of(leg))
+    monkeypatch.setattr(leg_identification, "leg_models", lambda *_: models_of(leg))
     given = leg if len(sites) > 1 else leg.sites[0]
     found = lf.identify(given, model="3d", identify=RATIO)
     assert isinstance(found, lf.Identification) and len(found.fits) == 1
@@ -132,7 +132,7 @@ def test_what_does_not_lie_along_a_leg_is_identified_in_3d_as_by_the_command(tmp
     folder = in_space(write_subject(tmp_path / "leg"))
     toml = folder / "subject.toml"
     toml.write_text(toml.read_text().replace("[indenter]\n", "[indenter]\naxis_deg = 90.0\n"))
-    monkeypatch.setattr(spatial, "leg_models", models_as_deep_as_asked())
+    monkeypatch.setattr(leg_identification, "leg_models", models_as_deep_as_asked())
     found = lf.identify(folder, "neo-hookean", model="3d", out=tmp_path / "door")
     assert isinstance(found, lf.Identification)
     report = found.write(tmp_path / "door")

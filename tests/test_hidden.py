@@ -15,7 +15,7 @@ from legfem.inverse.evidence import Evidence
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
-from legfem.inverse.linearised import fit
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import MeasuredStrength, Occurrence
 from legfem.inverse.verdict import TRUSTED, shift_of
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms

@@ -8,7 +8,8 @@ import numpy as np
 
 from legfem.experiments.compression import CompressionSettings, LegCompression
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
+from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.meshing.solid_leg import mesh_solid_leg
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import NewtonSettings
 from studies.legs.shapes import round_leg

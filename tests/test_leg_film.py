@@ -14,7 +14,7 @@ from legfem.geometry.leg_shape import SKIN
 from legfem.legs.film_3d import LegFilm, LegState, seen
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 
 DEPTH = 4.0
 COARSE = SolidLegSettings(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from making_diagnosis import TRUTH, problem_of, ramps, two_rates
 
-from legfem.inverse.linearised import fit
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import prior_of
 from legfem.inverse.predictor import Predictor
 from legfem.legs.mechanisms import mechanism_named

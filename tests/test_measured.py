@@ -20,7 +20,7 @@ from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.explain import explain
 from legfem.inverse.laplace import laplace_posterior
-from legfem.inverse.linearised import fit
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import null_of, prior_of
 from legfem.legs.diagnosis import accuracy_of, measured_strength, measured_strengths
 from legfem.legs.loading import load_subject

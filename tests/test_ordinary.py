@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.explain import explain
-from legfem.inverse.linearised import fit, ordinary_fit
+from legfem.inverse.map_fit import fit, ordinary_fit
 from legfem.inverse.verdict import ordinary_explanation
 
 

@@ -25,10 +25,6 @@ def square(context: int, task: int) -> int:
     return context + task**2
 
 
-def with_process(context: None, task: int) -> tuple[int, int]:
-    return task, os.getpid()
-
-
 def mark_ready(folder: Path) -> None:
     (folder / str(os.getpid())).touch()
 
@@ -90,13 +86,6 @@ def test_this_process_works_along_where_it_is_asked_to(tmp_path: Path) -> None:
     assert ready() == 1
     with pytest.raises(ValueError, match="made to fail"), Workers(fail, None, 2, along=True) as workers:
         list(workers.run(range(4)))
-
-
-def test_fresh_workers_do_one_task_each() -> None:
-    with Workers(with_process, None, 1, fresh=True) as workers:
-        found = list(workers.in_order(range(3)))
-    assert [task for task, _ in found] == [0, 1, 2]
-    assert len({process for _, process in found} | {os.getpid()}) == 4
 
 
 def test_an_error_in_a_task_is_raised_and_ends_the_others(tmp_path: Path) -> None:

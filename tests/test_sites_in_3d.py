@@ -31,10 +31,11 @@ from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import SearchRequest
-from legfem.legs import fit_in_3d as spatial
+from legfem.legs import identification
 from legfem.legs.elastography import FibreRatio
-from legfem.legs.fit_in_3d import fit_in_3d, ways_of_pressing
+from legfem.legs.identification import fit_in_3d
 from legfem.legs.model_3d import SOLVES
+from legfem.legs.solver_3d import ways_of_pressing
 from legfem.legs.subject import SitedLeg
 from legfem.report.kinds.leg import leg_page
 from legfem.report.render.html import rendered
@@ -212,7 +213,7 @@ def test_the_command_identifies_fibres_of_a_leg_with_sites_and_of_one_without(tm
     toml = folder / "subject.toml"
     toml.write_text(toml.read_text() + "\n[recordings]\nplane_strain = false\n")
 
-    monkeypatch.setattr(spatial, "leg_models", models_as_deep_as_asked())
+    monkeypatch.setattr(identification, "leg_models", models_as_deep_as_asked())
     asked = ["--subject-dir", str(folder), "--model", "3d", "--out", str(tmp_path / "out")]
     asked += ["--identify", "deep.C10", "--identify", "deep.fibre_ratio", "--quiet"]
     ran = CliRunner().invoke(identify_app, asked)

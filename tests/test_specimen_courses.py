@@ -14,7 +14,7 @@ from legfem.inverse.estimates import Estimate
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.course import course_of, read_specimen
 from legfem.specimens.details import compared, rms_percent
-from legfem.specimens.nuisances import Onset
+from legfem.specimens.nuisances import OnsetEffect
 from legfem.specimens.relaxation import borne, branch_ratios, clock
 from studies.lab import recording as lab
 
@@ -111,8 +111,8 @@ def test_intervals_hold_where_recordings_begin_in_air(tmp_path: Path) -> None:
     assert abs(departures.mean()) < 0.03 and half < 0.2
 
 
-def _onset(sd: float = 0.2) -> Onset:
-    return Onset(np.linspace(1.0, 3.0, 12), sd, zero_sd=0.05, ahead=0.3)
+def _onset(sd: float = 0.2) -> OnsetEffect:
+    return OnsetEffect(np.linspace(1.0, 3.0, 12), sd, zero_sd=0.05, ahead=0.3)
 
 
 def test_an_onset_weighs_by_the_inverse_of_its_covariance() -> None:

@@ -18,11 +18,10 @@ from legfem.inverse.responses import BodyModels, Stopped
 from legfem.legs.mechanisms import Solution
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
 from legfem.solve.protocol import Protocol
-from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
+from legfem.specimens.diagnosis import DiagnosedSpecimen, Scale, diagnose_specimens, mechanisms_of
 from legfem.specimens.folder import load_specimen
-from legfem.specimens.forward import experiment_of
+from legfem.specimens.forward import SpecimenVariants, experiment_of
 from legfem.specimens.laws import REFERENCE_MPA, specimen_law
-from legfem.specimens.mechanisms import Scale, SpecimenVariants, mechanisms_of
 from legfem.specimens.sizes import slipping
 
 STATED = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.002\n"

@@ -14,17 +14,23 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import SliceSet, calf_levels
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.stockings.details import StockingDetails
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, EquilibriumSolver, LinearisedCoupling
 from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
-from legfem.stockings.identification import SAMPLED_AT, SearchSettings, StiffnessSearch, StockingSettings, run_leg
+from legfem.stockings.identification import (
+    SAMPLED_AT,
+    SearchSettings,
+    StiffnessSearch,
+    StockingSettings,
+    identify_in_stocking,
+)
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
 from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
-from legfem.stockings.result import StockingResult
 
 PLANTED = 1e-3 * np.array(PLANTED_KPA)
 ACCURACY = ContourAccuracy(sd=0.1, correlation=16.0, around=30.0, along=40.0, pressure_sd=0.003)
@@ -47,7 +53,7 @@ def truth(shape: LegShape) -> tuple[LegModel3D, Equilibrium]:
 
 
 @pytest.fixture(scope="module")
-def result(shape: LegShape, truth: tuple[LegModel3D, Equilibrium]) -> StockingResult:
+def result(shape: LegShape, truth: tuple[LegModel3D, Equilibrium]) -> StockingDetails:
     slices = calf_levels(shape)
     leg = StockingLeg(
         "t",
@@ -66,7 +72,7 @@ def result(shape: LegShape, truth: tuple[LegModel3D, Equilibrium]) -> StockingRe
         default_veins(shape, float(slices[2])),
     )
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
-    return run_leg(leg, settings, Silent(), mesh=COARSE)
+    return identify_in_stocking(leg, settings, Silent(), mesh=COARSE).details
 
 
 def test_the_pressure_is_that_of_the_shape_it_makes(shape, truth):
@@ -310,7 +316,7 @@ C10_kPa = 3.25
 C10_kPa = 8.17
 """
     )
-    found = run_leg(load_leg(tmp_path), StockingSettings(cells=20_000), Silent())
+    found = identify_in_stocking(load_leg(tmp_path), StockingSettings(cells=20_000), Silent()).details
     assert found.equilibrium.converged and found.pressures is not None
     assert 1.5e-3 < found.pressures.mean_interface < 3.5e-3
     for vein in found.pressures.at_veins:

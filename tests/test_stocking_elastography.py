@@ -13,13 +13,12 @@ from legfem.common.progress import Silent
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import calf_levels
 from legfem.legs.elastography import ShearModulus
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.render.text import plain_page
 from legfem.report.stocking_page import stocking_web_page
-from legfem.stockings.document import stocking_document
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
-from legfem.stockings.identification import SearchSettings, StockingSettings, run_leg
+from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
@@ -89,13 +88,16 @@ def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
     every = {"neither": (), "fat": (replace(FAT, value=12.9e-3),), "wrong": (muscle,)}
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
     found = {
-        name: run_leg(replace(leg, elastography=moduli), settings, Silent(), mesh=COARSE, folder=tmp_path / "kept")
+        name: identify_in_stocking(
+            replace(leg, elastography=moduli), settings, Silent(), mesh=COARSE, folder=tmp_path / "kept"
+        )
         for name, moduli in every.items()
     }
     width = {}
     for name in ("neither", "fat"):
-        interval = 1e3 * found[name].best.interval95
-        print(name, 1e3 * found[name].best.parameters, interval)
+        best = found[name].details.best
+        interval = 1e3 * best.interval95
+        print(name, 1e3 * best.parameters, interval)
         assert all(low < c10 < high for (low, high), c10 in zip(interval, PLANTED_KPA, strict=True))
         width[name] = np.diff(np.log(interval), axis=1)[:, 0]
     narrower = width["fat"] / width["neither"]
@@ -104,6 +106,6 @@ def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
     # Six standard deviations of the prior's off the truth.
     said = plain_page(stocking_web_page(found["wrong"]), [])
     assert "Elastography finds a higher c10_deep than the fit of both scans does" in " ".join(said.split())
-    stiffness = stocking_document(found["fat"])["stiffness"]
-    assert stiffness["c10_superficial"]["prior"]["sd"] == pytest.approx(0.9)
-    assert stiffness["c10_deep"]["prior"] is None
+    priors = found["fat"].settings["priors"]
+    assert set(priors) == {"c10_superficial"}
+    assert priors["c10_superficial"]["sd"] == pytest.approx(0.9) and priors["c10_superficial"]["unit"] == "kPa"

@@ -16,7 +16,7 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.leg_shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.stockings.discrepancy import ModelDiscrepancy, model_discrepancy
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking

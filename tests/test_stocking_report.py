@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from reading_page import read
 from test_page_security import PLANTED, Elements
 
-from legfem.api.leg_in_stocking import LegInStocking
+from legfem.api import LegInStocking
 from legfem.common.errors import Doubt
 from legfem.common.progress import Silent
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
@@ -23,28 +23,31 @@ from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
+from legfem.inverse.document import SCHEMA, fit_document
 from legfem.inverse.intervals import quantile
 from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.report.identification import write_report
 from legfem.report.render.html import rendered
+from legfem.report.render.table import estimates_frame
 from legfem.report.render.text import plain_page
-from legfem.report.stocking import moved_surfaces, write_stocking_report
 from legfem.report.stocking_page import stocking_web_page
-from legfem.report.stocking_pressures import stiffness_interval, vein_interval
-from legfem.report.stocking_stiffness import verdict_sentence
+from legfem.report.stocking_pressures import vein_interval
+from legfem.report.stocking_stiffness import stiffness_interval, verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
-from legfem.stockings.document import stocking_document
+from legfem.stockings.assessment import assessed
+from legfem.stockings.details import StockingDocument
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_estimates
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
-from legfem.stockings.identification import SearchSettings, StockingSettings, run_leg
+from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.loading import load_leg
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.notices import stocking_notices, unloaded_skin
-from legfem.stockings.pressures import PressureProbe, fat_pressures, too_low_by
+from legfem.stockings.pressures import too_low_by
+from legfem.stockings.scan_fit import stiffness_priors
 from studies.legs.shapes import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
@@ -81,33 +84,49 @@ def result():
         default_veins(bare, float(np.median(slices))),
     )
     search = SearchSettings(starts_kPa=((3.0, 3.0),), max_steps=4, max_evaluations=3)
-    return run_leg(leg, StockingSettings(nelder_mead=True, search=search), Silent(), mesh=MESH)
-
-
-@pytest.fixture(scope="module")
-def fat(result):
-    return fat_pressures(result.leg.bare, result.equilibrium, PressureProbe(result.model.compression))
+    return identify_in_stocking(leg, StockingSettings(nelder_mead=True, search=search), Silent(), mesh=MESH)
 
 
 @pytest.fixture(scope="module")
 def folder(result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    assert write_stocking_report(result, folder) == folder / "report.txt"
+    assert write_report([result], folder) == folder / "report.txt"
     return folder
 
 
-def words_on(result, fat=None) -> str:
+def words_on(result) -> str:
     """What the report says, in one line."""
-    return " ".join(plain_page(stocking_web_page(result, fat=fat), []).split())
+    return " ".join(plain_page(stocking_web_page(result), []).split())
 
 
-def test_what_the_veins_hold_stands_beside_the_tissues_pressure(result, fat):
+def changed(result, **details):
+    """The fit of a run that found something else."""
+    return assessed(replace(result.details, **details), {}, result.log.wall_s)
+
+
+def document(result) -> dict:
+    """What result.json says of the law."""
+    return fit_document([result], StockingDocument())["laws"]["neo-hookean"]
+
+
+def estimates_of(best, result):
+    """Estimates of a search, muscle first."""
+    return tuple(stiffness_estimates(best, result.details.leg.accuracy, stiffness_priors()).values())
+
+
+def missing(result):
+    """Its best search, twice as far from the scan as errors explain."""
+    best = result.details.best
+    return replace(best, distances=np.full_like(best.distances, 2 * expected_rms(result.details.leg.accuracy)))
+
+
+def test_what_the_veins_hold_stands_beside_the_tissues_pressure(result):
     posture = Posture(1250.0, lying=mmhg_to_mpa(10.0))
-    standing = replace(result, leg=replace(result.leg, posture=posture))
-    assert "when standing still" not in words_on(result, fat)
-    assert "when standing still" in words_on(standing, fat)
-    veins = stocking_document(standing, fat)["pressures"]["veins"]
-    for vein, tissue in zip(veins, result.pressures.at_veins, strict=True):
+    standing = changed(result, leg=replace(result.details.leg, posture=posture))
+    assert "when standing still" not in words_on(result)
+    assert "when standing still" in words_on(standing)
+    veins = document(standing)["pressures"]["veins"]
+    for vein, tissue in zip(veins, result.details.pressures.at_veins, strict=True):
         borne = vein["inside_minus_tissue_kPa"]
         assert borne["lying"] == pytest.approx(1e3 * (mmhg_to_mpa(10.0) - tissue))
         column = 1060 * 9.80665 * 1e-6 * (1250.0 - vein["position_mm"][2])
@@ -116,18 +135,18 @@ def test_what_the_veins_hold_stands_beside_the_tissues_pressure(result, fat):
 
 def widened(result, half_width: float):
     """The result with other intervals, as wide as is said (over the value)."""
-    best = result.best
+    best = result.details.best
     sd = math.asinh(half_width) / quantile(0)
     covariance = np.diag([sd**2, sd**2])
     other = replace(best, log_covariance=covariance, converged=True, profile95=None)
-    return replace(result, searches=(other, *result.searches[1:]))
+    return changed(result, searches=(other, *result.details.searches[1:]))
 
 
 def test_a_scan_made_by_the_model_itself_is_met(result):
     """With the stiffness it was made with: no more than the linear solver's error is left."""
-    np.testing.assert_allclose(result.best.parameters, [2.6e-3, 6e-3], rtol=0.02)
-    assert result.best.rms < 0.01
-    assert result.discrepancy is not None and result.discrepancy.verdict == "consistent"
+    np.testing.assert_allclose(result.details.best.parameters, [2.6e-3, 6e-3], rtol=0.02)
+    assert result.details.best.rms < 0.01
+    assert result.details.discrepancy is not None and result.details.discrepancy.verdict == "consistent"
 
 
 def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
@@ -136,12 +155,12 @@ def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
     assert len(html.encode()) < 5_000_000
     assert "mmHg on average; at the deep veins the pressure is" in page.words
     assert "simulated data (the scans were computed" in page.words
-    for known in stiffness_estimates(result.best, result.leg.accuracy):
+    for known in estimates_of(result.details.best, result):
         assert f"{mpa_to_kpa(known.value):.3g} kPa" in page.words
-    for k, vein in enumerate(result.leg.veins):
-        low, high = vein_interval(result, k)
+    for k, vein in enumerate(result.details.leg.veins):
+        low, high = vein_interval(result.details, k)
         assert f"pressure at the {vein.name} vein" in page.words
-        assert low < mpa_to_mmhg(result.pressures.at_veins[k]) < high
+        assert low < mpa_to_mmhg(result.details.pressures.at_veins[k]) < high
         assert f"{low:.1f} to {high:.1f} mmHg" in page.words
     assert page.words.index("end faces are held") < page.words.index("The leg, bare and dressed")
     for tag in ("estimated", "computed", "assumed", "prior", "simulated"):
@@ -166,9 +185,9 @@ sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 20
 """)
     shear = ShearModulus("superficial", "along", 4e-3, 1e-3, text)
     leg = replace(load_leg(folder), elastography=(shear,))
-    found = run_leg(leg, StockingSettings(), Silent(), mesh=COARSEST)
+    found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSEST)
     page = Elements()
-    page.feed(rendered(stocking_web_page(found, moved_surfaces(found), command=f"run {text}")))
+    page.feed(rendered(stocking_web_page(found, f"run {text}")))
     return page
 
 
@@ -182,21 +201,24 @@ def test_markup_in_any_text_of_a_folder_is_text_in_its_page(tmp_path):
 
 
 def test_a_page_of_a_state_that_was_not_found_or_a_scan_that_is_missed_says_so(result):
-    report = replace(result.equilibrium.state.report, complete=False, reason="step too small")
-    state = replace(result.equilibrium.state, report=report)
-    lost = replace(result, equilibrium=replace(result.equilibrium, state=state), pressures=None)
+    report = replace(result.details.equilibrium.state.report, complete=False, reason="step too small")
+    state = replace(result.details.equilibrium.state, report=report)
+    lost = changed(result, equilibrium=replace(result.details.equilibrium, state=state), pressures=None)
     page = stocking_web_page(lost)
     assert page.headline.tone == "wrong" and "could not be computed" in page.headline.sentence
     read(rendered(page))
-    missed = replace(result.best, rms=2 * expected_rms(result.leg.accuracy))
-    page = stocking_web_page(replace(result, searches=(missed,)))
+    missed = replace(
+        result.details.best,
+        distances=2 * expected_rms(result.details.leg.accuracy) * np.ones_like(result.details.best.distances),
+    )
+    page = stocking_web_page(changed(result, searches=(missed,)))
     assert page.headline.tone == "wrong"
     assert page.headline.answers[-1][1].startswith("Don't use the stiffness")
 
 
 def test_a_page_of_doubtful_input_does_not_say_that_its_pressures_can_be_used(result):
     doubt = Doubt("leg.toml", "bare", "40 mm of the leg are modelled", "give 100 mm or more")
-    page = stocking_web_page(replace(result, leg=replace(result.leg, doubts=(doubt,))))
+    page = stocking_web_page(changed(result, leg=replace(result.details.leg, doubts=(doubt,))))
     assert page.headline.tone == "caution" and page.headline.heading.startswith("Check the doubtful input")
 
 
@@ -206,7 +228,7 @@ def test_page_says_who_what_and_that_it_is_simulated(result, folder):
     assert "leg of the tests" in text
     assert "*** SIMULATED DATA *** (the scans were computed by a model" in text
     assert "0.110 mm (root mean square of 2000 patches, 120 left out)" in " ".join(text.split())
-    measured = replace(result, leg=replace(result.leg, origin="measured"))
+    measured = changed(result, leg=replace(result.details.leg, origin="measured"))
     assert "*** MEASURED DATA ***" in (page := words_on(measured))
     assert "imulated" not in page
     assert max(map(len, text.splitlines())) <= 100
@@ -214,30 +236,30 @@ def test_page_says_who_what_and_that_it_is_simulated(result, folder):
 
 def test_page_gives_stiffness_with_intervals_and_every_search(result, folder):
     text = " ".join((folder / "report.txt").read_text().split())
-    for known, tissue in zip(stiffness_estimates(result.best, result.leg.accuracy), ("muscle", "fat"), strict=True):
+    for known, tissue in zip(estimates_of(result.details.best, result), ("muscle", "fat"), strict=True):
         low, high = mpa_to_kpa(np.array(known.ci95))
         assert (
             f"C10 of the {tissue}: {mpa_to_kpa(known.value):.3g} kPa (95 % {low:.3g} to "
             f"{high:.3g}); estimated, both scans; {known.identifiability}" in text
         )
         assert verdict_sentence(known) in text
-    nelder = result.searches[-1]
+    nelder = result.details.searches[-1]
     assert f"it took {nelder.solves} solves and leaves {nelder.cost:.2f} of its cost" in text
-    assert f"Errors of the contours alone would cause {expected_rms(result.leg.accuracy):.3f} mm" in text
+    assert f"Errors of the contours alone would cause {expected_rms(result.details.leg.accuracy):.3f} mm" in text
 
 
 def test_a_summary_tells_stiffness_and_pressures(result):
-    said = " ".join(LegInStocking(result).summary().split())
+    said = " ".join(LegInStocking(result.details.leg, (result,)).summary().split())
     assert "C10 of the muscle" in said and "Hydrostatic pressure" in said
     assert said.count("Every search") == 1 and "legfem 0" not in said
 
 
 def test_page_gives_pressures_in_both_units(result, folder):
     text = (folder / "report.txt").read_text()
-    found = result.pressures
+    found = result.details.pressures
     for pressure in (found.mean_interface, found.greatest_interface, found.greatest_in_fat):
         assert f"{mpa_to_mmhg(pressure):.1f} mmHg ({mpa_to_kpa(pressure):.2f} kPa)" in text
-    for vein, pressure in zip(result.leg.veins, found.at_veins, strict=True):
+    for vein, pressure in zip(result.details.leg.veins, found.at_veins, strict=True):
         share = 100 * pressure / found.mean_interface
         assert f"{vein.name}" in text and f"{share:.0f} % of the mean on the skin" in text
     assert "nan" not in text
@@ -248,7 +270,7 @@ def test_page_gives_pressures_in_both_units(result, folder):
 )
 def test_verdict_follows_the_interval(result, half_width, verdict):
     other = widened(result, half_width)
-    for known in stiffness_estimates(other.best, result.leg.accuracy):
+    for known in estimates_of(other.details.best, result):
         assert known.relative_half_width == pytest.approx(half_width)
         assert known.identifiability == verdict
         assert verdict in verdict_sentence(known)
@@ -256,11 +278,11 @@ def test_verdict_follows_the_interval(result, half_width, verdict):
 
 
 def test_an_open_interval_is_said_in_words_and_null(result):
-    best = replace(result.best, profile95=np.array([[2e-3, 4e-3], [1.5e-3, np.inf]]))
-    other = replace(result, searches=(best, *result.searches[1:]))
+    best = replace(result.details.best, profile95=np.array([[2e-3, 4e-3], [1.5e-3, np.inf]]))
+    other = changed(result, searches=(best, *result.details.searches[1:]))
     assert "(95 % at least 1.5); estimated, both scans; not identifiable" in words_on(other)
-    found = stocking_document(other)["stiffness"]["c10_superficial"]["identified"]
-    assert found["ci95"] == [pytest.approx(1.5), None] and found["relative_half_width"] is None
+    found = document(other)["parameters"]["c10_superficial"]
+    assert found["ci95"] == [pytest.approx(1.5), None] and "at least 1.5 kPa" in found["why"]
     assert stiffness_interval((0.0, 3e-3)) == "at most 3"
     assert stiffness_interval((0.0, np.inf)) == "any"
     assert starts_agree([best, replace(best, parameters=best.parameters * [1.0, 1.001])])
@@ -268,7 +290,7 @@ def test_an_open_interval_is_said_in_words_and_null(result):
 
 def test_intervals_are_the_profile_s(result):
     """A scan by the model itself: the profile is nearly as its curvature at the least."""
-    best = result.best
+    best = result.details.best
     assert best.profile95 is not None
     wald = replace(best, profile95=None).interval95
     np.testing.assert_array_equal(best.interval95, best.profile95)
@@ -281,96 +303,123 @@ def test_intervals_are_the_profile_s(result):
 
 def test_a_fit_that_misses_the_scan_is_weak_at_best_and_warned_of(result):
     other = widened(result, 0.05)
-    missed = replace(other.best, rms=2 * expected_rms(result.leg.accuracy))
-    assert {k.identifiability for k in stiffness_estimates(missed, result.leg.accuracy)} == {"weakly identifiable"}
-    other = replace(other, searches=(missed, *other.searches[1:]))
-    assert any("The model misses the scan" in text for text in stocking_notices(other))
-    assert not any("misses the scan" in text for text in stocking_notices(result))
+    missed = replace(
+        other.details.best,
+        distances=2 * expected_rms(result.details.leg.accuracy) * np.ones_like(result.details.best.distances),
+    )
+    assert {k.identifiability for k in estimates_of(missed, result)} == {"weakly identifiable"}
+    other = changed(other, searches=(missed, *other.details.searches[1:]))
+    assert any("The model misses the scan" in text for text in other.warnings)
+    assert not any("misses the scan" in text for text in result.warnings)
 
 
 def test_a_stiffness_at_a_bound_is_not_known(result):
-    best = widened(result, 0.05).best
+    best = widened(result, 0.05).details.best
     at_bound = replace(best, parameters=np.array([best.parameters[0], 0.1]))
-    muscle, fat = stiffness_estimates(at_bound, result.leg.accuracy)
+    muscle, fat = estimates_of(at_bound, result)
     assert (muscle.identifiability, fat.identifiability, fat.at_bound) == ("identifiable", "not identifiable", "upper")
     assert "upper bound" in verdict_sentence(fat)
 
 
+def test_scans_that_add_nothing_to_what_was_known_do_not_identify(result):
+    shear = ShearModulus("superficial", "across", 12e-3, 2e-4, "an article")
+    known = stiffness_estimates(result.details.best, result.details.leg.accuracy, stiffness_priors((shear,)))
+    fat = known["superficial.C10"]
+    assert fat.adds_nothing == (fat.identifiability == "not identifiable") is True
+    assert "both scans add nothing to its prior" in fat.why and "beyond what was known" in verdict_sentence(fat)
+    assert not known["deep.C10"].adds_nothing
+
+
 def test_starts_that_disagree_are_told(result):
-    best = widened(result, 0.2).best
+    best = widened(result, 0.2).details.best
     other = replace(best, parameters=best.parameters * [1.0, 1.3])
     near = replace(best, parameters=best.parameters * [1.0, 1.03])
     assert starts_agree([best, near]) and not starts_agree([best, other])
-    sure = widened(result, 0.05).best
+    sure = widened(result, 0.05).details.best
     assert not starts_agree([sure, replace(near, log_covariance=None)]), "the best one's interval"
-    apart = replace(result, searches=(best, other))
-    assert any("did not all lead to the same" in text for text in stocking_notices(apart))
+    apart = changed(result, searches=(best, other))
+    assert any("did not all lead to the same" in text for text in apart.warnings)
     assert "30 % apart" in words_on(apart)
-    page = words_on(replace(result, searches=(best, near)))
+    page = words_on(changed(result, searches=(best, near)))
     assert "All 2 starts led to the same stiffness (within 3 %)." in page
-    page = words_on(replace(result, searches=(best, replace(near, converged=False))))
+    page = words_on(changed(result, searches=(best, replace(near, converged=False))))
     assert "(within 3 %), though not all had settled." in page
 
 
 def test_what_did_not_settle_or_was_not_found_is_warned_of(result):
-    unsettled = replace(result, equilibrium=replace(result.equilibrium, converged=False, changes=(0.1, 0.04)))
-    assert "still changed by 4 %" in " ".join(stocking_notices(unsettled))
-    report = replace(result.equilibrium.state.report, complete=False, reason="step too small")
-    state = replace(result.equilibrium.state, report=report)
-    lost = replace(result, equilibrium=replace(result.equilibrium, state=state), pressures=None)
-    assert "could not be computed (step too small)" in stocking_notices(lost)[0]
+    unsettled = changed(result, equilibrium=replace(result.details.equilibrium, converged=False, changes=(0.1, 0.04)))
+    assert "still changed by 4 %" in " ".join(unsettled.warnings)
+    report = replace(result.details.equilibrium.state.report, complete=False, reason="step too small")
+    state = replace(result.details.equilibrium.state, report=report)
+    lost = changed(result, equilibrium=replace(result.details.equilibrium, state=state), pressures=None)
+    assert "could not be computed (step too small)" in lost.warnings[0]
     page = words_on(lost)
     assert "Hydrostatic pressure" not in page and "nan" not in page
-    assert stocking_document(lost)["pressures"] is None
-    failed = replace(result.best, equilibrium=replace(result.equilibrium, state=state), converged=False)
-    assert any(
-        "met a state that could not be computed" in text
-        for text in stocking_notices(replace(result, searches=(failed,)))
-    )
+    assert document(lost)["pressures"] is None
+    failed = replace(result.details.best, equilibrium=replace(result.details.equilibrium, state=state), converged=False)
+    met = changed(result, searches=(failed,))
+    assert any("met a state that could not be computed" in text for text in met.warnings) and not met.estimates
 
 
 def test_slack_heights_and_spanned_hollows_are_warned_of(result):
-    bare = result.leg.bare
-    spans = stocking_load(bare, result.leg.stocking).perimeter
+    bare = result.details.leg.bare
+    spans = stocking_load(bare, result.details.leg.stocking).perimeter
     wide = Stocking(0.3, bare.levels, np.where(bare.levels < 70.0, 1.1, 0.9) * spans)
-    worn = replace(result.equilibrium, load=stocking_load(bare, wide))
-    texts = " ".join(stocking_notices(replace(result, equilibrium=worn)))
+    worn = replace(result.details.equilibrium, load=stocking_load(bare, wide))
+    texts = " ".join(changed(result, equilibrium=worn).warnings)
     assert "slack, and presses on nothing, at 4 of 11 heights, between 50 and 65 mm" in texts
-    assert (unloaded_skin(bare, worn.load)[:4] == 0).all(), "slack is no hollow"
+    assert (worn.load.unloaded_skin[:4] == 0).all(), "slack is no hollow"
     assert "as if the leg continued unchanged" in texts
-    free = replace(result, leg=replace(result.leg, ends="free"))
-    assert not any("continued unchanged" in text for text in stocking_notices(free))
+    free = changed(result, leg=replace(result.details.leg, ends="free"))
+    assert not any("continued unchanged" in text for text in free.warnings)
 
 
-def test_document_has_every_number_with_its_unit(result, fat):
-    document = stocking_document(result, fat)
-    read = json.loads(json.dumps(document, allow_nan=False))
-    assert read["schema"] == "legfem.stocking/1" and read["origin"] == "simulated"
-    found = read["stiffness"]["c10_superficial"]["identified"]
+def test_document_has_every_number_with_its_unit(result):
+    whole = json.loads(json.dumps(fit_document([result], StockingDocument()), allow_nan=False))
+    assert whole["schema"] == SCHEMA and whole["kind"] == "stocking" and whole["origin"] == "simulated"
+    read = whole["laws"]["neo-hookean"]
+    found = read["parameters"]["c10_superficial"]
     assert found["unit"] == "kPa" and found["ci95"][0] < found["value"] < found["ci95"][1]
-    assert found["value"] == pytest.approx(1e3 * result.best.parameters[1])
-    assert read["solves"]["identification"] == sum(s.solves for s in result.searches)
+    assert found["value"] == pytest.approx(1e3 * result.details.best.parameters[1])
+    assert read["solves"]["identification"] == sum(s.solves for s in result.details.searches)
     assert read["registration"]["residual_rms_mm"] == 0.11
     pressures = read["pressures"]
-    assert pressures["mean_interface_kPa"] == pytest.approx(1e3 * result.pressures.mean_interface)
-    assert [vein["name"] for vein in pressures["veins"]] == [v.name for v in result.leg.veins]
-    assert read["warnings"] == list(stocking_notices(result))
-    assert {"legfem", "dolfinx", "python"} <= set(read["versions"])
+    assert pressures["mean_interface_kPa"] == pytest.approx(1e3 * result.details.pressures.mean_interface)
+    assert [vein["name"] for vein in pressures["veins"]] == [v.name for v in result.details.leg.veins]
+    assert read["warnings"] == list(result.warnings)
+    assert {"legfem", "dolfinx", "python"} <= set(whole["versions"])
+    (scans,) = read["tests"]
+    contours = [scans["curve"]["measured_skin_displacement_mm"], scans["channels"]["muscle_displacement"]["measured"]]
+    assert [len(scans["points_mm"][name]["x"]) for name in scans["points_mm"]] == list(map(len, contours))
+    assert np.mean(contours[0]) < 0.0, "the stocking presses the skin in"
+    assert read["cost"]["unit"] == "mm2" and read["cost"]["rms_mm"] == pytest.approx(result.details.best.rms)
+    assert read["cost"]["r_squared"] > 0.99 and read["goodness"]["p_value"] > 0.05
+    skin = read["computed"]["pressure_on_skin"]
+    assert skin["unit"] == "mmHg" and skin["value"] == pytest.approx(
+        mpa_to_mmhg(result.details.pressures.mean_interface)
+    )
+    vein = read["computed"]["pressure_at_fibular_vein"]
+    assert vein["ci95"][0] < vein["value"] < vein["ci95"][1]
+    rows = estimates_frame([result]).set_index("parameter")
+    assert rows.loc["pressure_on_skin", "value"] == skin["value"] and rows.loc["c10_deep", "unit"] == "kPa"
 
 
-def test_a_leg_without_a_scan_in_its_stocking_is_reported(result, fat):
-    given = replace(
+def test_a_leg_without_a_scan_in_its_stocking_is_reported(result):
+    given = changed(
         result,
-        leg=replace(result.leg, compressed=None, registration=None, known=True),
+        leg=replace(result.details.leg, compressed=None, registration=None, known=True),
         searches=(),
         misfit=None,
         scan_load=None,
     )
-    page = words_on(given, fat)
+    page = words_on(given)
     assert "Not identified: the leg was not scanned in its stocking" in page
-    document = stocking_document(given, fat)
-    assert document["stiffness"]["c10_deep"]["identified"] is None
-    assert document["contours"] is None and document["registration"] is None
+    read = document(given)
+    assert not read["parameters"] and not read["tests"] and read["goodness"]["p_value"] is None
+    assert read["stiffness_of_the_pressures"]["given"] and read["assumed"]["deep_C10_kPa"] == pytest.approx(
+        1e3 * result.details.parameters["deep.C10"]
+    )
+    assert read["contours"] is None and read["registration"] is None
 
 
 def test_pictures_and_fields_are_written_and_nothing_else_is_left(folder):
@@ -385,22 +434,24 @@ def test_pictures_and_fields_are_written_and_nothing_else_is_left(folder):
 
 
 def test_fields_hold_the_stocking_s_pressure(result):
-    result.model.set_state(result.equilibrium.state, result.equilibrium.pressure, result.parameters)
-    fields = fields_of(result.model.compression.system)
+    result.details.model.set_state(
+        result.details.equilibrium.state, result.details.equilibrium.pressure, result.details.parameters
+    )
+    fields = fields_of(result.details.model.compression.system)
     assert fields.skin_pressure.name == "interface_pressure"
-    highest = 1e3 * result.equilibrium.load.pressure.max()
+    highest = 1e3 * result.details.equilibrium.load.pressure.max()
     assert fields.skin_pressure.x.array.max() == pytest.approx(highest, rel=0.1)
     skin = fields.skin_pressure.x.array.mean()
-    assert skin == pytest.approx(1e3 * result.pressures.mean_interface, rel=0.1)
+    assert skin == pytest.approx(1e3 * result.details.pressures.mean_interface, rel=0.1)
 
 
-def test_pressure_in_columns_of_fat_is_the_probe_s(result, fat):
-    bare = result.leg.bare
+def test_pressure_in_columns_of_fat_is_the_probe_s(result):
+    bare, fat = result.details.leg.bare, result.details.fat
     assert fat.levels.min() >= bare.levels[0] + 10.0
     assert np.isfinite(fat.greatest).all()
     assert (fat.greatest >= fat.mean).all()
     # The extreme over the nodes isn't below that over the columns, which lie between them.
-    assert fat.greatest.max() <= 1.05 * result.pressures.greatest_in_fat
+    assert fat.greatest.max() <= 1.05 * result.details.pressures.greatest_in_fat
     assert 2.0 < fat.thickness.min() < fat.thickness.max() < 14.0
 
 
@@ -409,8 +460,8 @@ def test_the_greatest_pressure_in_fat_is_given_with_what_the_mesh_takes_off_it(r
     assert least == pytest.approx(1 - 3.661 / 4.223) and 0.2 < most < 0.25
     assert too_low_by(100) == (least, most), "coarser than was measured"
     assert too_low_by(496_489)[0] == 0.0 and too_low_by(5_000_000)[1] < 0.05
-    said = stocking_document(result)["pressures"]["greatest_in_fat_too_low_by"]
-    assert said == list(too_low_by(result.tetrahedra))
+    said = document(result)["pressures"]["greatest_in_fat_too_low_by"]
+    assert said == list(too_low_by(result.details.tetrahedra))
     assert "13 to 21 % too low on this mesh, judging by finer meshes of a leg that comes with" in words_on(result)
 
 

@@ -15,17 +15,17 @@ from legfem.common.units import MPA_PER_MMHG
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.render.text import plain_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import sensor_rows
+from legfem.stockings.assessment import sensor_notices
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
-from legfem.stockings.identification import SearchSettings, StockingSettings, run_leg
+from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, Sensor, SensorArray, StockingLeg, off_skin
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
-from legfem.stockings.notices import sensor_notices
 from legfem.stockings.schema import LegFile, parse_leg_file
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
@@ -163,8 +163,8 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
     found = {}
     for name, one in (("without", replace(leg, sensors=())), ("with", leg)):
-        result = run_leg(one, settings, Silent(), mesh=COARSE, folder=tmp_path / "kept")
-        best = result.best
+        fit = identify_in_stocking(one, settings, Silent(), mesh=COARSE, folder=tmp_path / "kept")
+        result, best = fit.details, fit.details.best
         assert best is not None and best.converged and best.tension is not None
         found[name] = best
         for planted, (low, high) in zip(PLANTED_KPA, 1e3 * best.interval95, strict=True):
@@ -180,7 +180,7 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
     # The muscle's interval carries the fabric's; the fat's is ruled by the outlines' errors.
     assert narrower[0] < 0.85 and narrower[1] < 1.05
     assert len(sensor_rows(result)) == 2
-    said = plain_page(stocking_web_page(result), [])
+    said = plain_page(stocking_web_page(fit), [])
     assert "tension of the fabric over what was given" in said and "at 20" in said
     assert result.equilibrium.load.pressure.mean() == pytest.approx(worn.load.pressure.mean(), rel=0.06)
     assert all(abs(one.standardised_residual) < 3 for one in result.sensors)

@@ -16,7 +16,7 @@ from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.explain import explain
 from legfem.inverse.laplace import WIDTHS, contact_posterior, gain_of_widths, integrate_strength
-from legfem.inverse.linearised import fit
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import strength
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.mechanisms.instrument import ForceDrift

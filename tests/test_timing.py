@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from making_diagnosis import SOUGHT, problem_of, two_rates
 
-from legfem.data.segmentation import LOADING
+from legfem.data.phases import LOADING
 from legfem.inverse.explain import explain
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.mechanisms.timing import moments, shortest_programme

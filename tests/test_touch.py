@@ -18,7 +18,8 @@ from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, error_model
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.laplace import STARTS_AT_CONTACT, contact_posterior
-from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import prior_of
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor, detected_onset, onset_name

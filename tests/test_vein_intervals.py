@@ -13,7 +13,7 @@ from legfem.common.progress import Silent
 from legfem.geometry.slices import calf_levels
 from legfem.stockings.equilibrium import EquilibriumSettings, EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
-from legfem.stockings.identification import StockingSettings, run_leg
+from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.leg_model import PARAMETERS, LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
@@ -74,7 +74,7 @@ def test_the_fabrics_error_is_in_the_intervals_of_a_leg_whose_stiffness_was_give
             "short", "a leg", "simulated", bare, bare, None, None, stocking, accuracy, laws(*KPA), True, "held",
             calf_levels(bare), default_veins(bare, 80.0),
         )  # fmt: skip
-        return run_leg(leg, StockingSettings(), Silent(), mesh=COARSE).pressures
+        return identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSE).details.pressures
 
     without, known, more = run(exact, fabric), run(stated, fabric), run(exact, replace(fabric, stiffness=1.05 * 0.3))
     got = np.sqrt(np.square(known.at_veins_sd) - np.square(without.at_veins_sd))

@@ -14,10 +14,10 @@ _HOMES = {
     "cohorts": ("Cohort", "cohort"),
     "diagnosed": ("DiagnosedFolder", "DiagnosedLeg", "diagnose"),
     "identification": ("identify",),
-    "leg_in_stocking": ("LegInStocking", "stocking"),
+    "leg_in_stocking": ("stocking",),
     "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
     "planned": ("PlannedTests", "plan"),
-    "results": ("Identification", "IdentifiedLeg", "IdentifiedSites", "IdentifiedSpecimen"),
+    "results": ("Identification", "IdentifiedLeg", "IdentifiedSites", "IdentifiedSpecimen", "LegInStocking"),
 }
 """Names that the door leads to, by the module that they stand in."""
 

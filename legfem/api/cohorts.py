@@ -21,7 +21,7 @@ from legfem.api.diagnosed import DiagnosedLeg, diagnose
 from legfem.api.identification import identify
 from legfem.api.leg_in_stocking import stocking
 from legfem.api.loading import Given, load_leg, opened
-from legfem.api.results import Result
+from legfem.api.results import Identification, Result
 from legfem.cohort.known import ExpectedRun, KnownRows, Options
 from legfem.cohort.members import Member, Members, Task, find_members
 from legfem.cohort.population_model import PopulationFit, population_document, populations
@@ -40,11 +40,9 @@ from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
 from legfem.report.cohort_statistics import forest_figure
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import document
-from legfem.report.estimates import preferred
 from legfem.report.kinds import kind_of
 from legfem.report.page import PAGE, WebPage, command_line
 from legfem.report.render.text import brief
-from legfem.report.stocking_page import stocking_web_page
 from legfem.specimens.folder import SpecimenFolder
 
 _log = logging.getLogger(__name__)
@@ -303,14 +301,8 @@ def _unheard() -> Iterator[None]:
 def _identified(options: Options, member: Member, folder: Path) -> list[Row]:
     given = opened(member.folder)
     found = identify(given, out=folder, **options.given)
-    report = found.write(folder, every_rank=True)
-    content = found.document()
-    page = kind_of(found.fits).page(found.fits, None, "", "")
-    best = preferred(found.fits)
     shape = Shape() if isinstance(given, SpecimenFolder) else _shape(as_leg(given).sites[0])
-    row = _row(member, content, page, best.law, given.origin, report, shape)
-    settings = content["laws"][best.law]["settings"]
-    return [replace(row, recordings=_recordings(given), settings=settings)]
+    return [replace(_fitted(found, member, folder), shape=shape, recordings=_recordings(given))]
 
 
 def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
@@ -337,11 +329,15 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
 
 
 def _dressed(options: Options, member: Member, folder: Path) -> list[Row]:
-    leg = load_leg(member.folder)
-    found = stocking(leg, out=folder, **options.given)
-    report = found.write(folder)
-    page = stocking_web_page(found.result)
-    return [_row(member, found.document(), page, "", leg.origin, report, Shape())]
+    return [_fitted(stocking(load_leg(member.folder), out=folder, **options.given), member, folder)]
+
+
+def _fitted(found: Identification, member: Member, folder: Path) -> Row:
+    report = found.write(folder, every_rank=True)
+    content, law = found.document(), found.best.law
+    page = kind_of(found.fits).page(found.fits)
+    row = _row(member, content, page, law, content["origin"], report, Shape())
+    return replace(row, settings=content["laws"][law]["settings"])
 
 
 _DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}

@@ -284,7 +284,7 @@ def _of_leg(
         request = replace(request, progress=told)
         ranks = comm or MPI.COMM_SELF
         fits = identify_leg(leg, laws, request, correction, in_3d, ranks, solid_numbers, section)
-    return Identification(given, tuple(fits), section, jobs=request.jobs)
+    return Identification(given, tuple(fits), section)
 
 
 def _of_specimens(

@@ -1,59 +1,16 @@
 """A leg in its compression stocking: stiffness and pressures."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from legfem.api.arguments import check_folder, check_whole, wrong
 from legfem.api.loading import Given, load_leg
-from legfem.api.results import Result, row
+from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.report.page import WebPage, command_line
-from legfem.report.render.text import brief
-from legfem.report.stocking import moved_surfaces, write_stocking_report
-from legfem.report.stocking_figures import stocking_pressure_figure
-from legfem.report.stocking_page import stocking_web_page
-from legfem.report.stocking_pressures import PRESSURES
-from legfem.report.stocking_stiffness import STIFFNESS
-from legfem.stockings.document import stocking_document
-from legfem.stockings.identification import StockingSettings, run_leg
+from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
-from legfem.stockings.result import StockingResult
-
-
-@dataclass(frozen=True, eq=False)
-class LegInStocking(Result):
-    """Stiffness and pressures of a leg in a compression stocking."""
-
-    result: StockingResult
-
-    def summary(self) -> str:
-        """Return what was found, in words."""
-        return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
-
-    def document(self) -> dict[str, Any]:
-        """Return what ``result.json`` holds."""
-        return stocking_document(self.result)
-
-    def plot(self) -> Figure:
-        """Return the pressure of the stocking on the skin, unrolled and on the leg."""
-        return stocking_pressure_figure(self.result)
-
-    def write(self, folder: Given) -> Path:
-        """Write result.json, report.txt, figures and fields; return the report's path."""
-        return write_stocking_report(self.result, Path(folder), command_line())
-
-    def _page(self) -> WebPage:
-        return stocking_web_page(self.result, moved_surfaces(self.result))
-
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for name, entry in self.document()["stiffness"].items():
-            yield row(name, entry["identified"] or entry["used_for_pressures"])
 
 
 def stocking(
@@ -64,7 +21,7 @@ def stocking(
     out: Given | None = None,
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
-) -> LegInStocking:
+) -> Identification:
     """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
 
     Parameters
@@ -85,8 +42,9 @@ def stocking(
 
     Returns
     -------
-    LegInStocking
-        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
+    Identification
+        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``; its ``best`` is a
+        `legfem.inverse.fit.Fit`, whose details are `legfem.stockings.details.StockingDetails`.
 
     Raises
     ------
@@ -109,4 +67,5 @@ def stocking(
     kept = None if out is None else Path(out) / "equilibria"
     ranks = comm or MPI.COMM_SELF
     with progress_on(quiet=not progress or ranks.rank > 0) as told:
-        return LegInStocking(run_leg(known, StockingSettings(cells, nelder_mead), told, ranks, folder=kept))
+        fit = identify_in_stocking(known, StockingSettings(cells, nelder_mead), told, ranks, folder=kept)
+    return Identification(known, (fit,))

@@ -26,6 +26,7 @@ from legfem.report.render.html import rendered
 from legfem.report.render.table import estimates_frame
 from legfem.report.render.text import brief
 from legfem.specimens.folder import SpecimenFolder
+from legfem.stockings.leg import StockingLeg
 
 
 class Result(ABC):
@@ -72,14 +73,15 @@ class Result(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Identification(Result):
-    """Stiffness identified from recordings of a leg, of its sites together, or of specimens."""
+    """Stiffness identified from a leg's recordings, of its sites together, from specimens, or from both scans of a leg.
 
-    given: Subject | SitedLeg | SpecimenFolder
+    Of a leg in its stocking also the pressures on the skin and inside.
+    """
+
+    given: Subject | SitedLeg | SpecimenFolder | StockingLeg
     fits: tuple[Fit[Any], ...]
     """One a law."""
     _section: JointForward[PlaneStrainForward] | None = None
-    jobs: int = 1
-    """Processes that may draw a report."""
 
     def __getitem__(self, law: LawName) -> Fit[Any]:
         """A law's fit; raises KeyError for one that wasn't identified."""
@@ -95,7 +97,8 @@ class Identification(Result):
 
     def summary(self) -> str:
         """Values, intervals, which law fits better, whether sites agree, how well the rest is predicted, warnings."""
-        return brief(kind_of(self.fits).page(self.fits, None, "", ""))
+        kind = kind_of(self.fits)
+        return brief(kind.page(self.fits), kind.told)
 
     def document(self) -> dict[str, Any]:
         """What ``result.json`` holds; its laws are members."""
@@ -110,7 +113,7 @@ class Identification(Result):
 
         Under MPI the first rank writes alone, unless every rank has a leg and a folder of its own.
         """
-        return write_report(self.fits, Path(folder), command_line(), self._experiment, self.jobs, every_rank)
+        return write_report(self.fits, Path(folder), command_line(), self._experiment, every_rank)
 
     def to_frame(self) -> pd.DataFrame:
         """The parameters: a row each, with law, value, 95 % interval, unit and verdict."""
@@ -131,7 +134,7 @@ class Identification(Result):
         return kind_of(self.fits).page(self.fits, pressed, "", "")
 
 
-IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = Identification
+IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = LegInStocking = Identification
 """Names that the result had when each kind had its own."""
 
 

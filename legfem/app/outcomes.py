@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from legfem.app.runs import Run
 from legfem.common.documents import literal
-from legfem.common.units import kpa_to_mpa, mpa_to_mmhg
 from legfem.report.words import number
 
 if TYPE_CHECKING:
@@ -36,6 +35,8 @@ class Answer:
     origin: str = ""
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Estimates as documents have them, by key (``c10_deep``)."""
+    computed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """What else was computed with them, likewise."""
     verdict: str = ""
 
     @property
@@ -127,25 +128,16 @@ def _by_law(content: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def _identified(document: Mapping[str, Any]) -> dict[str, Any]:
-    if "stiffness" in document:
-        return _in_stocking(document)
-    known = document["parameters"]
-    verdict = document.get("identifiability") or known.get("c10_deep", {}).get("identifiability", "")
-    return {"law": document["law"], "origin": document["origin"], "parameters": known, "verdict": verdict}
-
-
-def _in_stocking(document: Mapping[str, Any]) -> dict[str, Any]:
-    found = {
-        f"c10_{tissue}": entry["identified"]
-        for name, entry in document["stiffness"].items()
-        for tissue in ("deep", "superficial")
-        if tissue in name and entry["identified"]
+    known, computed = document["parameters"], document.get("computed", {})
+    verdicts = [document.get("identifiability") or known.get("c10_deep", {}).get("identifiability", "")]
+    verdicts += [f"{one['name']} {one['value']:.0f} {one['unit']}" for one in list(computed.values())[:1]]
+    return {
+        "law": document["law"],
+        "origin": document["origin"],
+        "parameters": known,
+        "computed": computed,
+        "verdict": ", ".join(filter(None, verdicts)),
     }
-    verdicts = sorted({one["identifiability"] for one in found.values()})
-    if (pressures := document["pressures"]) is not None:
-        mean = mpa_to_mmhg(kpa_to_mpa(pressures["mean_interface_kPa"]))
-        verdicts.append(f"pressure on the skin {mean:.0f} mmHg on average")
-    return {"origin": document["origin"], "parameters": found, "verdict": ", ".join(verdicts)}
 
 
 def _diagnosed(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -174,7 +166,7 @@ def numbers_of(answers: Sequence[Answer]) -> pd.DataFrame:
     rows = []
     for one in answers:
         plain = (literal(one.run), literal(one.about), one.kind, one.state, one.law, one.origin, one.verdict)
-        for key, known in (one.parameters or {"": {}}).items():
+        for key, known in ({**one.parameters, **one.computed} or {"": {}}).items():
             low, high = known.get("ci95") or (None, None)
             rows.append((*plain, key, known.get("value"), low, high, known.get("unit"), known.get("identifiability")))
     return pd.DataFrame(rows, columns=_HEADER.split())

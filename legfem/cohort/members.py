@@ -1,19 +1,16 @@
 """Who is in a cohort: folders below one, and what a table says of each."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+
+import pandas as pd
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_text
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 type Task = Literal["identify", "diagnose", "stocking"]
 """What is done with each member: the command of that name."""
@@ -175,8 +172,6 @@ def _problem(path: Path, written: str, found: Mapping[str, Path], files: Sequenc
 
 def _cells(table: Path) -> pd.DataFrame:
     """Texts of a table by its lower-case column names; the index is the line."""
-    import pandas as pd
-
     if not table.is_file():
         raise InputError(table, "file", "not found", "check the path")
     try:
@@ -207,10 +202,8 @@ def _cells(table: Path) -> pd.DataFrame:
     return cells
 
 
-def _as_numbers(column: pd.Series[str], name: str) -> list[float] | None:
+def _as_numbers(column: "pd.Series[str]", name: str) -> list[float] | None:
     """A column's numbers, NaN where it is empty; None where one is a text, or the column is of texts."""
-    import pandas as pd
-
     if name in (*DESIGN, "folder", "sex"):
         return None
     plain = column.str.replace(r"^([+-]?\d+),(\d+)$", r"\1.\2", regex=True)
@@ -219,8 +212,6 @@ def _as_numbers(column: pd.Series[str], name: str) -> list[float] | None:
 
 
 def _check_date(table: Path, line: int, text: str) -> None:
-    import pandas as pd
-
     if not text:
         return
     try:

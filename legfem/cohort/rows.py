@@ -1,19 +1,16 @@
 """What was found of each member: a row of the cohort, from the documents that the commands write; all as one table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from legfem.cohort.members import DESIGN, Member
 from legfem.common.documents import literal
 from legfem.inverse.catalogue import unit_suffix
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -130,13 +127,6 @@ def models_of(document: Mapping[str, Any]) -> dict[str, ModelResult]:
             name: ModelResult(_measures(law["parameters"]), law["goodness"]["p_value"], _curve(law))
             for name, law in document["laws"].items()
         }
-    if "stiffness" in document:
-        entries = {
-            name: entry["identified"]
-            for name, entry in document["stiffness"].items()
-            if entry["identified"] is not None
-        }
-        return {"": ModelResult(_measures(entries))}
     return {}
 
 
@@ -197,7 +187,7 @@ _MEANINGS = {
     "member": "folder of the member, below the cohort's",
     "subject": "person",
     "problem": "why there is no result; empty where there is one",
-    "judgement": "sound, caution, open or wrong, as on the member's own page",
+    "judgement": "sound (the model fits; that nothing else hides, a diagnosis alone can tell), caution, open or wrong",
     "verdict": "of a diagnosis",
     "model": "strain energy that the recordings ask for, or the model that the numbers are of",
     "warnings": "number of warnings on the member's own page",
@@ -212,8 +202,6 @@ _MEANINGS = {
 
 def cohort_frame(members: Sequence[Member], rows: Sequence[Row]) -> pd.DataFrame:
     """Return a row a member, in the members' order; empty cells where there is nothing."""
-    import pandas as pd
-
     by_name = {one.name: one for one in members}
     entries = []
     for row in rows:
@@ -246,8 +234,6 @@ def column(model: str, *parts: str) -> str:
 
 def units_frame(frame: pd.DataFrame, rows: Sequence[Row]) -> pd.DataFrame:
     """Return unit and meaning of each of a frame's columns."""
-    import pandas as pd
-
     known: dict[str, tuple[str, str]] = {name: (_unit(name), text) for name, text in _MEANINGS.items()}
     for row in rows:
         for model, found in row.models.items():
@@ -273,8 +259,6 @@ def _unit(name: str) -> str:
 
 def write_tables(frame: pd.DataFrame, units: pd.DataFrame, folder: Path) -> list[Path]:
     """Write the table as CSV and as a workbook, and as Parquet where pyarrow is installed; return the paths."""
-    import pandas as pd
-
     plain = frame.map(literal)
     written = [folder / CSV, folder / UNITS, folder / WORKBOOK]
     plain.to_csv(written[0], index=False)

@@ -1,23 +1,21 @@
 """Statistics of a cohort: those that its table permits, and why the others aren't there."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.power import TTestIndPower
 
 from legfem.cohort.agreement import ICC_FORM, Agreement, Fitted, Limits, MixedModel, agreement, limits
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.common.documents import json_types
 from legfem.common.units import FloatArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FACTORS = ("group", "side", "session", "rater", "rig", "sex")
 COVARIATES = ("age", "bmi")
@@ -100,8 +98,6 @@ class Statistics:
 
 def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
     """Return a cohort's statistics; members whose model doesn't fit are left out."""
-    from statsmodels.stats.multitest import multipletests
-
     reasons: dict[str, None] = {}
     wrong = [row.name for row in rows if row.done and row.judged.tone == "wrong"]
     if wrong:
@@ -177,8 +173,6 @@ def _analysed(members: Sequence[Member], rows: Sequence[Row], name: str, reasons
 
 def values_of(members: Sequence[Member], rows: Sequence[Row], name: str) -> tuple[pd.DataFrame, str]:
     """Return a parameter's values with what is known of each, a row a test, and the unit."""
-    import pandas as pd
-
     known = {one.name: one for one in members}
     entries, unit = [], ""
     for row, found in measured(rows, cohort_model(rows)):
@@ -282,7 +276,5 @@ def design_of(
 
 
 def _people_needed(effect_size: float) -> int:
-    from statsmodels.stats.power import TTestIndPower
-
     found = TTestIndPower().solve_power(effect_size=effect_size, power=POWER, alpha=LEVEL)
     return max(math.ceil(float(found)), 2)

@@ -31,9 +31,8 @@ def run(
     law: Annotated[
         Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential", "both"] | None,
         _option(
-            "Strain energy of the deep tissue; both by default, with --identify the neo-Hookean "
-            "one unless deep.C20 is among the names or given; yeoh and exponential are for "
-            "specimens."
+            "Strain energy of the deep tissue; both by default, with --identify the neo-Hookean one unless deep.C20 is "
+            "among the names or given; yeoh and exponential are for specimens."
         ),
     ] = None,
     identify: Annotated[
@@ -48,9 +47,8 @@ def run(
         list[str] | None,
         _option(
             "What is known of a parameter before the test: 'superficial.C10=2±1 kPa' (+- may be written for ±), or "
-            "'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population' (also "
-            "deep.C10) for that of people's calves; one that isn't to be identified may deviate by "
-            "it; may be given again."
+            "'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population' (also deep.C10) for that of "
+            "people's calves; one that isn't to be identified may deviate by it; may be given again."
         ),
     ] = None,
     fix: Annotated[
@@ -70,10 +68,9 @@ def run(
     model: Annotated[
         Literal["2d", "3d"],
         _option(
-            "2d (the default): a section in plane strain, corrected from a table; 3d: some full "
-            "solves of the leg itself confirm the correction and take the table's place (tens of "
-            "minutes). With several [[site]], deep.fibre_ratio, or what doesn't lie along the leg, "
-            "the search goes on solves in 3D alone."
+            "2d (the default): a section in plane strain, corrected from a table; 3d: some full solves of the leg "
+            "itself confirm the correction and take the table's place (tens of minutes). With several [[site]], "
+            "deep.fibre_ratio, or what doesn't lie along the leg, the search goes on solves in 3D alone."
         ),
     ] = "2d",
     weighting: Annotated[

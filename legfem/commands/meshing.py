@@ -101,7 +101,8 @@ def section_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
 def stocking_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
     """Mesh the bare leg of a folder, as `legfem.stocking` does."""
     from legfem.meshing.exchange import named_mesh
-    from legfem.meshing.solid_leg import mesh_solid_leg, settings_for_cells
+    from legfem.meshing.leg_sizes import settings_for_cells
+    from legfem.meshing.solid_leg import mesh_solid_leg
     from legfem.stockings.identification import StockingSettings
     from legfem.stockings.loading import load_leg
 

@@ -37,7 +37,6 @@ def stocking(
         from mpi4py import MPI
 
         from legfem.api.leg_in_stocking import stocking as stocking_in_full
-        from legfem.report.stocking import NUMBERS
         from legfem.stockings.loading import LEGS, load_leg
 
         leg, first = load_leg(LEGS.named(subject, subject_dir)), MPI.COMM_WORLD.rank == 0
@@ -49,8 +48,8 @@ def stocking(
         )
         report = found.write(folder)
         if first:
-            print_outcome([report.read_text(encoding="utf-8")], folder / NUMBERS, report, quiet, as_json)
-        if not found.result.equilibrium.converged:
+            print_outcome([report.read_text(encoding="utf-8")], folder / "result.json", report, quiet, as_json)
+        if not found.best.details.equilibrium.converged:
             if first:
                 print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)
             raise typer.Exit(FAILED)

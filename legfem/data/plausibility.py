@@ -7,8 +7,9 @@ import numpy as np
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
+from legfem.data.phases import HOLD, LOADING
 from legfem.data.recording import Recording
-from legfem.data.segmentation import HOLD, LOADING, Segmentation
+from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise, without_outliers
 
 _MANY_ROWS = 200

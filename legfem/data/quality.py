@@ -8,9 +8,10 @@ from scipy.ndimage import median_filter
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.data.phases import LOADING
 from legfem.data.plausibility import cut_off
 from legfem.data.recording import Recording
-from legfem.data.segmentation import LOADING, Segmentation
+from legfem.data.segmentation import Segmentation
 
 # Of the force's range; a load cell of 500 N with 16 bit reads a leg's 10 N in steps of 0.15 %.
 _COARSE, _VERY_COARSE = 0.005, 0.02

@@ -5,7 +5,6 @@ Whatever looks at a recording (preview, plausibility, identification, diagnosis,
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,21 +13,11 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.contact import LEG, Contact, Scales, contact_at_start, first_contact, fit_onset
 from legfem.data.noise import UNSTATED, Instrument
+from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING, least_way, phases_of_motion, runs_of
 from legfem.data.recording import Recording
-from legfem.data.smoothing import (
-    STILL,
-    local_line,
-    pace,
-    sample_noise,
-    smooth_displacement,
-    velocity_window,
-    without_outliers,
-)
+from legfem.data.smoothing import sample_noise, smooth_displacement, without_outliers
 from legfem.data.stress_tables import roughness
 
-LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
-# A still stretch of less way than this share of the recording's holds whatever its speed.
-_HELD_SHARE = 0.05
 _SHORTEST_SEGMENT = 8
 _CORNER = 0.1
 """Of a way of `Scales`."""
@@ -174,8 +163,7 @@ class Segmentation:
         force has come back to its baseline, the indenter is in air.
         """
         t, d = self.recording.time, without_outliers(self.recording.displacement)
-        motion = _motion(t, d, max(_HELD_SHARE * float(np.ptp(d)), 5.0 * sample_noise(d)), self.scales.way)
-        labels = np.array([UNLOADING, HOLD, LOADING])[motion + 1].astype("<U9")
+        labels = phases_of_motion(t, d, self.scales.way)
         touched = np.flatnonzero(self.smooth >= self.contact.displacement)
         if self.contact.in_air:
             labels[: touched[0] if len(touched) else len(labels)] = AIR
@@ -185,7 +173,7 @@ class Segmentation:
     @property
     def parts(self) -> tuple[MotionPart, ...]:
         """The phases one after the other; a motion begins and ends where the hold beside it is."""
-        time, d, runs = self.recording.time, self.recording.displacement, _runs(self.labels)
+        time, d, runs = self.recording.time, self.recording.displacement, runs_of(self.labels)
         ends = self.smooth.copy()
         for start, end in (run for run in runs if self.labels[run[0]] == HOLD):
             few = max(1, (end - start) // 5)
@@ -254,7 +242,7 @@ class Segmentation:
         least = least_way(recording.displacement, self.scales.way)
         segments: list[Segment] = []
         start_time, left, pressed_again = 0.0, False, False
-        for start, end in _runs(labels):
+        for start, end in runs_of(labels):
             phase = str(labels[start])
             if phase == AIR:
                 if segments:
@@ -348,81 +336,6 @@ def segment(
     return found if starts_at_contact else found.touching(found.detected)
 
 
-def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[np.int_]:
-    """Return -1, 0 and 1 (n,) for unloading, still and loading.
-
-    What is still beside faster motion, but goes further than ``held`` mm, is looked at by itself:
-    a slow motion beside a fast one.
-    """
-    speed = pace(t, d).typical
-    half = velocity_window(t, d, speed)
-    window = max(3, round(2 * half / float(np.median(np.diff(t)))))
-    still = STILL * speed
-    velocity = local_line(t, d, t, half, min(5, len(t))).slope
-    motion = np.where(np.abs(velocity) <= still, 0, np.sign(velocity)).astype(int)
-    motion = _without_blips(motion, max(2, window // 2))
-    motion = _fitted_corners(t, d, motion, window)
-    runs = _runs(motion)
-    least = least_way(d, unit)
-    for (before, _), (start, end), (after, _) in zip(runs, runs[1:], runs[2:], strict=False):
-        if motion[before] == motion[after] == 0 and abs(d[end - 1] - d[start]) < least:
-            motion[start:end] = 0
-    for start, end in _runs(motion):
-        few = max(1, (end - start) // 10)
-        way = float(np.median(d[end - few : end]) - np.median(d[start : start + few]))
-        if motion[start] == 0 and abs(way) > held:
-            part = slice(start, end)
-            whole = end - start == len(t)
-            motion[part] = np.sign(way) if whole else _motion(t[part], d[part], held, unit)
-    return motion
-
-
-def least_way(displacement: FloatArray, way: float) -> float:
-    """Return the way (mm) below which motion between two holds is noise, with that of `Scales`."""
-    return max(0.3 * way, 0.02 * float(np.ptp(displacement)))
-
-
-def _runs(marks: NDArray[np.generic]) -> list[tuple[int, int]]:
-    """Return the first number and the one after the last of each run of equal marks."""
-    edges = [0, *(int(k) + 1 for k in np.flatnonzero(marks[1:] != marks[:-1])), len(marks)]
-    return list(pairwise(edges))
-
-
-def _without_blips(motion: NDArray[np.int_], shortest: int) -> NDArray[np.int_]:
-    motion = motion.copy()
-    for start, end in _runs(motion):
-        if end - start < shortest and start > 0:
-            motion[start:end] = motion[start - 1]
-    return motion
-
-
-def _fitted_corners(t: FloatArray, d: FloatArray, motion: NDArray[np.int_], window: int) -> NDArray[np.int_]:
-    motion = motion.copy()
-    corners = np.flatnonzero(np.diff(motion)) + 1
-    bounds = [0, *(int(c) for c in corners), len(t)]
-    for k, corner in enumerate(corners):
-        low = max(corner - 2 * window, bounds[k])
-        high = min(corner + 2 * window, bounds[k + 2])
-        if corner - low < 3 or high - corner < 3:
-            continue
-        before, after = motion[corner - 1], motion[corner]
-        best = _corner(t[low:high], d[low:high]) + low
-        motion[low:best], motion[best:high] = before, after
-    return motion
-
-
-def _corner(t: FloatArray, d: FloatArray) -> int:
-    """Return the sample at which two straight lines that meet there fit best."""
-    inner = np.arange(2, len(t) - 1)
-    bent = (t[None, :] - t[inner, None]) / (t[-1] - t[0])
-    design = np.stack([np.ones_like(bent), np.minimum(bent, 0), np.maximum(bent, 0)], axis=-1)
-    left = d - d.mean()
-    across = np.swapaxes(design, 1, 2)
-    lines = np.linalg.solve(across @ design, (across @ left)[..., None])
-    # What the lines explain of the squares; the rest is smallest where this is largest.
-    return int(inner[np.argmax(np.sum(lines[..., 0] * (across @ left), axis=1))])
-
-
 def _mark_separation(trial: Segmentation, labels: NDArray[np.str_]) -> None:
     """Call air what follows the force's return to a constant, until the skin is pressed again.
 
@@ -430,7 +343,7 @@ def _mark_separation(trial: Segmentation, labels: NDArray[np.str_]) -> None:
     contact isn't where it is said to be, and all that follows is called air.
     """
     recording, smooth, contact = trial.recording, trial.smooth, trial.contact
-    runs = _runs(labels)
+    runs = runs_of(labels)
     for k, (start, end) in enumerate(runs):
         if labels[start] != UNLOADING or LOADING not in labels[:start] or end - start < 20:
             continue

@@ -27,7 +27,8 @@ from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import Fascia, Fibres
 from legfem.meshing.grid import Support
 from legfem.meshing.idealised_leg import END, LegMesh
-from legfem.meshing.solid_leg import FineStrip, SolidMeshSettings, mesh_solid_leg
+from legfem.meshing.leg_sizes import FineStrip, SolidMeshSettings
+from legfem.meshing.solid_leg import mesh_solid_leg
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import NewtonSettings, StepSettings

@@ -11,8 +11,6 @@ what a posterior is that knows its models as near the truth, not as the truth it
 Stat. Assoc. 114 (2019) 1113).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The parameters that models and instruments have, by name: units, bounds, and how they are written."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import re

@@ -5,8 +5,6 @@ Each channel has an instrument of its own: errors from reading to reading, slow 
 cell's; what isn't known of the leg (outlines, aim, stiffness of the fat) is shared with the force.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from legfem.channels.kind import ChannelAccuracy, ChannelKind
 from legfem.channels.registry import CHANNELS, FILE_OF
 from legfem.common.units import FloatArray
+from legfem.data.phases import HOLD, LOADING
 from legfem.data.recording import RecordedChannel
-from legfem.data.segmentation import HOLD, LOADING, Segmentation
+from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise
 from legfem.inverse.data import Channel
 from legfem.inverse.stations import Stations

@@ -22,7 +22,6 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
 from legfem.inverse.data import Data
 from legfem.inverse.form_error import thirds_of
-from legfem.inverse.least_squares import sandwich
 from legfem.inverse.outcome import Outcome
 from legfem.solve.path import ForceCurve
 
@@ -49,75 +48,6 @@ class Mode(NamedTuple):
 def total_of(covariances: Covariances) -> FloatArray:
     """Sum of the covariances of all sources, (n, n)."""
     return np.asarray(sum(covariances.values()))
-
-
-def shares_of_error(gain: FloatArray, covariances: Covariances) -> list[dict[ErrorSource, float]]:
-    r"""Share of each source in the variance of each parameter.
-
-    With the gain :math:`G` by which parameters follow readings and priors, the share of a source of
-    covariance :math:`\Sigma_s` in parameter k is :math:`(G \Sigma_s G^T)_{kk}` over the sum of
-    these; priors have errors of one.
-
-    Parameters
-    ----------
-    gain : (p, n + k) array
-        Of `legfem.inverse.trial.Linearised`: p parameters, n readings, k priors.
-    covariances : mapping
-        Of the readings, by source.
-    """
-    n = len(total_of(covariances))
-    of_readings, of_priors = gain[:, :n], gain[:, n:]
-    parts: dict[ErrorSource, FloatArray] = {
-        source: np.asarray(np.diag(sandwich(of_readings, covariance))) for source, covariance in covariances.items()
-    }
-    if of_priors.shape[1]:
-        parts["priors"] = np.asarray(np.sum(of_priors**2, axis=1))
-    whole = np.sum(list(parts.values()), axis=0)
-    return [
-        {source: float(part[k] / whole[k]) for source, part in parts.items() if whole[k] > 0} for k in range(len(gain))
-    ]
-
-
-def shares_of_information(
-    jacobian: FloatArray, covariance: FloatArray, channels: Mapping[str, NDArray[np.int_]], of_priors: FloatArray
-) -> list[dict[str, float]]:
-    r"""Share of each channel in what determines each parameter.
-
-    With :math:`F_c = J_c^T \Sigma_c^{-1} J_c` of each channel by itself and F their sum, priors included, the share of
-    a channel in parameter k is :math:`(F^{-1} F_c F^{-1})_{kk} / (F^{-1})_{kk}`.
-
-    Parameters
-    ----------
-    jacobian : (n, p) array
-        Of the readings.
-    covariance : (n, n) array
-        Of their errors.
-    channels : mapping
-        Places of each channel's readings; without any there are no shares.
-    of_priors : (k, p) array
-        Derivatives of the priors' departures, which have errors of one.
-    """
-    parameters = jacobian.shape[1]
-    if not channels:
-        return [{} for _ in range(parameters)]
-    # Parameters differ in size by orders.
-    size = 1 / np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
-    parts = {}
-    for name, places in channels.items():
-        own = size * jacobian[places]
-        parts[name] = own.T @ np.linalg.solve(covariance[np.ix_(places, places)], own)
-    if len(of_priors):
-        parts["priors"] = (size * of_priors).T @ (size * of_priors)
-    spread = np.linalg.pinv(np.sum(list(parts.values()), axis=0))
-    return [
-        {name: float((spread @ part @ spread)[k, k] / spread[k, k]) for name, part in parts.items()}
-        for k in range(parameters)
-    ]
-
-
-def main_source(shares: Mapping[ErrorSource, float]) -> ErrorSource:
-    """Source of most of an error; the recordings where no source is known."""
-    return max(shares, key=lambda source: shares[source], default="recordings")
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,3 +63,11 @@ class Data:
     def __len__(self) -> int:
         """Number n of readings, of all channels together."""
         return len(self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTest:
+    """A test's readings at its stations; a `legfem.inverse.fit.Measured`."""
+
+    name: str
+    data: Data

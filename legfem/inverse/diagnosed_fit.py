@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C20
-from legfem.inverse.data import Data
+from legfem.inverse.data import Data, MeasuredTest
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import (
     EXACT,
@@ -24,21 +24,13 @@ from legfem.inverse.fit import (
     r_squared,
     versions,
 )
-from legfem.inverse.linearised import fit
+from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.trial import SearchLog
 from legfem.inverse.verdict import Diagnosis
 
 _LEAST = 1e-3
 """Of a trial's own standard error: that of its difference from the joint value at least."""
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredTrial:
-    """A trial's readings at its stations; a `legfem.inverse.fit.Measured`."""
-
-    name: str
-    data: Data
 
 
 def base_fit(found: Diagnosis, subject: Identity, kind: str, seed: int) -> Fit[None]:
@@ -176,7 +168,7 @@ def _trial_fits(model: Explanation, by_itself: Sequence[Mapping[str, OwnEstimate
         left = fitted.residual[here]
         square = float(left @ np.linalg.solve(total[np.ix_(here, here)], left)) if len(here) else 0.0
         yield TestFit(
-            MeasuredTrial(name, Data(tuple(one.channel for one in channels))),
+            MeasuredTest(name, Data(tuple(one.channel for one in channels))),
             tuple(channels),
             Goodness.of(square, len(here)),
             fitted=bool(len(here)),

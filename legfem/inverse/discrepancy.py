@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.data.segmentation import HOLD
+from legfem.data.phases import HOLD
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.observations import Observations
 

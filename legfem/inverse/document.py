@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Protocol
@@ -11,7 +12,7 @@ from legfem.common.errors import doubt_documents
 from legfem.common.units import readable_unit
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix, with_units
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
-from legfem.inverse.fit import ChannelFit, Cost, Fit, Goodness, OwnEstimate, TestFit
+from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, Goodness, OwnEstimate, TestFit
 from legfem.inverse.trial import CostMap, SearchLog
 
 SCHEMA = "legfem.identify/2"
@@ -54,7 +55,7 @@ def fit_document(fits: Sequence[Fit[Any]], kind: KindDocument) -> dict[str, Any]
 
 
 def _law(fit: Fit[Any], kind: KindDocument) -> dict[str, Any]:
-    log = fit.log
+    log, unit = fit.log, fit.cost.reading_unit
     tests = [{**_test(fit, number), **kind.of_test(fit, number)} for number in range(len(fit.tests))]
     return {
         **fitted_document(fit),
@@ -67,10 +68,10 @@ def _law(fit: Fit[Any], kind: KindDocument) -> dict[str, Any]:
         "forward_solves_reused": log.reused_solves,
         "failed_solves": log.failed_solves,
         "factorisations": log.factorisations,
-        "emulator_error_N": log.emulator_error,
+        f"emulator_error_{unit}": log.emulator_error,
         "seed": log.seed,
         "wall_s": log.wall_s,
-        "search": _search(log),
+        "search": _search(log, fit.cost.unit),
         "settings": dict(fit.settings),
     }
 
@@ -101,6 +102,7 @@ def fitted_document(fit: Fit[Any], key: Callable[[str], str] = key_of) -> dict[s
         "goodness": _goodness(fit.goodness),
         "agreement": {**_goodness(fit.agreement), "intervals_widened_by": fit.agreement.birge_ratio},
         "cost": _cost(fit.cost),
+        **({"computed": {key: _computed(one) for key, one in fit.computed.items()}} if fit.computed else {}),
         "weighting": fit.weighting,
         "neo_hookean_limit": fit.neo_hookean_limit,
         "tests": [_test(fit, number) for number in range(len(fit.tests))],
@@ -109,40 +111,44 @@ def fitted_document(fit: Fit[Any], key: Callable[[str], str] = key_of) -> dict[s
 
 def _test(fit: Fit[Any], number: int) -> dict[str, Any]:
     one: TestFit = fit.tests[number]
-    others = one.channels[1:]
+    first, *others = one.channels
     return {
         "name": one.name,
         "fitted": one.fitted,
-        "rms_N": one.force.rms,
-        "r_squared": one.force.r_squared,
+        f"rms_{unit_suffix(first.channel.unit)}": first.rms,
+        "r_squared": first.r_squared,
         "goodness": _goodness(one.goodness),
         "by_itself": {key_of(name): _own(name, own) for name, own in one.by_itself.items()},
-        "curve": _curve(one.force),
+        "curve": _curve(first),
         **({"channels": {beside.channel.name: _beside(beside) for beside in others}} if others else {}),
     }
 
 
 def _curve(one: ChannelFit) -> dict[str, Any]:
-    """Measured and predicted force along the test, and its derivatives: by stresses a kPa, by others a unit."""
+    """Measured and predicted readings of the first channel, and their derivatives: by stresses a kPa, by others a unit.
+
+    Keys have the channel's name and unit: ``measured_force_N``.
+    """
+    name, unit = one.channel.name, unit_suffix(one.channel.unit)
     by_stress, others = {}, {}
-    for name, values in one.sensitivities.items():
-        unit, factor = readable_unit(unit_of(name))
-        if unit == "kPa":
-            by_stress[name] = values / factor
+    for parameter, values in one.sensitivities.items():
+        of, factor = readable_unit(unit_of(parameter))
+        if of == "kPa":
+            by_stress[parameter] = values / factor
         else:
-            others[name] = {"unit": unit, "N_per_unit": values}
+            others[parameter] = {"unit": of, f"{unit}_per_unit": values}
     return {
         one.channel.along: one.channel.station,
-        "force_N": one.predicted,
-        "measured_force_N": one.channel.values,
-        "measured_force_standard_error_N": one.channel.sd,
-        **({"force_derivative_N_per_kPa": by_stress} if by_stress else {}),
-        **({"force_derivative_by_others": others} if others else {}),
+        f"{name}_{unit}": one.predicted,
+        f"measured_{name}_{unit}": one.channel.values,
+        f"measured_{name}_standard_error_{unit}": one.channel.sd,
+        **({f"{name}_derivative_{unit}_per_kPa": by_stress} if by_stress else {}),
+        **({f"{name}_derivative_by_others": others} if others else {}),
     }
 
 
 def _beside(one: ChannelFit) -> dict[str, Any]:
-    """Measured and predicted readings of a channel beside the force, in its unit."""
+    """Measured and predicted readings of a channel beside the first, in its unit."""
     return {
         "unit": one.channel.unit,
         one.channel.along: one.channel.station,
@@ -151,6 +157,12 @@ def _beside(one: ChannelFit) -> dict[str, Any]:
         "standard_error": one.channel.sd,
         "rms": one.rms,
     }
+
+
+def _computed(one: Computed) -> dict[str, Any]:
+    """A quantity that follows from a fit, its interval where it is known."""
+    known = {"standard_error": one.standard_error, "ci95": list(one.ci95)} if math.isfinite(one.standard_error) else {}
+    return {"name": one.name, "value": one.value, "unit": one.unit, **known}
 
 
 def _goodness(found: Goodness) -> dict[str, Any]:
@@ -191,12 +203,12 @@ def estimate_document(found: Estimate) -> dict[str, Any]:
 def _cost(cost: Cost) -> dict[str, Any]:
     return {
         "value": cost.value,
-        "unit": "N2",
+        "unit": cost.unit,
         "definition": cost.definition,
         "points": cost.points,
-        "mean_square_N2": cost.mean_square,
-        "per_length_N2_per_mm2": cost.per_length,
-        "rms_N": cost.rms,
+        f"mean_square_{cost.unit}": cost.mean_square,
+        **({"per_length_N2_per_mm2": cost.per_length} if cost.unit == "N2" else {}),
+        f"rms_{cost.reading_unit}": cost.rms,
         "r_squared": cost.r_squared,
         "minimised": cost.minimised,
         "minimised_value": cost.minimised_value,
@@ -204,13 +216,13 @@ def _cost(cost: Cost) -> dict[str, Any]:
     }
 
 
-def _search(log: SearchLog) -> dict[str, Any]:
+def _search(log: SearchLog, unit: str) -> dict[str, Any]:
     free = log.names
     return {
         "solves": [
             {
                 **_values(solve.values, free),
-                "cost_N2": solve.cost,
+                f"cost_{unit}": solve.cost,
                 "stage": solve.stage,
                 "complete": solve.complete,
                 "reason": solve.reason,
@@ -220,10 +232,10 @@ def _search(log: SearchLog) -> dict[str, Any]:
             for solve in log.solves
         ],
         "generations": [
-            {"round": best.round, "generation": best.number, **_values(best.values, free), "cost_N2": best.cost}
+            {"round": best.round, "generation": best.number, **_values(best.values, free), f"cost_{unit}": best.cost}
             for best in log.generations
         ],
-        "cost_map": None if log.cost_map is None else _cost_map(log.cost_map),
+        "cost_map": None if log.cost_map is None else _cost_map(log.cost_map, unit),
     }
 
 
@@ -237,13 +249,13 @@ def _values(values: Values, free: Sequence[str]) -> dict[str, float]:
     return shown
 
 
-def _cost_map(known: CostMap) -> dict[str, Any]:
+def _cost_map(known: CostMap, unit: str) -> dict[str, Any]:
     names = known.names if len(known.names) == 2 else (*known.names, DEEP_C20)
     axes = {}
     for name, values in zip(names, (known.across, known.up), strict=True):
         unit, factor = readable_unit(unit_of(name))
         axes[_key_with_unit(name, unit)] = factor * values
-    return {**axes, "cost_N2": known.cost}
+    return {**axes, f"cost_{unit}": known.cost}
 
 
 def _key_with_unit(name: str, unit: str) -> str:

@@ -40,6 +40,8 @@ GAIN_SDS = tuple(float(EXPECTED_GAIN_SD * np.exp(x)) for x in (-2.0, -1.0, 0.0, 
 deviation of what is expected."""
 ZERO_FACTORS = (0.37, 1.0, 2.7)
 """Standard deviations of a trial's zero over the one expected: likewise."""
+_UNBOUNDED = 1e6
+"""Of a variance: that of a reading which is set aside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,11 @@ class ErrorModel:
             zeros=self.zeros[kept],
             trial_sd=self.trial_sd[kept],
         )
+
+    def without_bounds(self, readings: NDArray[np.bool_]) -> ErrorModel:
+        """Return the errors with those of some readings (N,) a thousand times as large."""
+        more = np.where(readings, _UNBOUNDED * np.diag(self.covariance), 0.0)
+        return replace(self, dense=self.dense + np.diag(more))
 
     def draw(self, number: int, generator: np.random.Generator) -> FloatArray:
         """Return error vectors (number, n), N."""

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.comparison import (
-    Comparison,
-    Covariances,
-    ErrorSource,
-    main_source,
-    shares_of_error,
-    shares_of_information,
-    total_of,
-)
+from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, total_of
 from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture
 from legfem.inverse.intervals import (
     ADDS_NOTHING,
@@ -29,7 +22,7 @@ from legfem.inverse.intervals import (
     cut_height,
     profile_interval,
 )
-from legfem.inverse.least_squares import Residual
+from legfem.inverse.least_squares import Residual, sandwich
 from legfem.inverse.parameter import Domain, Parameter
 from legfem.inverse.trial import Linearised
 
@@ -79,7 +72,16 @@ class Estimate:
     @property
     def relative_half_width(self) -> float:
         """Half the interval over the value; see `legfem.inverse.intervals.Estimated`."""
-        return Estimated(self.parameter, self.value, self.standard_error, self.ci95).relative_half_width
+        return self._known.relative_half_width
+
+    @property
+    def adds_nothing(self) -> bool:
+        """Whether the data say nothing beyond the prior."""
+        return self._known.error_over_prior > ADDS_NOTHING
+
+    @property
+    def _known(self) -> Estimated:
+        return Estimated(self.parameter, self.value, self.standard_error, self.ci95)
 
     @property
     def shown(self) -> Shown:
@@ -97,6 +99,7 @@ _TOLD = {
     "superficial.C10": "if the assumed C10 of the fat were 10 % higher",
     "fascia.C10": "if the assumed C10 of the fascia were 10 % higher",
 }
+_LAW_MISSES = "the law misses the recordings, so the value depends on the depth used"
 _RULED_BY: Mapping[ErrorSource, str] = {
     "differences": "differences of recordings by a factor",
     "model": "the model's own error",
@@ -185,7 +188,8 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             interval = optimum.departure.carried(float(at[k]), interval, parameter.bounds)
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
-        why = _why(known, optimum.law_fits, _trade(law.names, k, correlations), own)
+        trade = trade_of(law.names, k, correlations)
+        why = reasons(known, "" if optimum.law_fits else _LAW_MISSES, trade, own)
         if optimum.departure.by:
             why += f"; {optimum.departure.text}"
         source = main_source(shares[k])
@@ -222,7 +226,7 @@ def _moves(linear: Linearised, change: FloatArray) -> FloatArray:
     return np.where(np.isfinite(moves), moves, math.nan)
 
 
-def _trade(names: tuple[str, ...], k: int, correlations: FloatArray) -> str:
+def trade_of(names: Sequence[str], k: int, correlations: FloatArray) -> str:
     """Return with which other parameter one trades off most, and how much; "" if none does."""
     others = [j for j in range(len(names)) if j != k]
     if not others:
@@ -236,38 +240,132 @@ def _trade(names: tuple[str, ...], k: int, correlations: FloatArray) -> str:
     )
 
 
-def _why(known: Estimated, law_fits: bool, trade: str, moves: Mapping[str, float]) -> str:
+def reasons(
+    known: Estimated,
+    missed: str = "",
+    trade: str = "",
+    moves: Mapping[str, float] | None = None,
+    data: str = "the recordings",
+) -> str:
+    """Return why a parameter is known as well as it is.
+
+    Parameters
+    ----------
+    known
+        Value and interval.
+    missed
+        What it means that the model misses the data; empty where it meets them.
+    trade
+        See `trade_of`.
+    moves
+        As those of an `Estimate`.
+    data
+        What was measured, in words.
+    """
     parameter = known.parameter
     unit, factor = readable_unit(parameter.unit)
     low, high = (factor * end for end in known.ci95)
     if known.at_bound == "lower":
-        reasons = [f"the optimum stands at the lower bound; at most {high:.3g} {unit} fits (95 %)"]
+        found = [f"the optimum stands at the lower bound; at most {high:.3g} {unit} fits (95 %)"]
     elif known.at_bound == "upper":
-        reasons = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
+        found = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
     else:
         share = _percent(known.relative_half_width)
         of = " of the range before" if parameter.scale == "linear" else ""
-        reasons = [f"95 % interval {low:.3g} to {high:.3g} {unit}, {share}{of} either side"]
+        found = [f"95 % interval {_between(low, high)} {unit}, {share}{of} either side"]
     if parameter.prior is not None:
         left = known.error_over_prior
-        reasons.append(
-            "the recordings add nothing to its prior"
+        found.append(
+            f"{data} add nothing to its prior"
             if left > ADDS_NOTHING
-            else f"the recordings narrow its prior to {100 * left:.0f} % of its width"
+            else f"{data} narrow its prior to {100 * left:.0f} % of its width"
         )
-    if not law_fits:
-        reasons.append("the law misses the recordings, so the value depends on the depth used")
-    if trade:
-        reasons.append(trade)
+    found += [text for text in (missed, trade) if text]
     told = [
         f"{100 * change:+.1f} % {_TOLD[name]}"
-        for name, change in moves.items()
+        for name, change in (moves or {}).items()
         if name in _TOLD and math.isfinite(change)
     ]
     if told:
-        reasons.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))
-    return "; ".join(reasons)
+        found.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))
+    return "; ".join(found)
+
+
+def _between(low: float, high: float) -> str:
+    """Return an interval, in words where it is open."""
+    if math.isfinite(high):
+        return f"{low:.3g} to {high:.3g}"
+    return f"at least {low:.3g}"
 
 
 def _percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 1 else "over 100 %"
+
+
+def shares_of_error(gain: FloatArray, covariances: Covariances) -> list[dict[ErrorSource, float]]:
+    r"""Share of each source in the variance of each parameter.
+
+    With the gain :math:`G` by which parameters follow readings and priors, the share of a source of
+    covariance :math:`\Sigma_s` in parameter k is :math:`(G \Sigma_s G^T)_{kk}` over the sum of
+    these; priors have errors of one.
+
+    Parameters
+    ----------
+    gain : (p, n + k) array
+        Of `legfem.inverse.trial.Linearised`: p parameters, n readings, k priors.
+    covariances : mapping
+        Of the readings, by source.
+    """
+    n = len(total_of(covariances))
+    of_readings, of_priors = gain[:, :n], gain[:, n:]
+    parts: dict[ErrorSource, FloatArray] = {
+        source: np.asarray(np.diag(sandwich(of_readings, covariance))) for source, covariance in covariances.items()
+    }
+    if of_priors.shape[1]:
+        parts["priors"] = np.asarray(np.sum(of_priors**2, axis=1))
+    whole = np.sum(list(parts.values()), axis=0)
+    return [
+        {source: float(part[k] / whole[k]) for source, part in parts.items() if whole[k] > 0} for k in range(len(gain))
+    ]
+
+
+def shares_of_information(
+    jacobian: FloatArray, covariance: FloatArray, channels: Mapping[str, NDArray[np.int_]], of_priors: FloatArray
+) -> list[dict[str, float]]:
+    r"""Share of each channel in what determines each parameter.
+
+    With :math:`F_c = J_c^T \Sigma_c^{-1} J_c` of each channel by itself and F their sum, priors included, the share of
+    a channel in parameter k is :math:`(F^{-1} F_c F^{-1})_{kk} / (F^{-1})_{kk}`.
+
+    Parameters
+    ----------
+    jacobian : (n, p) array
+        Of the readings.
+    covariance : (n, n) array
+        Of their errors.
+    channels : mapping
+        Places of each channel's readings; without any there are no shares.
+    of_priors : (k, p) array
+        Derivatives of the priors' departures, which have errors of one.
+    """
+    parameters = jacobian.shape[1]
+    if not channels:
+        return [{} for _ in range(parameters)]
+    # Parameters differ in size by orders.
+    size = 1 / np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
+    parts = {}
+    for name, places in channels.items():
+        own = size * jacobian[places]
+        parts[name] = own.T @ np.linalg.solve(covariance[np.ix_(places, places)], own)
+    if len(of_priors):
+        parts["priors"] = (size * of_priors).T @ (size * of_priors)
+    spread = np.linalg.pinv(np.sum(list(parts.values()), axis=0))
+    return [
+        {name: float((spread @ part @ spread)[k, k] / spread[k, k]) for name, part in parts.items()}
+        for k in range(parameters)
+    ]
+
+
+def main_source(shares: Mapping[ErrorSource, float]) -> ErrorSource:
+    """Source of most of an error; the recordings where no source is known."""
+    return max(shares, key=lambda source: shares[source], default="recordings")

@@ -11,8 +11,6 @@ summed over what isn't normal: the sizes of gains and zeros, and the model's dis
 Machine Learning (2006), section 2.7; M. A. Woodbury, Princeton Statistical Research Group 42 (1950).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

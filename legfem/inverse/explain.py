@@ -2,7 +2,7 @@
 
 An explanation is the base model alone, one mechanism, two, or a discrepancy of no known form. Its weight is its prior
 times its evidence. Beside a mechanism a discrepancy may be left: then it is named in part. Leading explanations are
-refitted about full finite-element solutions.
+refitted about full finite-element solutions, which show the emulator's error there, until the refits stay.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.inverse.evidence import probabilities
 from legfem.inverse.explanation import (
     ADDS_FROM,
@@ -24,8 +25,10 @@ from legfem.inverse.explanation import (
     singles_of,
 )
 from legfem.inverse.laplace import integrate_strength
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit, ordinary_fit
 from legfem.inverse.mechanism import Mechanism
+from legfem.inverse.predictor import Predictor, Responses
 from legfem.inverse.weighing import Weighing
 
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
@@ -245,3 +248,80 @@ def _led_by(one: Explanation, found: Sequence[Explanation], every: bool) -> list
 def _as_confirmed(one: Explanation) -> Explanation:
     """Return an explanation that can't be confirmed: its solution stopped."""
     return replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
+
+
+_REFITS = 3
+"""About full solutions, at most."""
+_STAYS = 0.25
+"""Of a trial's noise: a refit that moves the prediction by less stays."""
+
+
+def base_about_solution(
+    problem: LinearisedProblem, base: LinearisedFit, solved: Responses | None
+) -> tuple[LinearisedProblem, LinearisedFit, float]:
+    """Refit the base model about a full solution; return also the emulator's error there.
+
+    Parameters
+    ----------
+    problem
+        The observations.
+    base
+        The base model's fit.
+    solved
+        Full solutions; the fit stands without them.
+    """
+    if solved is None:
+        return problem, base, float("nan")
+    offset = _offset(problem.predictor, base, solved)
+    if offset is None:
+        return problem, base, float("nan")
+    problem = problem.corrected(offset)
+    forces = slice(len(problem.predictor.observed.force))
+    error = float(np.abs(offset[forces]).max() / np.abs(base.prediction[forces]).max())
+    return problem, ordinary_fit(problem, [base.values]), error
+
+
+def refitted_about_solutions(
+    solved: Responses, problem: LinearisedProblem, fitted: LinearisedFit
+) -> tuple[LinearisedProblem, LinearisedFit, bool]:
+    """Refit about full solutions until the refit stays; return also whether there was one.
+
+    Fat that slides folds in one way or in another, so that a model may have solutions on several
+    branches at about the same stiffness, and a refit need not stay: then that stands which leaves
+    least.
+
+    Parameters
+    ----------
+    solved
+        Full solutions.
+    problem
+        The observations.
+    fitted
+        What is to be refitted.
+    """
+    made: list[tuple[LinearisedProblem, LinearisedFit]] = []
+    for _ in range(_REFITS):
+        offset = _offset(problem.predictor, fitted, solved)
+        if offset is None:
+            break
+        before = fitted.prediction
+        problem = problem.corrected(offset)
+        fitted = fit(problem, fitted.mechanisms, fitted.values)
+        made.append((problem, fitted))
+        moved, spread = np.abs(fitted.prediction - before), problem.errors.trial_sd
+        spans = problem.predictor.observed.data.spans
+        if all(moved[span].max() < _STAYS * np.median(spread[span]) for span in spans):
+            return *made[-1], True
+    if not made:
+        return problem, fitted, False
+    return *min(made, key=lambda one: one[1].cost), True
+
+
+def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
+    """Return the full prediction less the emulated one (N,), 0 of channels that it hasn't; None where it stopped."""
+    plain = replace(predictor, offset=0.0)
+    full = replace(plain, responses=solved)
+    difference = full(fitted.values, fitted.mechanisms, True) - plain(fitted.values, fitted.mechanisms)
+    if np.isnan(difference[: len(predictor.observed.force)]).any():
+        return None
+    return np.nan_to_num(difference, nan=0.0)

@@ -1,7 +1,5 @@
 """An explanation of the recordings, and the probabilities of all explanations together."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

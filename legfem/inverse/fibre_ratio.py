@@ -10,8 +10,6 @@ given ratio, and with S the sum of its derivatives by shear and, four times, by 
           = \left.\frac{\partial F}{\partial C_{10}}\right|_{\mu_L - \mu_T} + 2 (r - 1) S.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 

@@ -1,15 +1,14 @@
-"""What was found of a problem: one result for every kind of test, and how it is made of a search.
+"""What was found of a problem: one result for every kind of test.
 
-A `Problem` has tests, a model of all of them and unknowns by law; `fit` searches for the unknowns and returns a `Fit`
-for each law. What only one kind has (a leg's sites in 3D, a specimen's layers) is in ``details``, of that kind's type.
+What only one kind has (a leg's sites in 3D, a specimen's layers, the pressures in a stocking) is in ``details``, of
+that kind's type.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, is_dataclass
-from types import MappingProxyType
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,32 +16,16 @@ from scipy.stats import chi2
 
 from legfem.common.documents import versions_of
 from legfem.common.errors import Doubt
-from legfem.common.units import FloatArray, readable_unit
-from legfem.inverse.catalogue import (
-    DEEP_C20,
-    IdentifiedLaw,
-    LawName,
-    Values,
-    key_of,
-    model_values,
-    short_key_of,
-    unit_suffix,
-    with_units,
-)
-from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting, total_of
+from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import LawName, Values, key_of, model_values
+from legfem.inverse.comparison import Weighting
 from legfem.inverse.data import Channel, Data
-from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
-from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture, departure_of
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import VERDICTS, Identifiability
-from legfem.inverse.outcome import Forward, FullSolver
-from legfem.inverse.search import Search
-from legfem.inverse.searches import Found, Searches
-from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.inverse.trial import CostMap, FullSolve, SearchLog, Trial
+from legfem.inverse.trial import SearchLog
 
 LEAST_CHANCE = 1e-3
 """Probability of so large a misfit, were the law right, below which the law is doubted."""
-_MAP_SIZE = 81
 
 
 @dataclass(frozen=True)
@@ -86,6 +69,8 @@ class Goodness:
 
 EXACT = Goodness(0.0, 0, 1.0)
 """Of nothing that could disagree."""
+UNTESTED = Goodness(0.0, 0, math.nan)
+"""Of a model that was compared with nothing."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +78,7 @@ class Cost:
     """Plain sum of squares at the optimum (Eq. 12), and what the search minimised."""
 
     value: float
-    """Sum of squared differences, model less recording, over all readings, N2."""
+    """Sum of squared differences, model less recording, over the first channel's readings and those of its unit."""
     points: int
     """Number of differences in the sum."""
     per_length: float
@@ -105,15 +90,22 @@ class Cost:
     minimised_value: float
     minimised_unit: str
     definition: str = "sum over the displacement grid of (F_simulated - F_measured)^2, Eq. 12"
+    reading_unit: str = "N"
+    """Unit of the readings, whose square is that of the sum."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the sum: N2."""
+        return f"{self.reading_unit}2"
 
     @property
     def mean_square(self) -> float:
-        """Mean squared difference, N2."""
-        return self.value / self.points
+        """Mean squared difference; NaN of no readings."""
+        return self.value / self.points if self.points else math.nan
 
     @property
     def rms(self) -> float:
-        """Root mean square difference, N."""
+        """Root mean square difference, in the readings' unit."""
         return math.sqrt(self.mean_square)
 
 
@@ -128,6 +120,19 @@ class OwnEstimate:
     standard_error: float
     departure: float
     """Difference from the joint value, in standard errors of that difference."""
+
+
+@dataclass(frozen=True)
+class Computed:
+    """A quantity that follows from a fit, in the unit in which people read it."""
+
+    name: str
+    """In words: ``pressure on the skin, mean``."""
+    value: float
+    unit: str
+    standard_error: float = math.nan
+    ci95: tuple[float, float] = (math.nan, math.nan)
+    """95 % confidence interval; NaN where it isn't known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +197,7 @@ class TestFit:
 
     @property
     def force(self) -> ChannelFit:
-        """The first channel."""
+        """The first channel: the force along the travel, where one was recorded."""
         return self.channels[0]
 
 
@@ -201,7 +206,7 @@ class Fit[Details]:
     """One law fitted to all tests of a problem."""
 
     kind: str
-    """``leg`` or ``specimens``."""
+    """``leg``, ``specimens`` or ``stocking``."""
     subject: Identity
     law: LawName
     estimates: Mapping[str, Estimate]
@@ -232,10 +237,14 @@ class Fit[Details]:
     """One sentence each, the gravest first."""
     doubts: tuple[Doubt, ...] = ()
     """What is unlikely in the input, or in what came out of it."""
+    computed: Mapping[str, Computed] = field(default_factory=dict)
+    """What else is asked of this kind of problem, by key (``pressure_on_skin``)."""
 
     @property
-    def identifiability(self) -> tuple[Identifiability, str]:
-        """The worst of the parameters' verdicts, and the reasons for each."""
+    def identifiability(self) -> tuple[Identifiability | None, str]:
+        """The worst of the parameters' verdicts, and the reasons for each; None where nothing was free."""
+        if not self.estimates:
+            return None, "nothing was free"
         worst = max(self.estimates.values(), key=lambda one: VERDICTS.index(one.identifiability))
         return worst.identifiability, "; ".join(
             f"{key_of(name)}: {one.identifiability}: {one.why}" for name, one in self.estimates.items()
@@ -258,265 +267,9 @@ class Fit[Details]:
         return max(self.tests, key=lambda one: abs(one.by_itself[name].departure))
 
 
-class Problem[C: Comparison](Protocol):
-    """Tests, a model of all of them, and what is unknown: all that a fit needs."""
-
-    @property
-    def forward(self) -> Forward:
-        """Model of all tests: one curve a test in every outcome."""
-        ...
-
-    @property
-    def unknowns(self) -> Mapping[LawName, IdentifiedLaw]:
-        """What is free and held in each law."""
-        ...
-
-    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> C:
-        """Predictions beside the readings; with ``near`` shared errors count in the weights about that solve."""
-        ...
-
-    @property
-    def sensitivities(self) -> tuple[str, ...]:
-        """Full names of the model's parameters that solves are differentiated by."""
-        ...
-
-    @property
-    def weighs_shared_errors(self) -> bool:
-        """Whether errors that tests share are weighed against what was known beforehand."""
-        ...
-
-    def refined(self, search: Search[C]) -> C | None:
-        """Comparison made anew about what a search found, to search again; None where it stays as it is."""
-        ...
-
-    def assessed(self, found: Found[C]) -> Fit[Any]:
-        """Result of a finished search."""
-        ...
-
-
-def fit[C: Comparison](problem: Problem[C], laws: Sequence[LawName], request: SearchRequest) -> list[Fit[Any]]:
-    """Fit laws to all tests of a problem together.
-
-    Parameters
-    ----------
-    problem
-        Tests and unknowns.
-    laws
-        Names, all among the problem's unknowns.
-    request
-        Means of the search: settings, folder for kept solves, processes, progress.
-
-    Raises
-    ------
-    InputError
-        If the model can't be meshed.
-    SearchError
-        If too few full solves come as far as what was measured.
-    """
-    with request.solver(problem.forward, problem.sensitivities, len(problem.unknowns)) as solver:
-        return fit_with(problem, laws, solver, request.settings)
-
-
-def fit_with[C: Comparison](
-    problem: Problem[C], laws: Sequence[LawName], solver: FullSolver, settings: IdentificationSettings
-) -> list[Fit[Any]]:
-    """`fit` with a solver that is at hand; see there."""
-    near = None
-    if problem.weighs_shared_errors:
-        near = Searches(problem.unknowns, solver, settings, problem.comparison).nearest(laws)
-    searches = Searches(
-        problem.unknowns, solver, settings, lambda law: problem.comparison(law, near), refined=problem.refined
-    )
-    return [problem.assessed(found) for found in searches.find(laws)]
-
-
 def r_squared(squares: float, values: FloatArray) -> float:
     """Coefficient of determination of a sum of squared differences from values (n,)."""
     return 1 - float(squares / np.sum((values - values.mean()) ** 2))
-
-
-def goodness_of(
-    found: Found[Any], covariance: FloatArray, expected: FloatArray | None = None, lost: int = 0
-) -> Goodness:
-    """Goodness of a law where it misses least in the readings' errors, priors included.
-
-    Parameters
-    ----------
-    found
-        The finished search.
-    covariance
-        (n, n): of measured less predicted readings.
-    expected
-        (n,): readings to be met, in place of the measured ones.
-    lost
-        Degrees of freedom that were spent on other things than the law's parameters.
-    """
-    left, departures = found.linear.nearest(covariance, expected)
-    chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
-    return Goodness.of(chi_square, len(left) + len(departures) - len(found.search.law.parameters) - lost)
-
-
-def optimum_of(
-    found: Found[Any], covariances: Covariances, times: float, goodness: Goodness, assumed: Values, plane: bool
-) -> tuple[Mapping[str, Estimate], FloatArray]:
-    """Estimates and their correlations (p, p) at the optimum.
-
-    Parameters
-    ----------
-    found
-        The finished search.
-    covariances
-        Errors of the readings by source, from which intervals are drawn.
-    times
-        Standard errors in half a 95 % interval.
-    goodness
-        Of the fit.
-    assumed
-        Stiffnesses that were held, whose effect is stated.
-    plane
-        Whether the model is a section of a leg, which has no ends.
-    """
-    departure = NO_DEPARTURE if goodness.fits else _departure(found, covariances)
-    optimum = Optimum(found.linear, found.residual, covariances, times, goodness.fits, assumed, plane, departure)
-    return MappingProxyType(estimates(optimum)), correlations_of(optimum.spread)
-
-
-def _departure(found: Found[Any], covariances: Covariances) -> PartDeparture:
-    """What the law's misfit may do to a stiffness, beyond errors of readings and of the model's numbers."""
-    comparison = found.search.misfit
-    errors = total_of({source: covariances[source] for source in ("recordings", "model") if source in covariances})
-    return departure_of(comparison.parts_along, comparison.measured, found.linear.prediction.values, errors)
-
-
-def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
-    """Plain sum of squares at the optimum."""
-    search, best = found.search, found.best
-    comparison, law = search.misfit, search.law
-    value = float(comparison.cost(found.linear.prediction.values))
-    measured = comparison.of_force(comparison.measured)
-    weighting = weighting_used(comparison)
-    minimised = {
-        "paper": "the sum itself (Eq. 12)",
-        "covariance": "the sum weighted with the inverse covariance (dimensionless)",
-    }[weighting]
-    return Cost(
-        value=value,
-        points=len(measured),
-        per_length=per_length,
-        r_squared=r_squared(value, measured),
-        minimised=minimised + (", and the priors' squared departures" if len(law.priors) else ""),
-        minimised_value=best.objective,
-        minimised_unit="N2" if weighting == "paper" else "1",
-    )
-
-
-def weighting_used(comparison: Comparison) -> Weighting:
-    """What the search minimised."""
-    return comparison.weighting if isinstance(comparison, JointComparison) else "covariance"
-
-
-def log_of(found: Found[Any]) -> SearchLog:
-    """Course of a finished search."""
-    search = found.search
-    outcomes = found.outcomes
-    return SearchLog(
-        names=search.law.names,
-        solves=tuple(_full_solve(trial, search) for trial in found.trials),
-        generations=tuple(search.generations),
-        cost_map=_cost_map(search),
-        converged=search.converged,
-        seed=search.settings.seed,
-        wall_s=found.wall_s,
-        emulator_error=search.emulator_error,
-        forward_solves=len(outcomes),
-        failed_solves=sum(not one.complete for one in outcomes),
-        reused_solves=found.reused_solves,
-        factorisations=sum(one.factorisations for one in outcomes),
-        compromise=found.best.outcome.compromise,
-    )
-
-
-def _full_solve(trial: Trial, search: Search[Any]) -> FullSolve:
-    outcome = trial.outcome
-    cost = math.nan if trial.prediction is None else float(search.misfit.cost(trial.prediction.values))
-    return FullSolve(
-        MappingProxyType(dict(trial.values)),
-        cost,
-        trial.stage,
-        outcome.complete,
-        outcome.reason,
-        outcome.factorisations,
-        outcome.seconds,
-    )
-
-
-def _cost_map(search: Search[Any]) -> CostMap | None:
-    """Cost over the region that was solved in, of one or two parameters."""
-    law, domain = search.law, search.domain
-    if not search.settings.emulator or len(law.names) > 2:
-        return None
-    solved = np.array([trial.point for trial in search.complete])
-    low, high = solved.min(axis=0), solved.max(axis=0)
-    axes = []
-    for k, parameter in enumerate(law.parameters):
-        if parameter.name.endswith("C10") and parameter.scale == "log":
-            axes.append(np.geomspace(0.7 * low[k], 1.4 * high[k], _MAP_SIZE))
-            continue
-        ends = domain.genes(np.array([low, high]))[:, k]
-        if np.ptp(ends) == 0:
-            ends = np.array([0.0, 1.0])
-        genes = np.zeros((_MAP_SIZE, len(law.names)))
-        genes[:, k] = np.linspace(float(ends[0]), float(ends[1]), _MAP_SIZE)
-        axes.append(domain.values(genes)[:, k])
-    across, up = axes if len(axes) == 2 else (axes[0], np.zeros(1))
-    points = np.stack(np.meshgrid(across, up), axis=-1)[..., : len(law.names)]
-    return CostMap(law.names, across, up, search.emulated().cost(points))
-
-
-def held_values(law: IdentifiedLaw) -> Values:
-    """Numbers that were held, in the model's units; none where a term is absent (C20 of 0, D2 infinite)."""
-    return MappingProxyType(
-        {
-            name: value
-            for name, value in {**law.nominal, **law.fixed}.items()
-            if name not in law.names and math.isfinite(value) and (name, value) != (DEEP_C20, 0.0)
-        }
-    )
-
-
-def search_settings(search: Search[Any]) -> dict[str, Any]:
-    """Numbers that a search depends on, their units in the names."""
-    law, settings = search.law, search.settings
-    minimiser = settings.minimiser if settings.emulator else settings.plain_minimiser
-    bounds = {}
-    for parameter in law.parameters:
-        unit, factor = readable_unit(parameter.unit)
-        bounds[f"{short_key_of(parameter.name)}_bounds_{unit_suffix(unit)}"] = [
-            factor * end for end in parameter.bounds
-        ]
-    return {
-        **with_units(held_values(law)),
-        **bounds,
-        "priors": {key_of(one.name): _prior(one) for one in law.parameters if one.prior},
-        "emulator": settings.emulator,
-        "most_solves": settings.most_solves,
-        "genetic": asdict(minimiser)
-        if is_dataclass(minimiser) and not isinstance(minimiser, type)
-        else {"minimiser": getattr(minimiser, "__qualname__", repr(minimiser))},
-        "forward_model": search.solver.model.fingerprint(),
-    }
-
-
-def _prior(parameter: Any) -> dict[str, Any]:
-    prior = parameter.prior
-    unit, factor = readable_unit(parameter.unit)
-    return {
-        "centre": factor * prior.centre,
-        "unit": unit,
-        "sd": prior.sd if prior.scale == "log" else factor * prior.sd,
-        "normal_in": "logarithm" if prior.scale == "log" else "value",
-        "source": prior.source,
-    }
 
 
 def versions() -> dict[str, str]:

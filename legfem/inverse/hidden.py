@@ -24,7 +24,8 @@ from scipy.stats import chi2
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import Mechanism, Occurrence, null_of, prior_of
 from legfem.inverse.parameter import Prior
 

@@ -7,8 +7,6 @@ contact truly began there, where the recording's displacement counts from 0. Clo
 model's curve, so that no solve is needed for any of the three.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

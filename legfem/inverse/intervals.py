@@ -7,8 +7,6 @@ never leaves the bounds. How many standard errors t stands for depends on how we
 sizes are known, see `quantile`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

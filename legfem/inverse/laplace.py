@@ -34,7 +34,8 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.inverse.evidence import Evidence, Linearisation
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import MeasuredStrength, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior

@@ -1,7 +1,5 @@
 """Least squares: steps, damped searches of costly residuals, and minima of cheap ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.data.segmentation import LOADING
+from legfem.data.phases import LOADING
 from legfem.inverse.emulator import Emulator, Kriging, Samples
 from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of, prior_of

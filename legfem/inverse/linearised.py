@@ -1,21 +1,14 @@
-r"""Maximum a posteriori fits of a tabulated model, with the derivatives about them that evidence needs.
-
-The base model is fitted by its errors' covariance, and by ordinary least squares: weighted by the covariance, a wrong
-model's best fit may lie far from all data, gains and outlines taking up what it misses (Peelle's puzzle: S. Chiba,
-D. L. Smith, ANL/NDM-121 (1991)). Equal weights know no such trade. About the ordinary fit errors that are shares of the
-force are found, searches begin there, and it is shown of a model that the recordings contradict.
-"""
+"""Observations with their errors and a tabulated model, and a model fitted to them with its derivatives there."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
@@ -23,15 +16,10 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
-from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, null_of, prior_of
+from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, prior_of
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.predictor import Predictor, onset_name
+from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
-
-_FEW, _MANY = 6, 40
-"""Evaluations of a search from each of several starts, and from the best of them."""
-_STEP = 1e-3
-"""Of differences, in standard deviations of what is known beforehand."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +218,7 @@ class LinearisedProblem:
 
     def setting_aside(self, readings: NDArray[np.bool_]) -> LinearisedProblem:
         """Return the problem with readings (N,) set aside: their errors are a thousand times as large."""
-        return replace(self, errors=_without_bounds(self.errors, readings), aside=readings)
+        return replace(self, errors=self.errors.without_bounds(readings), aside=readings)
 
     def corrected(self, offset: FloatArray) -> LinearisedProblem:
         """Return the problem with the predictor shifted to a full solution."""
@@ -260,237 +248,3 @@ class LinearisedProblem:
         """Return what is fitted: the base model's parameters and the mechanisms'."""
         own = [replace(p, name=f"{mechanism.name}.{p.name}") for mechanism in mechanisms for p in mechanism.parameters]
         return (*self.predictor.parameters, *own)
-
-
-def fit(
-    problem: LinearisedProblem,
-    mechanisms: Sequence[Mechanism],
-    start: Mapping[str, float],
-    held: Collection[str] = (),
-    evaluations: int | None = None,
-) -> LinearisedFit:
-    """Fit the base parameters and the mechanisms', from each of the mechanisms' starts.
-
-    Parameters
-    ----------
-    problem
-        The observations.
-    mechanisms
-        Beyond the base model.
-    start
-        Of the search; mechanisms whose strength it has begin there alone.
-    held
-        Full names of parameters that stay at ``start``.
-    evaluations
-        Most of the search from the best start; as many as a fit takes without it.
-    """
-    starts = [dict(start)]
-    for mechanism in mechanisms:
-        if f"{mechanism.name}.{mechanism.parameters[0].name}" in start:
-            continue
-        own = mechanism.starts(problem.predictor.observed)
-        starts = [
-            {**before, **{f"{mechanism.name}.{key}": value for key, value in mine.items()}}
-            for before in starts
-            for mine in own
-        ]
-    if len(starts) > 1:
-        tried = [_fit_from(problem, mechanisms, values, held, _FEW) for values in starts]
-        best = min(tried, key=lambda f: f.cost)
-        starts = [dict(best.values)]
-    return _fit_from(problem, mechanisms, starts[0], held, evaluations or _MANY)
-
-
-def fit_base(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
-    """Fit the base model from several starts."""
-    return min((fit(problem, (), start) for start in starts), key=lambda f: f.cost)
-
-
-def _fit_from(
-    problem: LinearisedProblem,
-    mechanisms: Sequence[Mechanism],
-    start: Mapping[str, float],
-    held: Collection[str],
-    evaluations: int,
-) -> LinearisedFit:
-    predictor = problem.predictor
-    every = problem.parameters(mechanisms)
-    free = tuple(p for p in every if p.name not in held)
-    fixed = {p.name: start.get(p.name, null_of(p)) for p in every if p.name in held}
-    priors = [prior_of(p) for p in free]
-    ends = np.array([[q.departure(end) for end in p.bounds] for p, q in zip(free, priors, strict=True)])
-    ends = np.clip(ends, -40.0, 40.0)
-    inside = 1e-9 * (ends[:, 1] - ends[:, 0])
-    at = np.array([q.departure(start.get(p.name, q.centre)) for p, q in zip(free, priors, strict=True)])
-    at = np.clip(at, ends[:, 0] + inside, ends[:, 1] - inside)
-
-    def values_at(z: FloatArray) -> dict[str, float]:
-        return {**fixed, **{p.name: q.value_at(float(x)) for p, q, x in zip(free, priors, z, strict=True)}}
-
-    numbers = {onset_name(trial): trial for trial in range(len(predictor.observed.trials))}
-    onsets = {k: numbers[p.name] for k, p in enumerate(free) if p.name in numbers}
-    trial_of = predictor.observed.trial[predictor.observed.nearest]
-
-    # A search asks for derivatives where it has just predicted, and the fit for both where the search ended.
-    @lru_cache(maxsize=2)
-    def predicted(z: tuple[float, ...]) -> FloatArray:
-        return predictor(values_at(np.array(z)), mechanisms)
-
-    @lru_cache(maxsize=2)
-    def change_at(z: tuple[float, ...]) -> FloatArray:
-        return _change(predicted, np.array(z), ends, onsets, trial_of)
-
-    def misfit(z: FloatArray) -> FloatArray:
-        return np.concatenate([problem.whitened(predictor.observed.values - predicted(tuple(z))), z])
-
-    def slopes_by(known: _Secants, z: FloatArray) -> FloatArray:
-        return np.vstack([-problem.whitened(known.at(z, predicted(tuple(z)))), np.eye(len(z))])
-
-    for _ in range(_SEARCHES):
-        begun = _Secants(at, predicted(tuple(at)), change_at(tuple(at)))
-        found = least_squares(
-            misfit,
-            at,
-            jac=partial(slopes_by, begun),
-            bounds=(ends[:, 0], ends[:, 1]),
-            xtol=1e-7,
-            ftol=1e-8,
-            gtol=1e-9,
-            max_nfev=evaluations,
-        )
-        at = found.x
-        there = slopes_by(_Secants(at, predicted(tuple(at)), change_at(tuple(at))), at)
-        if evaluations < _MANY or _still_falls(found.fun, there, at, ends) < _LEAST_FALL:
-            break
-    values = values_at(found.x)
-    prediction, change = predicted(tuple(found.x)), change_at(tuple(found.x))
-    count = len(found.fun) - len(free)
-    return LinearisedFit(
-        tuple(mechanisms),
-        values,
-        free,
-        np.asarray(found.x),
-        prediction,
-        predictor.observed.values - prediction,
-        change,
-        np.asarray(found.fun[:count]),
-        problem.whitened(change),
-        found.status > 0,
-    )
-
-
-class _Secants:
-    """Derivatives (n, p) along a search: by differences where it begins, then by Broyden's update of the last ones.
-
-    C. G. Broyden, Math. Comput. 19 (1965) 577. Differences cost a prediction for each parameter.
-    """
-
-    def __init__(self, z: FloatArray, prediction: FloatArray, slopes: FloatArray) -> None:
-        self._z, self._prediction, self._slopes = z, prediction, slopes
-
-    def at(self, z: FloatArray, prediction: FloatArray) -> FloatArray:
-        """Return the derivatives where a search has come to."""
-        step = z - self._z
-        if step @ step > 0.0:
-            missed = prediction - self._prediction - self._slopes @ step
-            self._slopes = self._slopes + np.outer(missed, step) / (step @ step)
-            self._z, self._prediction = z.copy(), prediction
-        return self._slopes
-
-
-_SEARCHES = 4
-_LEAST_FALL = 1e-2
-"""Of a cost: what a search may leave, which begins anew with derivatives by differences elsewhere."""
-
-
-def _still_falls(misfit: FloatArray, slopes: FloatArray, z: FloatArray, ends: FloatArray) -> float:
-    """Return by how much a step of Gauss and Newton would make the cost less; none beyond the bounds."""
-    gradient, close = slopes.T @ misfit, 1e-6 * (ends[:, 1] - ends[:, 0])
-    held = ((z < ends[:, 0] + close) & (gradient > 0)) | ((z > ends[:, 1] - close) & (gradient < 0))
-    own = slopes[:, ~held]
-    return float(gradient[~held] @ np.linalg.solve(own.T @ own, gradient[~held]))
-
-
-def _change(
-    predicted: Callable[[tuple[float, ...]], FloatArray],
-    z: FloatArray,
-    ends: FloatArray,
-    onsets: Mapping[int, int],
-    trial_of: NDArray[np.int_],
-) -> FloatArray:
-    """Return the prediction's derivatives (n, p) by the departures, by differences.
-
-    Parameters
-    ----------
-    predicted
-        The readings (n,) at departures.
-    z, ends
-        (p,) and (p, 2): departures, and between which they may be.
-    onsets
-        The trials whose first contacts departures are, by their places: each moves its trial's readings alone, so
-        that all are moved at once.
-    trial_of
-        Trial of each reading, (n,).
-    """
-    here = predicted(tuple(z))
-    moved = np.where(z + _STEP < ends[:, 1], z + _STEP, z - _STEP)
-    columns = np.zeros((len(here), len(z)))
-    if onsets:
-        together = z.copy()
-        together[list(onsets)] = moved[list(onsets)]
-        change = predicted(tuple(together)) - here
-        for k, trial in onsets.items():
-            columns[trial_of == trial, k] = change[trial_of == trial] / (moved[k] - z[k])
-    for k in range(len(z)):
-        if k not in onsets:
-            one = z.copy()
-            one[k] = moved[k]
-            columns[:, k] = (predicted(tuple(one)) - here) / (moved[k] - z[k])
-    return columns
-
-
-_ROUNDS = 4
-_FIRST_SHARE = 0.2
-"""Of a further channel's range: its misfit to begin with."""
-
-
-def ordinary_fit(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
-    """Return the base model's fit with equal weights within each channel.
-
-    Parameters
-    ----------
-    problem
-        The observations.
-    starts
-        Where searches begin.
-    """
-    data = problem.predictor.observed.data
-    force, *others = data.channels
-    sizes = [max(_FIRST_SHARE * float(np.ptp(one.values)), float(one.sd.max())) for one in others]
-    scales = [0.05 * force.values, *(np.full(len(one), size) for one, size in zip(others, sizes, strict=True))]
-    found = fit_base(equally_weighted(problem, np.concatenate(scales)), starts)
-    for _ in range(_ROUNDS):
-        found = fit(equally_weighted(problem, found.residual), (), found.values)
-    return found
-
-
-def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> LinearisedProblem:
-    """Return a problem whose weights are equal within each channel, and its misfit's beside what is known."""
-    errors = problem.errors
-    sizes = np.empty(len(errors.trial_sd))
-    for span in problem.predictor.observed.data.spans:
-        counted = misfit[span] if problem.aside is None else misfit[span][~problem.aside[span]]
-        sizes[span] = max(float(np.sqrt(np.mean(counted**2))), float(np.median(errors.trial_sd[span])))
-    equal = replace(
-        errors, dense=np.diag(sizes**2), known=0.0 * errors.known, gains=0.0 * errors.gains, zeros=0.0 * errors.zeros
-    )
-    return problem.with_errors(equal if problem.aside is None else _without_bounds(equal, problem.aside))
-
-
-_UNBOUNDED = 1e6
-"""Of a variance."""
-
-
-def _without_bounds(errors: ErrorModel, readings: NDArray[np.bool_]) -> ErrorModel:
-    more = np.where(readings, _UNBOUNDED * np.diag(errors.covariance), 0.0)
-    return replace(errors, dense=errors.dense + np.diag(more))

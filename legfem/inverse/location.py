@@ -12,8 +12,6 @@ through the same arithmetic give p-values for each mechanism, for the largest of
 stations, whose signatures are boxes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -14,7 +14,8 @@ from scipy.linalg import block_diag
 from legfem.common.units import FloatArray
 from legfem.data.contact import Contact, air_is_shown, contact_at_start
 from legfem.data.noise import slowest_error
-from legfem.data.segmentation import HOLD, LOADING, UNLOADING, Segmentation
+from legfem.data.phases import HOLD, LOADING, UNLOADING
+from legfem.data.segmentation import Segmentation
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel, channel_readings, planned_readings
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.stations import Stations, group_trials, read_at, stations_along, stations_of

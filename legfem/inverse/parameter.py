@@ -1,7 +1,5 @@
 """Parameters of a model or an instrument: what is known of them beforehand, and the box that is searched."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Parameters as people write them: ``superficial.C10=2±1 kPa``."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -15,8 +15,6 @@ A direct reading of an effect's strength, without the indenter, is an observatio
 parameters: the strength that the recordings gave it, or its null where an explanation hasn't that effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations

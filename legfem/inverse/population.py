@@ -4,8 +4,6 @@ The table comes from ``python -m studies.people``, whose page says how it was fo
 isn't good for.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

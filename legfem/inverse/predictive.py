@@ -19,7 +19,8 @@ from scipy.stats import chi2
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.explanation import Explanation
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, equally_weighted, fit
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import equally_weighted, fit
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictor import onset_name
 

@@ -1,7 +1,5 @@
 """Searches for several laws, run side by side, and whose limits are compared."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress

@@ -5,8 +5,6 @@ trial departs from the others by more, from some segment on or in a segment alon
 is given an error without bounds, which is to leave it out, and all else is judged by the rest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

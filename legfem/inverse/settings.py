@@ -1,7 +1,5 @@
 """What an identification is asked for, and how it is to be done: its minimiser, emulator, weights, means."""
 
-from __future__ import annotations
-
 import random
 import sys
 from collections.abc import Callable, Mapping, Sequence

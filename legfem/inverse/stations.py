@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING, Segment, Segmentation
+from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING
+from legfem.data.segmentation import Segment, Segmentation
 from legfem.data.smoothing import local_line
 from legfem.solve.protocol import Protocol
 

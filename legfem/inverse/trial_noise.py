@@ -4,8 +4,6 @@ White, slow in the load cell (correlated over time), slow in the displacement se
 `legfem.inverse.errors` has what else recordings and predictions err by.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol

@@ -13,26 +13,18 @@ from numpy.typing import NDArray
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
-from legfem.inverse.about_solutions import base_about_solution, refitted_about_solutions
 from legfem.inverse.averaging import robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.explain import explain
+from legfem.inverse.explain import base_about_solution, explain, refitted_about_solutions
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.least_squares import sandwich
-from legfem.inverse.linearised import (
-    LinearisedFit,
-    LinearisedProblem,
-    NuisanceEffect,
-    equally_weighted,
-    fit,
-    ordinary_fit,
-    variance_degrees,
-)
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect, variance_degrees
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
+from legfem.inverse.map_fit import equally_weighted, fit, ordinary_fit
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit, held_out, misfit_of

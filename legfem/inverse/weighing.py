@@ -11,7 +11,8 @@ from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales, possible
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.explanation import INEXACT, Explanation
 from legfem.inverse.laplace import gain_of_widths, laplace_posterior
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.posterior import Posterior
 

@@ -3,14 +3,11 @@
 import multiprocessing
 import os
 import signal
-import sys
 import threading
-import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
-from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from types import FrameType, TracebackType
 
@@ -66,8 +63,6 @@ class Workers[Context, Task, Outcome]:
     comm
         Over whose ranks tasks are spread if there are several: this is the first, and the others
         serve it, as `legfem.jobs.ranks.leading` has it.
-    fresh
-        Whether every task has a process of its own, even with one job.
     along
         Whether this process is one of those that work, for tasks of seconds: what others finish
         meanwhile isn't yielded before its own task is.
@@ -79,11 +74,10 @@ class Workers[Context, Task, Outcome]:
         context: Context,
         jobs: int = 1,
         comm: MPI.Intracomm = MPI.COMM_SELF,
-        fresh: bool = False,
         along: bool = False,
     ) -> None:
         self.work, self.context, self.jobs = work, context, jobs
-        self.comm, self.fresh, self.along = comm, fresh, along
+        self.comm, self.along = comm, along
         self._executor: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> "Workers[Context, Task, Outcome]":
@@ -117,7 +111,7 @@ class Workers[Context, Task, Outcome]:
         if self.comm.size > 1:
             with over_ranks(self.comm, self.context) as executor:
                 yield from self._working_along(executor, self.comm.size - 1, tasks)
-        elif not self.fresh and (self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None))):
+        elif self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None)):
             for place, task in enumerate(tasks):
                 yield place, self._done_here(task)
         elif self.along:
@@ -172,13 +166,13 @@ class Workers[Context, Task, Outcome]:
                 yield place, self._done_here(task)
 
     def _started(self) -> ProcessPoolExecutor:
-        return _processes(self.jobs - self.along, self.context, 1 if self.fresh else None)
+        return _processes(self.jobs - self.along, self.context)
 
 
 @contextmanager
 def processes(number: int) -> Iterator[ProcessPoolExecutor]:
     """Yield processes that end at once with an error, Ctrl-C, and the one that started them."""
-    executor = _processes(number, None, None)
+    executor = _processes(number, None)
     try:
         yield executor
     except BaseException:
@@ -187,14 +181,10 @@ def processes(number: int) -> Iterator[ProcessPoolExecutor]:
     _end(executor, at_once=False)
 
 
-def _processes(number: int, context: object, tasks_each: int | None) -> ProcessPoolExecutor:
+def _processes(number: int, context: object) -> ProcessPoolExecutor:
     ignore_broken_pipes()
     return ProcessPoolExecutor(
-        number,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start,
-        initargs=(context,),
-        max_tasks_per_child=tasks_each,
+        number, mp_context=multiprocessing.get_context("spawn"), initializer=_start, initargs=(context,)
     )
 
 
@@ -229,61 +219,3 @@ def _first_of[Item](waiting: deque[Item]) -> Item | None:
     with suppress(IndexError):
         return waiting.popleft()
     return None
-
-
-_PATIENCE_S = 120.0
-"""After which a copy is taken to hang."""
-
-type Result[T] = Callable[[], T]
-"""Waits for what a piece of work returns."""
-
-
-@contextmanager
-def in_background[T](work: Callable[[], T], apart: bool = True) -> Iterator[Result[T]]:
-    """Begin a piece of work in a forked copy, which shares no later change, and yield its result.
-
-    The copy must leave MPI and PETSc alone. What it can't do is done here once the result is asked
-    for, and so is everything where processes can't be forked safely.
-
-    Parameters
-    ----------
-    work
-        Function without arguments; what it returns is picklable.
-    apart
-        Whether a forked copy may be made.
-    """
-    if not (apart and sys.platform == "linux"):
-        yield work
-        return
-    fork = multiprocessing.get_context("fork")
-    here, there = fork.Pipe(duplex=False)
-    copy = fork.Process(target=_work, args=(work, there), daemon=True)
-    with warnings.catch_warnings():
-        # That other threads' locks stay shut in a copy: those of MPI, which it leaves alone.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        copy.start()
-    there.close()
-
-    def result() -> T:
-        try:
-            if here.poll(_PATIENCE_S):
-                found: T = here.recv()
-                return found
-        except EOFError:
-            pass
-        copy.kill()
-        copy.join()
-        return work()
-
-    try:
-        yield result
-    finally:
-        copy.kill()
-        copy.join()
-        here.close()
-
-
-def _work[T](work: Callable[[], T], there: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever made the copy ends it
-    with there:
-        there.send(work())

@@ -66,13 +66,6 @@ class Together[Context, Task, Outcome]:
         return self._work(self._context, task)
 
 
-def lead(comm: MPI.Intracomm, work: Callable[[], None]) -> None:
-    """Call a function on the first rank while the others serve it, see `leading`."""
-    with leading(comm) as first:
-        if first:
-            work()
-
-
 @contextmanager
 def leading(comm: MPI.Intracomm, expected: tuple[type[Exception], ...] = (InputError,)) -> Iterator[bool]:
     """Yield True on the first rank, whose `Workers` and `Together` the others serve.

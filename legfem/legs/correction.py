@@ -28,8 +28,6 @@ trend is small where :math:`m_1` is near what is identified, and each further so
 wrong with it. Its error replaces that of the table.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -20,8 +20,6 @@ over the depth and :math:`\ln r`, monotone between the points. What the table's 
 mesh, changes :math:`\ln f` by a share of itself: its errors, the muscle's stiffness among them.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

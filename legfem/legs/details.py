@@ -1,14 +1,16 @@
-"""What corrected an identified leg's force for 3D, and what the leg's own solves say of it."""
+"""What the fit of a leg has beside that of any test: what corrected its force for 3D, and its own solves in 3D."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 from legfem.common.units import FloatArray
-from legfem.inverse.catalogue import Values
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
+from legfem.inverse.fit import Fit
+from legfem.legs.site_test import curve_of
 from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
@@ -119,3 +121,72 @@ class LegDetails:
     def plane(self) -> bool:
         """Whether the search went on a section in plane strain."""
         return not isinstance(self.spatial, SpatialSites)
+
+
+class LegDocument:
+    """What ``result.json`` of a leg has beside that of any fit; a `legfem.inverse.document.KindDocument`."""
+
+    def of_fit(self, fit: Fit[LegDetails]) -> dict[str, Any]:
+        """Model, solves in 3D, fibres, and what the sites' instruments err by."""
+        details = fit.details
+        fibres, applied = details.subject.fibres, details.corrections[0]
+        return {
+            "correlation_c10_c20": fit.correlation(DEEP_C10, DEEP_C20),
+            "own_errors_of_sites_sd": with_units(details.own_errors),
+            "model": "2d" if details.spatial is None else "3d",
+            "spatial": _spatial(details.spatial),
+            "fibres": None
+            if fibres is None
+            else {
+                "ratio": fibres.value,
+                "sd": fibres.sd,
+                "provenance": fibres.provenance,
+                "source": fibres.source,
+                "in_correction": applied is not None and applied.with_fibres,
+            },
+        }
+
+    def of_test(self, fit: Fit[LegDetails], number: int) -> dict[str, Any]:
+        """Correction and noise at a site."""
+        details, curve = fit.details, curve_of(fit.tests[number])
+        applied = details.corrections[number]
+        return {
+            "subject": details.leg.sites[number].id,
+            "correction": None if applied is None else applied.name,
+            "correction_P": None if applied is None else applied.P,
+            "correction_P_sd": None if applied is None else applied.sd,
+            "noise": {
+                "reading_force_sd_N": curve.noise.force_sd,
+                "correlation_length_mm": curve.noise.correlation_length,
+                "trials": curve.n_trials,
+                "source": curve.noise.source,
+            },
+        }
+
+
+def _spatial(found: SpatialEvidence | SpatialSites | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    if isinstance(found, SpatialSites):
+        return asdict(found)
+    return {
+        "shape": found.shape,
+        "extruded": found.extruded,
+        "length_mm": found.length,
+        "converged": found.converged,
+        "full_solves": found.full_solves,
+        "rough_solves": found.rough_solves,
+        "confirmations": [
+            {
+                "c10_kPa": one.c10,
+                "c20_kPa": one.c20,
+                "seconds": one.seconds,
+                "factorisations": one.factorisations,
+                "relative_difference_from_predicted_force": one.error,
+                "relative_change_of_c10_after": one.moved,
+            }
+            for one in found.confirmations
+        ],
+        "greatest_error_of_P": dict(found.errors),
+        "correction_P_of_table": found.table_P,
+    }

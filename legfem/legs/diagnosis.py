@@ -1,7 +1,5 @@
 """A leg's diagnosis: its recordings, library, mechanisms and accuracy, and what is unlikely of what was found."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The experiments on a subject's leg: its section in plane strain, and its shape in 3D."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """States of a leg that is pressed in 3D, as pictures need them: its surfaces, what presses them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path

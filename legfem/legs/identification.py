@@ -9,6 +9,12 @@ optimum, the correction is made anew from that (`legfem.legs.correction`), and t
 repeated, until neither the force that the correction predicted nor the optimum moves. What is left
 is the correction's error, which the intervals carry: that of its last prediction, of the mesh, of
 how much of the leg is modelled, and of first contact.
+
+In 3D alone the search goes on full solves of every site with their exact derivatives: an emulator
+that is drawn through them leads from one to the next (`legfem.inverse.search`), some four to eight
+of them. Once, near the optimum, every site is solved by larger elements and of a shorter leg; what
+that changes is an error that the weights and the intervals carry, the mesh's of each site by itself
+and the length's alike at all.
 """
 
 from __future__ import annotations
@@ -25,22 +31,27 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName
+from legfem.inverse.comparison import JointComparison
 from legfem.inverse.fibre_ratio import check_in_plane
-from legfem.inverse.fit import Fit, fit, fit_with
-from legfem.inverse.outcome import Forward, FullSolver, JointForward
+from legfem.inverse.fit import Fit
+from legfem.inverse.outcome import Forward, FullSolver, JointForward, solve_test
+from legfem.inverse.problem import fit, fit_with
+from legfem.inverse.searches import Searches
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.jobs.pool import Workers
 from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction
 from legfem.legs.details import CLOSE, Confirmation, LegDetails, SpatialEvidence
 from legfem.legs.experiments import tissues_of
 from legfem.legs.film_3d import PressedLeg
-from legfem.legs.fit_in_3d import fit_in_3d
 from legfem.legs.forward import PlaneStrainForward, values_of
-from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, start_of_ratio
+from legfem.legs.laws import laws_of
+from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, kept_forward, leg_models, start_of_ratio
 from legfem.legs.notices import of_two_fidelities
-from legfem.legs.problem import LegProblem, leg_problem, pressed_depth
-from legfem.legs.site_test import deep_stiffness
-from legfem.legs.solver_3d import LegSolver
+from legfem.legs.problem import LegProblem, leg_problem, pressed_depth, split_instrument
+from legfem.legs.site_channels import site_channels
+from legfem.legs.site_test import SiteTest, deep_stiffness, measured_curve, with_instrument_errors
+from legfem.legs.solver_3d import LegSolver, model_errors
 from legfem.legs.subject import SitedLeg, Subject
 
 MOST_SOLVES = 8
@@ -186,6 +197,75 @@ def _moved(before: Fit[LegDetails], after: Fit[LegDetails]) -> float:
         if before.estimates[name].value != 0
     )
     return max(moves, default=0.0)
+
+
+MOST_SOLVES_OF_SITES = 12
+"""Of all sites together, with a law."""
+FIRST_SOLVES = 3
+"""After which errors are measured, near enough to the optimum."""
+
+
+def fit_in_3d(
+    leg: SitedLeg,
+    laws: Sequence[LawName],
+    request: SearchRequest | None = None,
+    settings: SolidLegSettings | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+    models: Sequence[LegModels] | None = None,
+) -> list[Fit[LegDetails]]:
+    """Fit tissues, and the ratio of muscle's fibres, that all sites of a leg share.
+
+    Parameters
+    ----------
+    leg : SitedLeg
+        With recordings at every site; one site does.
+    laws : sequence of str
+        Of the deep tissue: ``neo-hookean``, ``reduced-polynomial``.
+    request : SearchRequest, optional
+        As for `legfem.legs.problem.leg_problem`; ``deep.fibre_ratio`` can be among its
+        parameters. So many of its sites as it has jobs are solved side by side.
+    settings : SolidLegSettings, optional
+        Numerical.
+    comm : MPI.Intracomm
+        Over which every solve is spread, one after another if it has several ranks.
+    models : sequence of LegModels, optional
+        One a site, see `leg_models`.
+
+    Raises
+    ------
+    InputError
+        If a site's shape can't be had or meshed, its recordings can't be used, or there is no
+        parameter of a name.
+    SearchError
+        If too few full solves reach the measured depths.
+    """
+    request = request or SearchRequest()
+    parameters, own_errors = split_instrument(request.parameters, request.fixed)
+    curves = [with_instrument_errors(measured_curve(site, request.depth), own_errors) for site in leg.sites]
+    models = models or leg_models(leg, curves, request, settings, comm)
+    kept = tuple(map(kept_forward, models))
+    jobs = min(request.jobs, len(models)) if comm.size == 1 else 1
+    unknowns = laws_of(leg.sites[0], laws, kept[0].nominal, parameters, request.fixed)
+    tests = tuple(
+        SiteTest(site, curve, beside=site_channels(site, curve, "3d"))
+        for site, curve in zip(leg.sites, curves, strict=True)
+    )
+    problem = LegProblem(leg, tests, JointForward(kept), unknowns, "covariance", own_errors)
+    with (
+        Workers(solve_test, kept, jobs, along=True) as workers,
+        replace(request, jobs=1).solver(JointForward(kept, workers), problem.sensitivities) as solver,
+    ):
+        free = JointComparison(tests)
+        few = replace(request.settings, most_solves=FIRST_SOLVES)
+        most = max(laws, key=lambda name: len(unknowns[name].parameters))
+        (start,) = Searches(unknowns, solver, few, lambda law: free).find([most])
+        errors = model_errors(leg, models, start, request.progress, jobs)
+        problem = replace(problem, spatial=errors.summary).corrected(errors.modes)
+        near = problem.comparison(start.search.law, (start.best.values, start.linear.prediction.values))
+        settled = replace(request.settings, most_solves=MOST_SOLVES_OF_SITES)
+        searches = Searches(unknowns, solver, settled, lambda law: near, {most: start.search})
+        found = searches.find(laws)
+    return [problem.assessed(one) for one in found]
 
 
 def as_leg(given: Subject | SitedLeg) -> SitedLeg:

@@ -1,7 +1,5 @@
 """The two laws of the deep tissue, as identification sees them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """A subject out of the folder that gives it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

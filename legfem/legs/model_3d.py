@@ -12,19 +12,22 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
+from legfem.data import LoadingCurve
 from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.inverse.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.inverse.outcome import ForwardModel, Outcome
+from legfem.inverse.settings import SearchRequest
 from legfem.jobs.key import key_of
 from legfem.jobs.ranks import Together
+from legfem.jobs.store import Store
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.experiments import spatial_test, tissues_of
 from legfem.legs.film_3d import LegCamera, LegFilm, PressedLeg
 from legfem.legs.forward import values_of
 from legfem.legs.placement import SpatialLeg, spatial_leg
-from legfem.legs.subject import Subject
+from legfem.legs.subject import SitedLeg, Subject
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
 from legfem.solve.path import ForceCurve
@@ -283,3 +286,80 @@ def check_has_ends(subject: Subject) -> None:
             "the recordings are simulated in plane strain, without ends",
             "leave it out, or give plane_strain = false in [recordings] if they have ends",
         )
+
+
+@dataclass(eq=False)
+class KeptForward:
+    """A model of one site whose every solve is kept, so that a killed run loses only one.
+
+    Parameters
+    ----------
+    model
+        Of the site.
+    store
+        Where; nowhere without it.
+    """
+
+    model: ForwardModel
+    store: Store[Outcome] | None
+
+    @property
+    def nominal(self) -> Values:
+        """All values of the model as assumed."""
+        return self.model.nominal
+
+    def prepare(self) -> None:
+        """Mesh and compile now."""
+        if isinstance(self.model, SpatialForward):
+            self.model.prepare()
+
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
+        """Solve in full, or return what was kept."""
+
+        def made() -> Outcome:
+            return self.model.solve(values, sensitivities)
+
+        if self.store is None:
+            return made()
+        return self.store.get_or_make((values, sensitivities), made)
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Return what a solve depends on."""
+        return self.model.fingerprint()
+
+
+def leg_models(
+    leg: SitedLeg,
+    curves: Sequence[LoadingCurve],
+    request: SearchRequest,
+    settings: SolidLegSettings | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+) -> list[LegModels]:
+    """Return the models in 3D of a leg's sites, each pressed as deep as its curve goes.
+
+    Raises
+    ------
+    InputError
+        If a site's shape can't be had.
+    """
+    kept = None if request.out is None else request.out / SOLVES
+    ratio = seeks_ratio(leg.sites[0], request)
+    return [
+        LegModels.of_subject(site, float(curve.displacement[-1]), kept, settings, request.progress, comm, ratio)
+        for site, curve in zip(leg.sites, curves, strict=True)
+    ]
+
+
+def seeks_ratio(subject: Subject, request: SearchRequest) -> bool:
+    """Return whether the ratio of the muscle's fibres is among what is free, or held by request."""
+    named = {one.name for one in request.parameters or ()} | set(request.fixed)
+    return DEEP_RATIO in named or (subject.fibres is not None and subject.fibres.sd > 0)
+
+
+def kept_forward(models: LegModels) -> KeptForward:
+    """Return the full model of a site, its solves kept where its models say."""
+    model = models.full
+    store = None
+    if models.kept is not None:
+        store = Store(models.kept, Outcome, model.fingerprint())
+    return KeptForward(model, store)

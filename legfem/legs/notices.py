@@ -11,14 +11,14 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_RATIO, key_of
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.fit import Fit, TestFit
+from legfem.inverse.fit import Fit
 from legfem.inverse.notices import LAW_MISSES, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
 from legfem.inverse.parameter import Prior
 from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.elastography import elastography_priors
 from legfem.legs.plausibility import doubts_about, poisson_ratio
-from legfem.legs.site_test import SiteTest
+from legfem.legs.site_test import curve_of
 from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 
@@ -113,12 +113,6 @@ def doubts_of(fit: Fit[LegDetails]) -> tuple[Doubt, ...]:
         for doubt in doubts_about(site)
     ]
     return (*own, *doubts_about_stiffness(fit.details.subject, fit.estimates))
-
-
-def curve_of(one: TestFit) -> LoadingCurve:
-    """Mean loading curve of a site."""
-    assert isinstance(one.test, SiteTest)
-    return one.test.curve
 
 
 def _misfit(fit: Fit[LegDetails]) -> str:

@@ -1,7 +1,5 @@
 """Plans for a subject: after an ambiguous diagnosis, and before any test."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -20,9 +20,9 @@ from legfem.data import Recording, Segmentation, ranges
 from legfem.data.channel_reader import LONGEST_LAG_S
 from legfem.data.contact import LEG
 from legfem.data.formats import recording_files
+from legfem.data.phases import LOADING
 from legfem.data.plausibility import loading_doubts, refuse_copies, trial_doubts
 from legfem.data.recording import RecordedChannel
-from legfem.data.segmentation import LOADING
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone, fat_thickness, girth
 

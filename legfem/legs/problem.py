@@ -12,26 +12,14 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.inverse.agreement import SingleTests
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, IdentifiedLaw, LawName, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
-from legfem.inverse.fit import (
-    ChannelFit,
-    Fit,
-    Identity,
-    TestFit,
-    cost_of,
-    goodness_of,
-    held_values,
-    log_of,
-    optimum_of,
-    search_settings,
-    versions,
-)
+from legfem.inverse.fit import ChannelFit, Fit, Identity, TestFit, versions
 from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMERICAL_LENGTH_MM, WEAKLY_WITHIN, quantile
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.problem import SingleTests, cost_of, goodness_of, held_values, log_of, optimum_of, search_settings
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
@@ -56,7 +44,7 @@ _ASSUMED = ("superficial.C10", "fascia.C10")
 
 @dataclass(frozen=True, eq=False)
 class LegProblem:
-    """A leg's sites beside its model; a `legfem.inverse.fit.Problem`.
+    """A leg's sites beside its model; a `legfem.inverse.problem.Problem`.
 
     Parameters
     ----------

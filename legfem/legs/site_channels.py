@@ -13,8 +13,8 @@ from legfem.channels.registry import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve, Segmentation
 from legfem.data.noise import slowest_error
+from legfem.data.phases import LOADING
 from legfem.data.recording import RecordedChannel
-from legfem.data.segmentation import LOADING
 from legfem.geometry.section import layer_thicknesses
 from legfem.inverse.channel_errors import errors_of_places, model_covariance, reading_covariance, shared_errors
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of

@@ -18,6 +18,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.errors import numerical_covariance
+from legfem.inverse.fit import TestFit
 from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
@@ -328,3 +329,9 @@ def beyond_of(parameters: Sequence[Parameter], fixed: Values) -> float:
         if one.name == OFFSET:
             least = min(least, one.bounds[0])
     return max(0.0, -least)
+
+
+def curve_of(one: TestFit) -> LoadingCurve:
+    """Mean loading curve of a site."""
+    assert isinstance(one.test, SiteTest)
+    return one.test.curve

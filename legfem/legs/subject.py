@@ -1,7 +1,5 @@
 """A subject: one leg, how it was pressed, its tissues, and the recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -5,8 +5,6 @@ factor of 2 in the force, as of a wrong gain, can't be told from them, and one o
 can a radius for a diameter, which changes the force of a long cylinder little.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import Protocol

@@ -81,9 +81,8 @@ def channel_sentences(found: Diagnosis) -> Iterator[str]:
         at = f"at {low:.0f} mm" if high - low < 1.0 else f"from {low:.0f} to {high:.0f} mm"
         phase = "" if window.phase == "loading" else f" in {window.phase}"
         yield (
-            f"The {kind.words.partition(',')[0]} is {abs(size):.2g} {kind.unit} "
-            f"{'more' if size > 0 else 'less'} than the model's {at}{phase} "
-            f"(p = {window.p_value:.2g} over all intervals)."
+            f"The {kind.words.partition(',')[0]} is {abs(size):.2g} {kind.unit} {'more' if size > 0 else 'less'} than "
+            f"the model's {at}{phase} (p = {window.p_value:.2g} over all intervals)."
         )
 
 

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from legfem.common.units import FloatArray, percent
-from legfem.data.segmentation import HOLD
+from legfem.data.phases import HOLD
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation, Statement
 from legfem.inverse.location import Signature

@@ -5,6 +5,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from legfem.common.documents import json_types, write_document
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import DEEP_C10
@@ -60,8 +62,6 @@ def write_diagnosis_report(
     command
         That was given, for who wants to repeat it.
     """
-    import pandas as pd
-
     out = Path(out)
     with made_in_place(out) as folder:
         entries = _figures(diagnosis, subject, folder)

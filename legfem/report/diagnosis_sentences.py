@@ -32,9 +32,8 @@ def verdict_sentence(found: Diagnosis) -> str:
     """Return the verdict in some sentences."""
     if found.verdict == "consistent":
         return (
-            "The model describes the recordings within their errors and what is not known exactly of "
-            "what was pressed. It needs no further physics "
-            f"(probability {percent(found.explained.adequacy)}). {air(found)}"
+            "The model describes the recordings within their errors and what is not known exactly of what was pressed. "
+            f"It needs no further physics (probability {percent(found.explained.adequacy)}). {air(found)}"
         ).strip()
     if found.verdict == "unexplained" and not found.withheld:
         return misfit_sentence(found)
@@ -55,9 +54,8 @@ def verdict_sentence(found: Diagnosis) -> str:
         f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
     )
     return (
-        f"{_contradiction(found)} {kin_sentence(found.models)}It leaves out one of these, and the "
-        f"recordings do not show which: {candidates}. "
-        f"{stiffness_range(found.base, found.models)} {air(found)}"
+        f"{_contradiction(found)} {kin_sentence(found.models)}It leaves out one of these, and the recordings do not "
+        f"show which: {candidates}. {stiffness_range(found.base, found.models)} {air(found)}"
     ).strip()
 
 
@@ -183,10 +181,14 @@ def next_experiments(found: Diagnosis) -> list[str]:
     wanted = dict.fromkeys(
         _wanted(found, m) for model in found.models for m in model.fit.mechanisms if m.name not in known
     )
-    rate = any("rate" in why for why in found.untested.values())
-    if found.verdict == "consistent" and rate:
+    if found.verdict == "consistent" and _one_rate(found):
         return ["hold the deepest position for a minute, and press at two rates"]
     return list(wanted)
+
+
+def _one_rate(found: Diagnosis) -> bool:
+    """Return whether the recordings can't show an effect of rate."""
+    return any("rate" in why for why in found.untested.values())
 
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
@@ -214,7 +216,7 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
         [
             ("Problems found", aside + _wrong(found)),
             ("How sure", _sure(found)),
-            ("Effect on C10", _stiffness(found)),
+            ("Effect on C10", _stiffness(found) + _at_its_rate(found)),
             ("What to do", to_do(found, plan)),
             *_high_or_low(found, tissue),
         ],
@@ -366,6 +368,12 @@ def _stiffness(found: Diagnosis) -> str:
         f"{_C10}, would be {before} kPa without a correction. Corrected it is {low} to {high} kPa, "
         "depending on the cause."
     )
+
+
+def _at_its_rate(found: Diagnosis) -> str:
+    if found.withheld or DEEP_C10 not in found.base.fit.free or not _one_rate(found):
+        return ""
+    return " It is the stiffness at the rate of this test: tissue that is held relaxes, and is then softer."
 
 
 _C10 = "C10, the stiffness of the tissue"

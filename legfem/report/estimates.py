@@ -12,8 +12,8 @@ from legfem.common.units import mpa_to_kpa, readable_unit
 from legfem.data.ranges import PUBLISHED_C10, Published
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import parameter_of, symbol_of, unit_of
-from legfem.inverse.comparison import ErrorSource, main_source
-from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
+from legfem.inverse.comparison import ErrorSource
+from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
 from legfem.inverse.fit import Fit, Goodness, TestFit
 from legfem.inverse.parameter import Parameter
 from legfem.legs.elastography import ShearModulus
@@ -230,7 +230,7 @@ def unknown_among(parameters: Mapping[str, Estimate]) -> list[str]:
     return [symbol_of(name) for name, found in parameters.items() if found.identifiability != "identifiable"]
 
 
-# Below this, chance doesn't explain what was left unexplained.
+# Below this, chance doesn't explain what a further parameter gains.
 _SIGNIFICANT = 0.01
 
 
@@ -286,16 +286,11 @@ def _misfit(result: Fit[Any]) -> float:
     return result.cost.value if result.weighting == "paper" else result.goodness.chi_square
 
 
-def fits(result: Fit[Any]) -> bool:
-    """Return whether a law describes the recordings within the noise."""
-    return not result.goodness.p_value < _SIGNIFICANT
-
-
 def _goodness(result: Fit[Any]) -> str:
     name, chance = LAW_NAMES[result.law], result.goodness.p_value
     if math.isnan(chance):
         return f"The {name} law fits with rms {result.cost.rms:.3g} N."
-    if not fits(result):
+    if not result.goodness.fits:
         return (
             f"The {name} law does not fit within the noise ({fit_probability(chance)}): "
             "the recordings show physics that this law leaves out."

@@ -1,4 +1,4 @@
-"""The folder of an identification: result.json, pages, figures, tables and fields, of a leg or of specimens."""
+"""The folder of an identification: result.json, pages, figures, tables and fields, of any kind."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,9 +11,8 @@ from legfem.common.documents import write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
-from legfem.jobs.pool import in_background
 from legfem.legs.details import LegDetails
-from legfem.legs.notices import curve_of
+from legfem.legs.site_test import curve_of
 from legfem.report.estimates import preferred
 from legfem.report.folder import REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.kinds import kind_of
@@ -43,7 +42,6 @@ def write_report(
     out: Path,
     command: str = "",
     experiment: PlaneStrainIndentation | None = None,
-    jobs: int = 1,
     every_rank: bool = False,
 ) -> Path:
     """Write the folder of fits: result.json, report.html and report.txt, tables, figures; return report.txt's path.
@@ -51,7 +49,7 @@ def write_report(
     Parameters
     ----------
     fits
-        One a law, of one leg or one folder of specimens.
+        One a law, of one leg, one folder of specimens, or one leg in its stocking.
     out
         Folder; made if missing.
     command
@@ -59,24 +57,24 @@ def write_report(
     experiment
         Of the only site, solved once more with the law that fits best for the deformed state; None leaves picture
         and fields of it out. Under MPI all ranks of its communicator call.
-    jobs
-        Processes: with several the figures are drawn while the deformed state is read.
     every_rank
         Whether each rank has fits and a folder of its own; else the first one of MPI's writes alone.
     """
     kind, out = kind_of(fits), Path(out)
-    comm = MPI.COMM_SELF if experiment is None else experiment.comm
+    comm = kind.comm(fits) if experiment is None else experiment.comm
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0 and not every_rank:
         return out / REPORT
     if comm.rank == 0:
         keep_another(out, command, "result.json")
         write_document(out / "result.json", fit_document(fits, kind.document))
-    apart = jobs > 1 and experiment is not None and comm.size == 1
-    with made_in_place(out, comm) as folder, in_background(lambda: kind.files(fits, folder), apart) as drawn:
-        solved = _Solved() if experiment is None else _deformed_state(fits, experiment, folder)
+    with made_in_place(out, comm) as folder:
+        solved = _Solved(files=kind.fields(fits, folder))
+        if experiment is not None:
+            solved = _deformed_state(fits, experiment, folder)
         if comm.rank == 0:
             page = kind.page(fits, solved.pressed, command, solved.note)
-            write_page(page, folder, "curves", [*drawn(), *solved.files, RESULT], estimates_frame(fits))
+            entries = [*kind.files(fits, folder), *solved.files, RESULT]
+            write_page(page, folder, kind.explore, entries, estimates_frame(fits))
     return out / REPORT
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from legfem.channels.registry import OF_LEGS
 from legfem.common.documents import markdown_table, versions_of
 from legfem.data import Recording, SourceColumns
+from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING
 from legfem.data.quality import GRADES, Quality
 from legfem.data.reader import Proposal
 from legfem.data.recording import QUANTITIES, RecordedChannel
-from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Tone, Verbatim, WebPage, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
@@ -289,9 +289,8 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
                 ("What was read", _read(seen[0].proposal.channels)),
                 (
                     "How sure",
-                    "Columns, units and directions are inferred from names and from the "
-                    "motion: compare the curves with what you did. A grade judges the recording, "
-                    "not what was tested.",
+                    "Columns, units and directions are inferred from names and from the motion: compare the curves "
+                    "with what you did. A grade judges the recording, not what was tested.",
                 ),
                 (
                     "What to do",

@@ -24,20 +24,6 @@ TONES: Mapping[Tone, str] = {
     "open": "Undecided",
     "wrong": "The model does not fit",
 }
-_MONTHS = (
-    "January",
-    "February",
-    "March",
-    "April",
-    "May",
-    "June",
-    "July",
-    "August",
-    "September",
-    "October",
-    "November",
-    "December",
-)
 PROVENANCE: Mapping[Provenance, str] = {
     "measured": "read off measurements of this leg",
     "reconstructed": "read off reconstructed data; nothing was measured",
@@ -125,16 +111,6 @@ class LabelledBar:
 
 
 @dataclass(frozen=True)
-class DrawnBar:
-    """A bar in per cent of the width."""
-
-    name: str
-    text: str
-    width: float
-    interval: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
 class Bars:
     """Numbers of one unit beside each other."""
 
@@ -149,8 +125,8 @@ class Bars:
     """Where they may end; the greatest value's or interval's end by default."""
 
     @property
-    def drawn(self) -> list[DrawnBar]:
-        """Return the bars as they are drawn."""
+    def drawn(self) -> list[dict[str, Any]]:
+        """Return the bars as they are drawn: widths and ends of intervals are per cent of the greatest."""
         ends = [max(b.value, b.interval[1] if b.interval else b.value) for b in self.bars]
         greatest = max(ends, default=1.0) if self.greatest is None else self.greatest
         span = greatest - self.least
@@ -160,7 +136,12 @@ class Bars:
             return round(100 * min(max(share, 0.0), 1.0), 2)
 
         return [
-            DrawnBar(b.name, b.text, at(b.value), (at(b.interval[0]), at(b.interval[1])) if b.interval else None)
+            {
+                "name": b.name,
+                "text": b.text,
+                "width": at(b.value),
+                "interval": b.interval and tuple(map(at, b.interval)),
+            }
             for b in self.bars
         ]
 
@@ -392,7 +373,7 @@ class WebPage:
     @property
     def made_on(self) -> str:
         """The day, as people of all countries read it."""
-        return f"{self.made.day} {_MONTHS[self.made.month - 1]} {self.made.year}"
+        return f"{self.made.day} {self.made:%B %Y}"
 
 
 def listed(explore: str) -> ReportFile:

@@ -34,9 +34,8 @@ def procedure(result: SpecimenFit) -> str:
     untimed = (
         ""
         if first.recording.timed
-        else "They are tables of stretch and stress without a time, so that nothing is known of rates, and are "
-        "taken to be of a body of the stated size, or of a cube of 10 mm; their errors are what they are off a "
-        "smooth curve. "
+        else "They are tables of stretch and stress without a time, so that nothing is known of rates, and are taken "
+        "to be of a body of the stated size, or of a cube of 10 mm; their errors are what they are off a smooth curve. "
     )
     relaxing = (
         "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
@@ -134,8 +133,7 @@ def predictions(result: SpecimenFit) -> list[str]:
     """Return how well what was left out is predicted."""
     return [
         f"left out, {one.name}: predicted with R2 {one.r_squared:.3f}, rmse {one.axes.load_text(one.rmse)} "
-        f"({100 * one.rmse / one.course.peak:.2g} % of {one.axes.load_text(one.course.peak)})"
-        f"{_of_its_own(result, one)}"
+        f"({100 * one.rmse / one.course.peak:.2g} % of {one.axes.load_text(one.course.peak)}){_of_its_own(result, one)}"
         for one in [one for one in compared(result) if not one.fitted]
     ]
 
@@ -442,8 +440,7 @@ def _tested(results: Sequence[SpecimenFit]) -> list[str]:
         for result in results
         for line in (
             f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
-            f"chi-square "
-            f"{result.goodness.chi_square:.4g} on {result.goodness.degrees_of_freedom} degrees of freedom "
+            f"chi-square {result.goodness.chi_square:.4g} on {result.goodness.degrees_of_freedom} degrees of freedom "
             f"({fit_probability(result.goodness.p_value)}).",
             *estimates.why_identifiable(result.estimates, result.law),
             *(f"{text}." for text in (*differing(result), *predictions(result))),

@@ -26,10 +26,10 @@ from legfem.report.style import (
     title,
 )
 from legfem.report.words import Directions, number, unwrapped
+from legfem.stockings.details import StockingDetails
 from legfem.stockings.estimates import StiffnessFit, expected_rms
 from legfem.stockings.misfit import CONTOUR_NAMES, ContourMisfit
 from legfem.stockings.pressures import FatPressures, SectionPressures
-from legfem.stockings.result import StockingResult
 
 COLOURS = "viridis"
 BARE_COLOUR = "#D9D9D9"
@@ -40,9 +40,9 @@ _ROUND = np.linspace(-180.0, 180.0, 361)
 
 
 @styled
-def stocking_pressure_figure(result: StockingResult) -> Figure:
+def stocking_pressure_figure(details: StockingDetails) -> Figure:
     """Return the interface pressure of the worn stocking, in mmHg."""
-    worn, leg = result.equilibrium, result.leg
+    worn, leg = details.equilibrium, details.leg
     pressure = mpa_to_mmhg(worn.load.pressure)
     norm = Normalize(0.0, float(pressure.max()))
     figure = new_figure(13.0, 6.0)
@@ -139,16 +139,16 @@ VEIN_COLOUR = "#D55E00"
 
 
 @styled
-def stocking_section_figure(result: StockingResult, section: SectionPressures) -> Figure:
+def stocking_section_figure(details: StockingDetails, section: SectionPressures) -> Figure:
     """Return the pressure in a section, and the outlines before and after, with their load."""
-    assert result.pressures is not None
-    leg, level = result.leg, section.level
+    assert details.pressures is not None
+    leg, level = details.leg, section.level
     figure = new_figure(13.0, 8.2)
     title(figure, f"Inside the leg at mid calf (z = {level:.1f} mm)", leg.title, leg.origin)
     (inside, outside), below = figure.subplots(2, 2, height_ratios=(5, 1))
-    _keys(below[0], _draw_pressure(figure, inside, result, section))
+    _keys(below[0], _draw_pressure(figure, inside, details, section))
     panel(inside, "A", "hydrostatic pressure in fat and muscle")
-    _keys(below[1], _draw_outlines(outside, result, level))
+    _keys(below[1], _draw_outlines(outside, details, level))
     panel(outside, "B", "before and in the stocking")
     names = Directions.of(leg.bare).names
     for axes in (inside, outside):
@@ -165,7 +165,7 @@ def stocking_section_figure(result: StockingResult, section: SectionPressures) -
     return figure
 
 
-def _draw_pressure(figure: Figure, axes: Axes, result: StockingResult, section: SectionPressures) -> list[Any]:
+def _draw_pressure(figure: Figure, axes: Axes, details: StockingDetails, section: SectionPressures) -> list[Any]:
     """Draw the pressure and the veins; return what the keys are."""
     pressure = mpa_to_mmhg(section.pressure)
     low, high = np.nanpercentile(pressure, [0.5, 99.5])
@@ -179,15 +179,15 @@ def _draw_pressure(figure: Figure, axes: Axes, result: StockingResult, section: 
         shading="nearest",
         rasterized=True,
     )
-    bare = result.leg.bare
+    bare = details.leg.bare
     for part in (SKIN, HULL):
         axes.plot(*_closed(bare.at(part, section.level)), color="black", linewidth=1.0)
     _draw_bones(axes, bare, section.level)
     _frame(axes, bare.at(SKIN, section.level))
-    assert result.pressures is not None
+    assert details.pressures is not None
     veins = []
     dot: dict[str, Any] = dict(marker="o", color=VEIN_COLOUR, markeredgecolor="white")
-    for count, (vein, found) in enumerate(zip(result.leg.veins, result.pressures.at_veins, strict=True), 1):
+    for count, (vein, found) in enumerate(zip(details.leg.veins, details.pressures.at_veins, strict=True), 1):
         value = f"{mpa_to_mmhg(found):.1f} mmHg" if np.isfinite(found) else "not in the tissues"
         x, y, _ = map(float, vein.position)
         axes.plot(x, y, markersize=13, zorder=5, **dot)
@@ -199,7 +199,7 @@ def _draw_pressure(figure: Figure, axes: Axes, result: StockingResult, section: 
     bar = figure.colorbar(image, ax=axes, shrink=0.7, pad=0.02, extend="both", location="left")
     bar.set_label("hydrostatic pressure (mmHg), positive in compression")
     scale_in_kpa(bar, "right")
-    mean = mpa_to_mmhg(result.pressures.mean_interface)
+    mean = mpa_to_mmhg(details.pressures.mean_interface)
     if min(low, 0.0) < mean < high:
         bar.ax.axhline(mean, color="white", linewidth=3)
         bar.ax.axhline(mean, color="black", linewidth=1.5)
@@ -212,13 +212,13 @@ def _draw_pressure(figure: Figure, axes: Axes, result: StockingResult, section: 
     return handles
 
 
-def _draw_outlines(axes: Axes, result: StockingResult, level: float) -> list[Any]:
+def _draw_outlines(axes: Axes, details: StockingDetails, level: float) -> list[Any]:
     """Draw the outlines and the pressure on the skin; return what the keys are."""
-    bare, worn = result.leg.bare, result.equilibrium.shape
+    bare, worn = details.leg.bare, details.equilibrium.shape
     before, after = (shape.at(SKIN, level) for shape in (bare, worn))
     at = np.interp(level, bare.levels, np.arange(len(bare.levels)))
     below, share = int(at), at - int(at)
-    rows = result.equilibrium.load.pressure[[below, min(below + 1, len(bare.levels) - 1)]]
+    rows = details.equilibrium.load.pressure[[below, min(below + 1, len(bare.levels) - 1)]]
     pressure = mpa_to_mmhg((1 - share) * rows[0] + share * rows[1])
     normal = outward_normals(after)
     scale = 0.25 * float(np.ptp(after, axis=0).max()) / max(float(pressure.max()), 1e-9)
@@ -273,9 +273,9 @@ INTERFACE, GREATEST = "#0072B2", "#D55E00"
 
 
 @styled
-def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float) -> Figure:
+def stocking_fat_figure(details: StockingDetails, fat: FatPressures, level: float) -> Figure:
     """Return thickness and pressures round the leg at a level (mm), and over all levels."""
-    leg = result.leg
+    leg = details.leg
     row = int(np.argmin(np.abs(fat.levels - level)))
     figure = new_figure(13.5, 5.4)
     title(figure, "Fat thickness and the pressures over it and in it", leg.title, leg.origin)
@@ -323,7 +323,7 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
     by_interface.plot([low, top], [low, top], color=FAINT, linewidth=0.8, zorder=0)
     by_interface.annotate("equal ", (top, top), color=FAINT, ha="right", va="top")
     by_interface.set(xlabel="pressure on the skin (mmHg)")
-    mean = mpa_to_mmhg(result.equilibrium.load.mean_pressure)
+    mean = mpa_to_mmhg(details.equilibrium.load.mean_pressure)
     for axes in (by_thickness, by_interface):
         axes.axhline(mean, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
     by_thickness.annotate("mean on the skin", (0.1, mean), va="top", fontsize=8)
@@ -335,17 +335,17 @@ SHORT = {"anterior": "ant.", "posterior": "post.", "medial": "med.", "lateral": 
 
 
 @styled
-def stocking_contours_figure(result: StockingResult, found: StiffnessFit) -> Figure:
+def stocking_contours_figure(details: StockingDetails, found: StiffnessFit) -> Figure:
     """Return outlines and distances of the best fit, slice by slice.
 
     Parameters
     ----------
-    result
+    details
         Of a leg that was scanned in its stocking.
     found
         The fit that is shown.
     """
-    leg, misfit = result.leg, result.misfit
+    leg, misfit = details.leg, details.misfit
     assert misfit is not None
     target, simulated = misfit.target, found.equilibrium.shape
     fitted, bare = (_distances_by_contour(misfit, found, shape) for shape in (simulated, leg.bare))

@@ -1,11 +1,9 @@
 """The page of a leg in its stocking."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from legfem.common.errors import doubt_lines
-from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
+from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
 from legfem.report.estimates import modulus_rows
 from legfem.report.stocking_pressures import (
@@ -21,7 +19,6 @@ from legfem.report.stocking_pressures import (
     sensor_rows,
     sentence_at_ankle,
     share_of,
-    stiffness_interval,
     tension_text,
     vein_interval,
 )
@@ -30,27 +27,26 @@ from legfem.report.stocking_stiffness import (
     discrepancy_blocks,
     discrepancy_verdict,
     stiffness_blocks,
+    stiffness_interval,
     verdict_sentence,
 )
 from legfem.report.words import moduli_text
-from legfem.stockings.document import versions
+from legfem.stockings.assessment import TISSUES
+from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.estimates import model_misses
-from legfem.stockings.notices import TISSUES, stocking_notices
-from legfem.stockings.pressures import FatPressures
-from legfem.stockings.result import StockingResult
 
 
-def known_of(result: StockingResult) -> list[web.Known]:
+def known_of(fit: StockingFit) -> list[web.Known]:
     """Return the stiffness, the pressures, and what they rest on."""
-    leg = result.leg
+    details, leg = fit.details, fit.details.leg
     data: web.Provenance = leg.origin
     rows = []
-    for known in result.estimates:
+    for name, known in fit.estimates.items():
         bound = f"; at the {known.at_bound} bound of the search" if known.at_bound else ""
         c10 = mpa_to_kpa(known.value)
         rows.append(
             web.Known(
-                f"C10 of the {TISSUES[known.name]}",
+                f"C10 of the {TISSUES[name]}",
                 f"{c10:.3g} kPa",
                 "estimated",
                 "both scans",
@@ -66,9 +62,9 @@ def known_of(result: StockingResult) -> list[web.Known]:
                 "assumed",
                 "leg.toml",
             )
-            for name, value in result.parameters.items()
+            for name, value in details.parameters.items()
         ]
-    rows += [*_pressures(result), *_stocking(result)]
+    rows += [*_pressures(details), *_stocking(details)]
     rows += [
         web.Known(f"D1 of the {TISSUES[f'{name}.C10']}", f"{law.D1:g} 1/MPa", "assumed", "leg.toml")
         for name, law in leg.tissues.items()
@@ -92,17 +88,17 @@ def known_of(result: StockingResult) -> list[web.Known]:
             "leg.toml, or legfem's usual",
         )
     )
-    if (text := tension_text(result)) is not None:
+    if (text := tension_text(details)) is not None:
         rows.append(
             web.Known(
                 "tension of the fabric over what was given",
                 text,
                 "estimated",
-                "both scans" + (" and the sensors" if result.sensors else ""),
+                "both scans" + (" and the sensors" if details.sensors else ""),
             )
         )
     rows += [
-        web.Known(f"pressure on the skin, sensor {name}", text, data, "leg.toml") for name, text in sensor_rows(result)
+        web.Known(f"pressure on the skin, sensor {name}", text, data, "leg.toml") for name, text in sensor_rows(details)
     ]
     rows += modulus_rows(leg.elastography, leg.origin)
     if leg.registration is not None:
@@ -118,8 +114,8 @@ def known_of(result: StockingResult) -> list[web.Known]:
     return rows
 
 
-def _pressures(result: StockingResult) -> list[web.Known]:
-    found = result.pressures
+def _pressures(details: StockingDetails) -> list[web.Known]:
+    found = details.pressures
     if found is None:
         return []
     rows = [
@@ -131,9 +127,9 @@ def _pressures(result: StockingResult) -> list[web.Known]:
             f"{low:.1f} to {high:.1f} mmHg" if np.isfinite(high) else "",
             f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin",
         )
-        for k, (vein, pressure) in enumerate(zip(result.leg.veins, found.at_veins, strict=True))
+        for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True))
         if np.isfinite(pressure)
-        for low, high in [vein_interval(result, k)]
+        for low, high in [vein_interval(details, k)]
     ]
     source = "the model in equilibrium with its stocking"
     return [
@@ -149,14 +145,14 @@ def _pressures(result: StockingResult) -> list[web.Known]:
             both_units(found.greatest_in_fat),
             "computed",
             source,
-            remark=low_in_fat(result),
+            remark=low_in_fat(details),
         ),
         web.Known("pressure in the muscle, mean", both_units(found.mean_in_muscle), "computed", source),
     ]
 
 
-def _stocking(result: StockingResult) -> list[web.Known]:
-    stocking, load = result.leg.stocking, result.equilibrium.load
+def _stocking(details: StockingDetails) -> list[web.Known]:
+    stocking, load = details.leg.stocking, details.equilibrium.load
     low, high = stocking.unstretched.min(), stocking.unstretched.max()
     rows = [
         web.Known("stiffness of the fabric", f"{stocking.stiffness:g} N/mm per unit of strain", "assumed", "leg.toml"),
@@ -173,12 +169,12 @@ def _stocking(result: StockingResult) -> list[web.Known]:
             "the dressed leg's girth",
         ),
     ]
-    if result.scan_load is not None:
+    if details.scan_load is not None:
         rows.append(
             web.Known(
                 "pressure on the skin by the scanned shape",
-                f"{mpa_to_mmhg(result.scan_load.mean_pressure):.1f} mmHg (mean)",
-                result.leg.origin,
+                f"{mpa_to_mmhg(details.scan_load.mean_pressure):.1f} mmHg (mean)",
+                details.leg.origin,
                 "scan in the stocking, Laplace's law",
             )
         )
@@ -193,105 +189,104 @@ _NOT_TESTED = (
 )
 
 
-def stocking_web_page(
-    result: StockingResult,
-    moved: Mapping[str, FloatArray] | None = None,
-    fat: FatPressures | None = None,
-    command: str = "",
-) -> web.WebPage:
+def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
     """Return the page of a leg in its stocking.
 
     Parameters
     ----------
-    result
-        Of a run.
-    moved
-        Displacement (mm) of skin's and hull's points; None if the worn state was not found.
-    fat
-        Pressures in columns of fat, if they were sampled.
+    fit
+        Of the leg.
     command
         That was given; empty where there was none.
     """
-    leg, differ = result.leg, result.discrepancy
+    details, leg = fit.details, fit.details.leg
+    differ = details.discrepancy
     chapters = []
-    if result.pressures is not None and moved is not None:
-        chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(result, moved)]))
-    if result.equilibrium.state.report.complete:
-        chapters.append(web.Chapter(ALONG, level_blocks(result)))
+    if details.pressures is not None and details.moved is not None:
+        chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(details, details.moved)]))
+    if details.equilibrium.state.report.complete:
+        chapters.append(web.Chapter(ALONG, level_blocks(details)))
     chapters += [
-        web.Chapter(PRESSURES, pressure_blocks(result, fat)),
-        web.Chapter(STIFFNESS, stiffness_blocks(result)),
+        web.Chapter(PRESSURES, pressure_blocks(details)),
+        web.Chapter(STIFFNESS, stiffness_blocks(fit)),
         web.Chapter(
-            "Where model and scan differ", [web.Prose(_wrong(result))] if differ is None else discrepancy_blocks(differ)
+            "Where model and scan differ",
+            [web.Prose(_wrong(details))] if differ is None else discrepancy_blocks(differ),
         ),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
-        web.Chapter("What to do next", [web.Bullets(_next(result))]),
-        web.Chapter("What was scanned", _scanned(result)),
-        web.Chapter("How it was computed", [_computed(result)]),
+        web.Chapter("What to do next", [web.Bullets(_next(fit))]),
+        web.Chapter("What was scanned", _scanned(details)),
+        web.Chapter("How it was computed", [_computed(fit)]),
     ]
     return web.WebPage(
         title=f"What does the compression stocking do to leg {leg.id}?",
         subject=leg.title,
         origin=leg.origin,
-        headline=_headline(result),
-        warnings=[*doubt_lines(leg.doubts), *stocking_notices(result)],
-        known=known_of(result),
+        headline=_headline(fit),
+        warnings=[*doubt_lines(fit.doubts), *fit.warnings],
+        known=known_of(fit),
         chapters=chapters,
-        repeat=web.Repeat(command, versions()),
+        repeat=web.Repeat(command, fit.versions),
         data=ORIGINS[leg.origin],
     )
 
 
-def _headline(result: StockingResult) -> web.Headline:
+def _headline(fit: StockingFit) -> web.Headline:
+    details = fit.details
     return web.Headline(
-        _tone(result),
-        _sentence(result),
+        _tone(fit),
+        _sentence(details),
         [
-            ("Problems found", _wrong(result)),
-            ("How sure", _sure(result)),
-            ("What it means for comfort", _comfort(result)),
-            ("What to do", _next(result)[0]),
+            ("Problems found", _wrong(details)),
+            ("How sure", _sure(fit)),
+            ("What it means for comfort", _comfort(details)),
+            ("What to do", _next(fit)[0]),
         ],
-        _heading(result),
+        _heading(fit),
     )
 
 
-def _heading(result: StockingResult) -> str:
+def _heading(fit: StockingFit) -> str:
     """Return what can be relied on, and what is uncertain."""
-    if result.pressures is None:
+    details = fit.details
+    if details.pressures is None:
         return "There is no answer"
-    if _tone(result) == "wrong":
+    if _tone(fit) == "wrong":
         return "The model does not fit"
-    if result.leg.doubts:
+    if fit.doubts:
         return "Check the doubtful input below before the pressures are used"
-    unsure = [TISSUES[known.name] for known in result.estimates if known.identifiability != "identifiable"]
+    unsure = _unsure(fit)
     if unsure:
         return f"The pressures can be used; the stiffness of the {' and the '.join(unsure)} is uncertain"
-    if result.discrepancy is None:
+    if details.discrepancy is None:
         return "The pressures can be used; the tissues' stiffness was given and not tested"
     return "The model fits"
 
 
-def _misses(result: StockingResult) -> bool:
-    best = result.best
-    return best is not None and model_misses(best, result.leg.accuracy)
+def _unsure(fit: StockingFit) -> list[str]:
+    """Return the tissues whose stiffness isn't identifiable."""
+    return [TISSUES[name] for name, known in fit.estimates.items() if known.identifiability != "identifiable"]
 
 
-def _tone(result: StockingResult) -> web.Tone:
-    verdict = None if result.discrepancy is None else result.discrepancy.verdict
-    if result.pressures is None or verdict == "unexplained" or _misses(result):
+def _misses(details: StockingDetails) -> bool:
+    best = details.best
+    return best is not None and model_misses(best, details.leg.accuracy)
+
+
+def _tone(fit: StockingFit) -> web.Tone:
+    details = fit.details
+    verdict = None if details.discrepancy is None else details.discrepancy.verdict
+    if details.pressures is None or verdict == "unexplained" or _misses(details):
         return "wrong"
-    best = result.best
-    unsure = best is not None and any(known.identifiability != "identifiable" for known in result.estimates)
-    tested = verdict == "consistent" and not result.leg.doubts
-    return "sound" if tested and not unsure and result.equilibrium.converged else "caution"
+    tested = verdict == "consistent" and not fit.doubts
+    return "sound" if tested and not _unsure(fit) and details.equilibrium.converged else "caution"
 
 
-def _sentence(result: StockingResult) -> str:
-    found = result.pressures
+def _sentence(details: StockingDetails) -> str:
+    found = details.pressures
     if found is None:
         return "The leg in its stocking could not be computed: there are no pressures inside it."
-    ankle = sentence_at_ankle(result)
+    ankle = sentence_at_ankle(details)
     text = f"{ankle} " if ankle else ""
     text += f"The stocking presses on the skin with {mpa_to_mmhg(found.mean_interface):.0f} mmHg on average"
     at_veins = [p for p in found.at_veins if np.isfinite(p)]
@@ -305,24 +300,25 @@ def _sentence(result: StockingResult) -> str:
     )
 
 
-def _wrong(result: StockingResult) -> str:
-    if result.discrepancy is None:
+def _wrong(details: StockingDetails) -> str:
+    if details.discrepancy is None:
         return (
             "Nothing could be tested: the leg was not scanned in its stocking."
-            if not result.searches
+            if not details.searches
             else "No state of the leg could be compared with its scan: see the warnings."
         )
-    if result.discrepancy.verdict == "consistent":
+    if details.discrepancy.verdict == "consistent":
         return "None: model and scan differ by no more than the errors of contours, registration and pressure."
-    return discrepancy_verdict(result.discrepancy)
+    return discrepancy_verdict(details.discrepancy)
 
 
-def _sure(result: StockingResult) -> str:
-    parts = [verdict_sentence(known) for known in result.estimates]
-    if result.leg.known and result.pressures is not None:
+def _sure(fit: StockingFit) -> str:
+    details = fit.details
+    parts = [verdict_sentence(known) for known in fit.estimates.values()]
+    if details.leg.known and details.pressures is not None:
         parts.append("The pressures are those of the stiffness that was given.")
-    veins = range(len(result.leg.veins)) if result.pressures is not None else ()
-    ends = [vein_interval(result, k) for k in veins]
+    veins = range(len(details.leg.veins)) if details.pressures is not None else ()
+    ends = [vein_interval(details, k) for k in veins]
     spreads = [high - low for low, high in ends if np.isfinite(high)]
     if spreads:
         parts.append(
@@ -332,33 +328,34 @@ def _sure(result: StockingResult) -> str:
     return " ".join(parts) or "Unknown: there is nothing to compare with."
 
 
-def _comfort(result: StockingResult) -> str:
-    found = result.pressures
+def _comfort(details: StockingDetails) -> str:
+    found = details.pressures
     if found is None:
         return "Unknown."
-    where = place_in_fat(result.leg.bare, found.greatest_in_fat_at)
+    where = place_in_fat(details.leg.bare, found.greatest_in_fat_at)
     return (
         "The greatest pressure in the fat, which holds the pain receptors, is "
-        f"{both_units(found.greatest_in_fat)}, {where}. It is {low_in_fat(result)}."
+        f"{both_units(found.greatest_in_fat)}, {where}. It is {low_in_fat(details)}."
     )
 
 
-def _next(result: StockingResult) -> list[str]:
-    if result.pressures is None:
+def _next(fit: StockingFit) -> list[str]:
+    details = fit.details
+    if details.pressures is None:
         return ["Run it again with a finer mesh (--cells), and look at the warnings."]
-    if _misses(result) or (result.discrepancy and result.discrepancy.verdict == "unexplained"):
+    if _misses(details) or (details.discrepancy and details.discrepancy.verdict == "unexplained"):
         return [
             "Don't use the stiffness. Look at the contours where model and scan differ: at the "
             "segmentation, the registration, and the stocking's size."
         ]
     lines = []
-    unsure = [TISSUES[known.name] for known in result.estimates if known.identifiability != "identifiable"]
+    unsure = _unsure(fit)
     if unsure:
         lines.append(
             f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "
             "determine it well enough. The pressures hardly depend on it."
         )
-    if not result.searches:
+    if not details.searches:
         lines.append("Scan the leg in its stocking, too: then the stiffness can be found.")
     lines.append(
         "Compare the pressure on the skin with the stocking's class, or measure it at one place: "
@@ -367,15 +364,14 @@ def _next(result: StockingResult) -> list[str]:
     return lines
 
 
-def _scanned(result: StockingResult) -> list[web.Block]:
-    leg = result.leg
+def _scanned(details: StockingDetails) -> list[web.Block]:
+    leg = details.leg
     made = "Simulated scans" if leg.origin == "simulated" else "Scans"
     which = "without" if leg.compressed is None else "without and with"
     lines = [
-        f"{made} of {leg.bare.length:.0f} mm of the leg, z = {leg.bare.levels[0]:.0f} to "
-        f"{leg.bare.levels[-1]:.0f} mm, {which} the stocking. Bones: "
-        f"{', '.join(leg.bare.bones)}. Coordinates are taken as DICOM's: x to the patient's left, "
-        "y to the back, z upwards."
+        f"{made} of {leg.bare.length:.0f} mm of the leg, z = {leg.bare.levels[0]:.0f} to {leg.bare.levels[-1]:.0f} mm, "
+        f"{which} the stocking. Bones: {', '.join(leg.bare.bones)}. Coordinates are taken as DICOM's: x to the "
+        "patient's left, y to the back, z upwards."
     ]
     registration = leg.registration
     if registration is not None:
@@ -391,20 +387,20 @@ def _scanned(result: StockingResult) -> list[web.Block]:
     accuracy = leg.accuracy
     if leg.compressed is not None:
         lines.append(
-            f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard "
-            f"deviation, correlated over {accuracy.correlation:g} mm), which leaves "
-            f"{accuracy.smoothed_sd:.2g} mm in its contours, and the stocking's pressure to be "
-            f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
-            "the stiffness rest on that."
+            f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard deviation, correlated over "
+            f"{accuracy.correlation:g} mm), which leaves {accuracy.smoothed_sd:.2g} mm in its contours, and the "
+            f"stocking's pressure to be {100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the "
+            "intervals of the stiffness rest on that."
         )
     return [web.Prose(line) for line in lines]
 
 
-def _computed(result: StockingResult) -> web.WebTable:
-    spaces, solves = result.model.compression.spaces, sum(s.solves for s in result.searches)
-    settings = result.model.compression.settings
+def _computed(fit: StockingFit) -> web.WebTable:
+    details = fit.details
+    spaces, solves = details.model.compression.spaces, fit.log.forward_solves
+    settings = details.model.compression.settings
     rows = [
-        ("mesh", f"{result.tetrahedra} tetrahedra, {spaces.unknowns} unknowns"),
+        ("mesh", f"{details.tetrahedra} tetrahedra, {spaces.unknowns} unknowns"),
         (
             "elements",
             f"displacements of degree {settings.degree}, "
@@ -413,7 +409,7 @@ def _computed(result: StockingResult) -> web.WebTable:
         ("load", "follows the deformed skin" if settings.follower else "dead load"),
         ("ends of the segment", "held in their planes" if settings.ends == "held" else "free"),
         ("bones", "rigid and fixed"),
-        ("solved states", f"{result.states}, {solves} of them to identify"),
-        ("wall time", f"{result.wall_s:.0f} s"),
+        ("solved states", f"{details.states}, {solves} of them to identify"),
+        ("wall time", f"{fit.log.wall_s:.0f} s"),
     ]
     return web.WebTable("Model and run", ["what", "how"], rows)

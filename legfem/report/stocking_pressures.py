@@ -13,12 +13,10 @@ from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLe
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
-from legfem.stockings.document import levels_of, pressure_along
+from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
 from legfem.stockings.levels import PLACES, LevelPressure, rises
-from legfem.stockings.notices import TISSUES, unloaded_skin
-from legfem.stockings.pressures import FatPressures, TissuePressures, too_low_by
-from legfem.stockings.result import StockingResult
+from legfem.stockings.pressures import TissuePressures, too_low_by
 
 ALONG = "Pressure along the leg"
 PRESSURES = "Pressures on the skin and inside"
@@ -43,32 +41,16 @@ def share_of(pressures: Sequence[float], mean: float) -> str:
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
-def stiffness_values(parameters: dict[str, float]) -> str:
-    """Return stiffnesses (MPa) by name, in kPa."""
-    return ", ".join(f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items())
-
-
-def stiffness_interval(interval: tuple[float, float]) -> str:
-    """Return a 95 % interval (MPa) in kPa, in words where it is open."""
-    low, high = (mpa_to_kpa(end) for end in interval)
-    if low > 0 and np.isfinite(high):
-        return f"{low:.3g} to {high:.3g}"
-    if low > 0:
-        return f"at least {low:.3g}"
-    return f"at most {high:.3g}" if np.isfinite(high) else "any"
-
-
-def vein_interval(result: StockingResult, vein: int) -> tuple[float, float]:
+def vein_interval(details: StockingDetails, vein: int) -> tuple[float, float]:
     """Return the 95 % interval of a vein's pressure (mmHg), NaN where it isn't known."""
-    assert result.pressures is not None
-    half = quantile(0) * result.pressures.at_veins_sd[vein]
-    middle = result.pressures.at_veins[vein]
-    return mpa_to_mmhg(middle - half), mpa_to_mmhg(middle + half)
+    assert details.pressures is not None
+    low, high = details.pressures.vein_interval(vein)
+    return mpa_to_mmhg(low), mpa_to_mmhg(high)
 
 
-def low_in_fat(result: StockingResult) -> str:
+def low_in_fat(details: StockingDetails) -> str:
     """Return by how much the greatest pressure in the fat is too low on the mesh."""
-    least, most = (f"{100 * share:.0f}" for share in too_low_by(result.tetrahedra))
+    least, most = (f"{100 * share:.0f}" for share in too_low_by(details.tetrahedra))
     return f"{least} to {most} % too low on this mesh, judging by finer meshes of a leg that comes with legfem"
 
 
@@ -91,16 +73,16 @@ def correlation(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else "- (one of them is the same all round)"
 
 
-def pressure_blocks(result: StockingResult, fat: FatPressures | None) -> list[Block]:
-    """Return the pressures on the skin and inside; those in the fat if they were sampled."""
-    return [*_of_stocking(result), *_inside(result, fat)]
+def pressure_blocks(details: StockingDetails) -> list[Block]:
+    """Return the pressures on the skin and inside."""
+    return [*_of_stocking(details), *_inside(details)]
 
 
-def _of_stocking(result: StockingResult) -> list[Block]:
+def _of_stocking(details: StockingDetails) -> list[Block]:
     """Return what the stocking does to the skin, and to itself."""
-    load = result.equilibrium.load
+    load = details.equilibrium.load
     by_level = load.pressure.mean(axis=1)
-    unloaded = unloaded_skin(result.leg.bare, load)
+    unloaded = load.unloaded_skin
     rows = [
         ("mean over the skin", both_units(load.mean_pressure)),
         (
@@ -108,7 +90,7 @@ def _of_stocking(result: StockingResult) -> list[Block]:
             both_units(float(load.pressure.min()))
             + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else ""),
         ),
-        ("greatest", f"{both_units(float(load.pressure.max()))}, {highest_place(result)}"),
+        ("greatest", f"{both_units(float(load.pressure.max()))}, {highest_place(details)}"),
         ("mean at the lower end", both_units(float(by_level[0]))),
         ("mean at the upper end", both_units(float(by_level[-1]))),
         ("the fabric's strain", f"{100 * load.strain.min():.1f} to {100 * load.strain.max():.1f} %"),
@@ -117,31 +99,31 @@ def _of_stocking(result: StockingResult) -> list[Block]:
     note = (
         "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "
         "compressed; the fabric spans hollows and presses on nothing there."
-        if result.equilibrium.state.report.complete
+        if details.equilibrium.state.report.complete
         else "Of the bare leg's shape, since the leg in its stocking could not be computed."
     )
     blocks: list[Block] = [Prose(note), WebTable("Pressure of the stocking on the skin", ["where", "pressure"], rows)]
-    if result.sensors:
-        caption = f"{_SENSORS} {_used(result)}"
-        blocks.append(WebTable(caption, ["sensor", "shown, and by the model"], sensor_rows(result)))
+    if details.sensors:
+        caption = f"{_SENSORS} {_used(details)}"
+        blocks.append(WebTable(caption, ["sensor", "shown, and by the model"], sensor_rows(details)))
     return blocks
 
 
 _SENSORS = "Sensors between stocking and skin beside the model, averaged over their faces."
 
 
-def _used(result: StockingResult) -> str:
-    if not result.searches:
+def _used(details: StockingDetails) -> str:
+    if not details.searches:
         return "They were compared, and nothing was identified from them."
     return (
         "They are data of the identification."
-        if tension_text(result) is not None
+        if tension_text(details) is not None
         else "They are data of the identification; the fabric was taken as it was given "
         "([accuracy] tension_relative_sd), so they add little."
     )
 
 
-def sensor_rows(result: StockingResult) -> list[tuple[str, str]]:
+def sensor_rows(details: StockingDetails) -> list[tuple[str, str]]:
     """Return what each sensor showed beside the model."""
     return [
         (
@@ -149,45 +131,45 @@ def sensor_rows(result: StockingResult) -> list[tuple[str, str]]:
             f"{mpa_to_mmhg(one.sensor.pressure):.1f} ± {mpa_to_mmhg(one.sensor.sd):.1f} mmHg (sd), "
             f"model {mpa_to_mmhg(one.pressure):.1f} mmHg ({one.standardised_residual:+.1f} sd)",
         )
-        for one in result.sensors
+        for one in details.sensors
     ]
 
 
-def tension_text(result: StockingResult) -> str | None:
+def tension_text(details: StockingDetails) -> str | None:
     """Return by how much the fabric's tension differs from what was given; None if it isn't let."""
-    tension = None if result.best is None else result.best.tension
+    tension = None if details.best is None else details.best.tension
     if tension is None:
         return None
-    prior = result.leg.accuracy.tension_sd
+    prior = details.leg.accuracy.tension_sd
     factor, half = 1 + tension.value, quantile(0) * tension.sd
     return f"{factor:.3f} ({factor - half:.3f} to {factor + half:.3f}; known before the test to {100 * prior:g} %, sd)"
 
 
-def highest_place(result: StockingResult) -> str:
+def highest_place(details: StockingDetails) -> str:
     """Return where the stocking presses most, in words."""
-    pressure, bare = result.equilibrium.load.pressure, result.leg.bare
+    pressure, bare = details.equilibrium.load.pressure, details.leg.bare
     level, point = np.unravel_index(int(np.argmax(pressure)), pressure.shape)
     skin = bare.contours[SKIN][level]
     direction = Directions.of(bare).at(float(angle_round(skin[point], skin.mean(axis=0))))
     return f"{direction}, z = {bare.levels[level]:.0f} mm"
 
 
-def _inside(result: StockingResult, fat: FatPressures | None) -> list[Block]:
+def _inside(details: StockingDetails) -> list[Block]:
     """Return the pressures at the veins, in the muscle and in the fat; nothing if not found."""
-    found = result.pressures
+    found, fat = details.pressures, details.fat
     if found is None:
         return []
-    stated = result.leg.accuracy.tension_sd > 0
+    stated = details.leg.accuracy.tension_sd > 0
     beside = " and of the fabric's tension" if stated else "; the fabric's tension counts as exact"
     note = (
         "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein in "
-        f"it, at z = {result.leg.veins[0].position[2]:.1f} mm. The 95 % intervals include the errors "
+        f"it, at z = {details.leg.veins[0].position[2]:.1f} mm. The 95 % intervals include the errors "
         f"of the stiffness, the mesh and the pressure round the leg{beside}."
-        if result.leg.veins
+        if details.leg.veins
         else "Hydrostatic pressure, positive in compression. No veins were given or placed."
     )
-    blocks: list[Block] = [Prose(note), _bars(result, found), *_postures(result)]
-    where = place_in_fat(result.leg.bare, found.greatest_in_fat_at)
+    blocks: list[Block] = [Prose(note), _bars(details, found), *_postures(details)]
+    where = place_in_fat(details.leg.bare, found.greatest_in_fat_at)
     blocks.append(
         Prose(
             "The greatest pressure in the fat, which holds the pain receptors, is the second "
@@ -208,13 +190,13 @@ def _inside(result: StockingResult, fat: FatPressures | None) -> list[Block]:
     return blocks
 
 
-def _postures(result: StockingResult) -> list[Block]:
+def _postures(details: StockingDetails) -> list[Block]:
     """Return what the veins' walls bear from inside, where the posture is given."""
-    posture, found = result.leg.posture, result.pressures
-    if posture is None or found is None or not result.leg.veins:
+    posture, found = details.leg.posture, details.pressures
+    if posture is None or found is None or not details.leg.veins:
         return []
     rows = []
-    for vein, tissue in zip(result.leg.veins, found.at_veins, strict=True):
+    for vein, tissue in zip(details.leg.veins, found.at_veins, strict=True):
         inside = posture.inside(float(vein.position[2]))
         bears = ", ".join(f"{name} {both_units(p - tissue)}" for name, p in inside.items())
         rows.append((vein.name, bears if np.isfinite(tissue) else "not in the tissues"))
@@ -225,12 +207,12 @@ def _postures(result: StockingResult) -> list[Block]:
     return [WebTable(said, ["vein", "pressure"], rows)]
 
 
-def _bars(result: StockingResult, found: TissuePressures) -> Bars:
-    leg, load = result.leg, result.equilibrium.load
+def _bars(details: StockingDetails, found: TissuePressures) -> Bars:
+    leg, load = details.leg, details.equilibrium.load
     bars = [
         LabelledBar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
         LabelledBar(
-            f"skin, greatest ({highest_place(result)})",
+            f"skin, greatest ({highest_place(details)})",
             mpa_to_mmhg(found.greatest_interface),
             both_units(found.greatest_interface),
         ),
@@ -243,7 +225,7 @@ def _bars(result: StockingResult, found: TissuePressures) -> Bars:
         LabelledBar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
     ]
     for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
-        low, high = vein_interval(result, k)
+        low, high = vein_interval(details, k)
         known = np.isfinite(high)
         bars.append(
             LabelledBar(
@@ -292,10 +274,10 @@ def _level_row(one: LevelPressure) -> tuple[str, ...]:
     )
 
 
-def level_blocks(result: StockingResult) -> list[Block]:
+def level_blocks(details: StockingDetails) -> list[Block]:
     """Return levels with limits, the gradient, and the curve along the leg."""
-    along, makers, leg = pressure_along(result), result.leg.makers, result.leg
-    levels, blocks = levels_of(result), list[Block]()
+    along, makers, leg = details.pressure_along, details.leg.makers, details.leg
+    levels, blocks = details.at_levels, list[Block]()
     if levels:
         asked = (
             f"class {makers.intended_class} of {makers.standard}" if makers.intended_class else "no class was stated"
@@ -388,32 +370,32 @@ _BESIDE = {"within": "within", "too low": "too low for", "too high": "too high f
 _UNSURE = "which may or may not be within"
 
 
-def sentence_at_ankle(result: StockingResult) -> str:
+def sentence_at_ankle(details: StockingDetails) -> str:
     """Return the pressure at B beside the class; empty where B isn't in the modelled part, or no fabric was given."""
-    if result.leg.makers.assumed_fabric:
+    if details.leg.makers.assumed_fabric:
         return ""
-    for one in levels_of(result):
+    for one in details.at_levels:
         if one.level == "B":
-            of_class = f"class {result.leg.makers.intended_class} ({_span(one.limits)} mmHg)"
+            of_class = f"class {details.leg.makers.intended_class} ({_span(one.limits)} mmHg)"
             beside = "" if one.limits is None else f", {_BESIDE.get(one.verdict, _UNSURE)} {of_class}"
             return f"At the ankle (B) the stocking presses with {_pressure(one)} mmHg{beside}."
     return ""
 
 
-def dressed_leg(result: StockingResult, moved: Mapping[str, FloatArray]) -> TurnedLeg:
+def dressed_leg(details: StockingDetails, moved: Mapping[str, FloatArray]) -> TurnedLeg:
     """Return the leg with the stocking's pressure, its movement and the skin's stretch.
 
     Parameters
     ----------
-    result
+    details
         Of a run whose worn state was found.
     moved
         Displacement (mm) of skin's and hull's points, (n_levels, n_points, 3) each.
     """
-    bare, found = result.leg.bare, result.pressures
+    bare, found = details.leg.bare, details.pressures
     assert found is not None
     dressed = {
-        ("pressure on the skin", "mmHg"): mpa_to_mmhg(result.equilibrium.pressure),
+        ("pressure on the skin", "mmHg"): mpa_to_mmhg(details.equilibrium.pressure),
         ("inward movement", "mm"): inward(bare, moved[SKIN]),
         ("stretch of the skin round the leg", "%"): stretch_round(bare, moved[SKIN]),
     }
@@ -421,7 +403,7 @@ def dressed_leg(result: StockingResult, moved: Mapping[str, FloatArray]) -> Turn
     directions = Directions.of(bare)
     marked = [
         Marked(f"{vein.name}: {mpa_to_mmhg(p):.1f} mmHg", vein.position)
-        for vein, p in zip(result.leg.veins, found.at_veins, strict=True)
+        for vein, p in zip(details.leg.veins, found.at_veins, strict=True)
         if np.isfinite(p)
     ]
     return turned_leg(

@@ -3,31 +3,51 @@
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa
+from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report import page as web
 from legfem.report.page import Block, Prose, WebTable
-from legfem.report.stocking_pressures import stiffness_values
 from legfem.report.words import short_probability
+from legfem.stockings.assessment import TISSUES
+from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
-from legfem.stockings.estimates import StiffnessEstimate, StiffnessFit, expected_rms, starts_agree
+from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import CONTOUR_NAMES
-from legfem.stockings.notices import TISSUES
-from legfem.stockings.result import StockingResult
 
 STIFFNESS = "Stiffness of muscle and fat"
 """Title of the chapter."""
 
 
-def verdict_sentence(known: StiffnessEstimate) -> str:
+def stiffness_values(parameters: dict[str, float]) -> str:
+    """Return stiffnesses (MPa) by name, in kPa."""
+    return ", ".join(f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items())
+
+
+def stiffness_interval(interval: tuple[float, float]) -> str:
+    """Return a 95 % interval (MPa) in kPa, in words where it is open."""
+    low, high = (mpa_to_kpa(end) for end in interval)
+    if low > 0 and np.isfinite(high):
+        return f"{low:.3g} to {high:.3g}"
+    if low > 0:
+        return f"at least {low:.3g}"
+    return f"at most {high:.3g}" if np.isfinite(high) else "any"
+
+
+def verdict_sentence(known: Estimate) -> str:
     """Return in plain words how well a stiffness is known."""
-    tissue = TISSUES[known.name]
+    tissue = TISSUES[known.parameter.name]
     half = f"± {100 * known.relative_half_width:.2g} %"
     limit = {"identifiable": IDENTIFIABLE_WITHIN, "weakly identifiable": WEAKLY_WITHIN}
     if known.at_bound:
         return (
             f"The stiffness of the {tissue} is not identifiable: the best value stands at the "
             f"search's {known.at_bound} bound."
+        )
+    if known.adds_nothing:
+        return (
+            f"These scans say nothing of the stiffness of the {tissue} beyond what was known before them (not "
+            f"identifiable): its 95 % interval, {half}, is that of its prior."
         )
     if known.identifiability == "not identifiable":
         return (
@@ -44,22 +64,22 @@ def verdict_sentence(known: StiffnessEstimate) -> str:
     return f"The stiffness of the {tissue} is {known.identifiability}: its 95 % interval is {half} ({called})."
 
 
-def stiffness_blocks(result: StockingResult) -> list[Block]:
+def stiffness_blocks(fit: StockingFit) -> list[Block]:
     """Return the values, how well they are known, how well they fit, and what each search found."""
-    leg = result.leg
-    given = stiffness_values(result.parameters)
-    if not result.searches:
+    details, leg = fit.details, fit.details.leg
+    given = stiffness_values(details.parameters)
+    if not details.searches:
         return [Prose(f"Not identified: the leg was not scanned in its stocking. Given: {given}.")]
-    best = result.best
+    best = details.best
     blocks: list[Block] = []
     if best is not None:
-        blocks += [Prose(verdict_sentence(known)) for known in result.estimates]
+        blocks += [Prose(verdict_sentence(known)) for known in fit.estimates.values()]
         errors = (
             "The intervals include errors of the contours, of the registration, and of a pressure "
             "that differs from place to place round the leg."
         )
-        blocks += [Prose(f"{errors} {_of_fabric(result)}"), Prose(_goodness(result, best))]
-    blocks += [_searches(result), Prose(_agreement(result))]
+        blocks += [Prose(f"{errors} {_of_fabric(details)}"), Prose(_goodness(details, best))]
+    blocks += [_searches(details), Prose(_agreement(details))]
     if leg.known:
         used = f"The pressures below are not of these values but of those given: {given}."
         blocks.append(Prose(used))
@@ -73,10 +93,10 @@ def stiffness_blocks(result: StockingResult) -> list[Block]:
     ]
 
 
-def _of_fabric(result: StockingResult) -> str:
-    known = 100 * result.leg.accuracy.tension_sd
+def _of_fabric(details: StockingDetails) -> str:
+    known = 100 * details.leg.accuracy.tension_sd
     if known:
-        by = " and the sensors" if result.sensors else ""
+        by = " and the sensors" if details.sensors else ""
         return f"They include an error of {known:g} % (sd) of the fabric's tension, which the scans{by} narrow."
     return (
         "They do not include errors of the fabric's stiffness or size: a pressure that is 10 % higher "
@@ -84,8 +104,8 @@ def _of_fabric(result: StockingResult) -> str:
     )
 
 
-def _goodness(result: StockingResult, best: StiffnessFit) -> str:
-    leg, misfit = result.leg, result.misfit
+def _goodness(details: StockingDetails, best: StiffnessFit) -> str:
+    leg, misfit = details.leg, details.misfit
     assert misfit is not None
     bare = misfit.distances(leg.bare)
     moved = ""
@@ -105,9 +125,9 @@ def _goodness(result: StockingResult, best: StiffnessFit) -> str:
     )
 
 
-def _searches(result: StockingResult) -> WebTable:
+def _searches(details: StockingDetails) -> WebTable:
     rows = []
-    for search in result.searches:
+    for search in details.searches:
         start = ", ".join(f"{mpa_to_kpa(float(value)):.3g}" for value in search.start)
         if not (search.equilibrium.state.report.complete and np.isfinite(search.rms)):
             found = ["-", "-", "-", "-"]
@@ -125,9 +145,9 @@ def _searches(result: StockingResult) -> WebTable:
     )
 
 
-def _agreement(result: StockingResult) -> str:
-    weighted = result.weighted
-    paper = [search for search in result.searches if search.method == "nelder-mead"]
+def _agreement(details: StockingDetails) -> str:
+    weighted = details.weighted
+    paper = [search for search in details.searches if search.method == "nelder-mead"]
     apart = float(np.ptp(np.log([search.parameters for search in weighted]), axis=0).max())
     if len(weighted) == 1:
         text = "One start was tried."
@@ -140,7 +160,7 @@ def _agreement(result: StockingResult) -> str:
             f"The {len(weighted)} starts did not all lead to the same stiffness: they are up to "
             f"{100 * np.expm1(apart):.2g} % apart."
         )
-    best = result.best
+    best = details.best
     for search in paper:
         text += (
             f" Nelder-Mead, the second paper's way, minimises plain distances and not weighted "
@@ -213,8 +233,7 @@ def discrepancy_verdict(found: ModelDiscrepancy) -> str:
     if found.rms_after is not None and found.parameters_after is not None:
         muscle, fat = mpa_to_kpa(found.parameters_after)
         text += (
-            f" With {found.named[0]} in the model, solved anew, the contours are met to "
-            f"{found.rms_after:.3f} mm instead of {found.rms_before:.3f} mm, and C10 is "
-            f"{muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
+            f" With {found.named[0]} in the model, solved anew, the contours are met to {found.rms_after:.3f} mm "
+            f"instead of {found.rms_before:.3f} mm, and C10 is {muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
         )
     return text

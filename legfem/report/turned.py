@@ -205,9 +205,8 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
         View(_SIDES, -50.0, exaggerates=False),
         ("displacement (mm)", "force (N)", "highest pressure on the skin (kPa)", "greatest movement of the skin (mm)"),
         rows,
-        f"{caption} Its skin is coloured by the pressure on it or by how far it moved; the "
-        f"indenter is drawn see-through. {len(pressed.states)} states were computed; what lies "
-        "between is drawn in proportion.",
+        f"{caption} Its skin is coloured by the pressure on it or by how far it moved; the indenter is drawn "
+        f"see-through. {len(pressed.states)} states were computed; what lies between is drawn in proportion.",
         tool=tool,
     )
 

@@ -3,8 +3,6 @@
 How stiff each is beside the others is found with it, see `legfem.specimens.nuisances`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,7 +22,7 @@ from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
 from legfem.specimens.fibre_ratio import kinds_of, tells_ratio, were_turned
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.nuisances import Onset, OwnStiffness, power_of
+from legfem.specimens.nuisances import OnsetEffect, OwnStiffness, power_of
 from legfem.specimens.relaxation import borne, branch_ratios, clock
 from legfem.specimens.sizes import SpecimenRecording, fibres_text
 
@@ -52,7 +50,7 @@ class Part:
     """One recording, and which of the tests that are solved it is of."""
 
     recording: SpecimenRecording
-    onset: Onset
+    onset: OnsetEffect
     test: int
     """Number of its test among those that are solved."""
     kind: str = ""
@@ -326,7 +324,7 @@ def comparison_of(
         Of the recordings' forces at their stations, N/mm; their own without them.
     """
     parts = tuple(
-        Part(one, Onset.of(one.course, one.detected, slope), model.tests.index(one.sizes), fibres_text(one.sizes))
+        Part(one, OnsetEffect.of(one.course, one.detected, slope), model.tests.index(one.sizes), fibres_text(one.sizes))
         for one, slope in zip(recordings, slopes or [None] * len(recordings), strict=True)
     )
     told = tells_ratio(folder, recordings)

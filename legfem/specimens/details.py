@@ -19,12 +19,14 @@ from scipy.optimize import brentq
 from scipy.special import logsumexp, softmax
 from scipy.stats import norm
 
+from legfem.common.errors import doubt_lines
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit, r_squared
 from legfem.inverse.intervals import identifiability, verdict_on
+from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
@@ -227,6 +229,36 @@ class Weighed:
     probability: float
     estimates: Mapping[str, Estimate]
     """Its own."""
+
+
+def warnings_about(fit: Fit[SpecimenDetails], in_air: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
+    """Warnings about a fit, one sentence each, the gravest first.
+
+    Parameters
+    ----------
+    fit
+        Of a law.
+    in_air
+        Names of recordings that seem to begin in air.
+    notes
+        On single recordings; empty ones are left out.
+    """
+    log, thickness = fit.log, fit.details.thickness
+    texts = [*doubt_lines(fit.doubts), *((thickness.text,) if thickness else ())]
+    texts += [*of_search(log), *of_compromise(log.compromise), *at_limits(fit)]
+    if not fit.goodness.fits:
+        texts.append(
+            "The law does not describe these recordings within their errors. Its intervals are widened by what a "
+            "law of the wrong form may do to the numbers, judged by the size of the misfit."
+        )
+    if in_air:
+        texts.append(
+            f"{len(in_air)} recordings seem to begin in air ({', '.join(in_air)}): first contact "
+            "was looked for. If displacement counts from first touch, say so in specimen.toml: "
+            "[recordings] starts_at_contact = true."
+        )
+    texts += [*of_failed_solves(log), *far_from_priors(fit.estimates)]
+    return (*texts, *filter(None, notes))
 
 
 def recording_of(one: TestFit) -> SpecimenRecording:

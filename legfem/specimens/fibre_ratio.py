@@ -1,7 +1,5 @@
 """Whether the ratio of the fibres' stiffness can be told from a folder's tests."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 
 from legfem.common.errors import InputError

@@ -305,3 +305,23 @@ def _sizes(toml: Path, given: SpecimenFile, number: int | None) -> Sizes:
         raise InputError(toml, f"{where}{key}", problem, remedy) from None
     except InputError as error:
         raise InputError(toml, error.field, error.problem, error.remedy) from None
+
+
+def tissue_asked_for(folder: SpecimenFolder) -> SpecimenTissue:
+    """Return the tissue whose stiffness a diagnosis asks for: the one that isn't stated.
+
+    Raises
+    ------
+    InputError
+        If there are several, or none.
+    """
+    open_ones = [one for one in folder.tissues if "C10" not in one.stated]
+    if len(open_ones) == 1:
+        return open_ones[0]
+    names = ", ".join(one.name for one in open_ones) or "none"
+    raise InputError(
+        folder.directory / FILE,
+        "layers",
+        f"stiffness is open of {names}",
+        "state C10_kPa of all layers but one, such as legfem.identify found, for a diagnosis",
+    )

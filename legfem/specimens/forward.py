@@ -1,33 +1,37 @@
-"""All tests of a folder that are fitted together, as one forward model, and what of its recordings can be modelled."""
+"""Models of specimens' tests: all of a folder that are fitted together, and one with what a diagnosis weighs."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from legfem.common.errors import Doubt, InputError
-from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import Layer
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
 from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
+from legfem.inverse.responses import PLAIN, Displaced, Stopped
 from legfem.jobs.key import code_fingerprint
-from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store
+from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S
+from legfem.legs.nuisances import SIZE
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
-from legfem.solve.path import ForceCurve
-from legfem.specimens.folder import SpecimenFolder
+from legfem.solve.path import ForceCurve, Path
+from legfem.solve.protocol import Protocol
 from legfem.specimens.kind import AXES, Law, SpecimenTest
-from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue, begin_at
-from legfem.specimens.nuisances import deepest_of
-from legfem.specimens.plausibility import doubts_about_differing
-from legfem.specimens.sizes import FibrousTest, LayeredTest, LeftOut, Sizes, SpecimenRecording, bare, kind_in
+from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
+from legfem.specimens.relaxation import borne
+from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, bare, kind_in, lengths_of, resized, slipping
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import LateralPlacement
+    from legfem.meshing.section import MeshMotion
 
 
 def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE) -> SpecimenTest:
@@ -180,109 +184,233 @@ def _at_poissons_ratio(curve: ForceCurve, values: Values, tied: Sequence[str]) -
     return replace(curve, sensitivities=by)
 
 
-_BEYOND = 1.02
-# Of the depth that was reached: short of where a solution stopped.
-_SHORT_OF = 0.97
-_LEAST_SHARE = 0.3
+_C10, _C20 = "deep.C10", "deep.C20"
+_BESIDE = "superficial.C10"
+"""What mechanisms call the stiffness of tissues beside the one that is asked for."""
+_STATED = "stated_"
+_RESIZED = 0.03
+"""Relative step by which the force's change with a size is found."""
+
+type _Numbers = tuple[tuple[str, float], ...]
+type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
 
 
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
+@dataclass(eq=False)
+class SpecimenVariants:
+    """A specimen's models, `legfem.inverse.responses.BodyModels`, made when first asked for.
 
-    recordings: tuple[SpecimenRecording, ...]
-    left_out: tuple[LeftOut, ...]
-    notes: tuple[str, ...]
-    tests: tuple[Sizes, ...]
-    depths: tuple[float, ...]
-    c10: float
-    """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
-    doubts: tuple[Doubt, ...]
-    """About recordings beside others."""
-
-
-def prepare(
-    folder: SpecimenFolder, held: set[SpecimenRecording], out: Path | None, jobs: int, progress: Progress
-) -> Prepared:
-    """Solve every test once, and leave out or shorten what can't be modelled.
-
-    Raises
-    ------
-    InputError
-        If nothing that is to be fitted is left.
+    Parameters
+    ----------
+    sizes
+        Of the test.
+    depth
+        That meshes and steps are made for, mm.
+    tissues
+        From the base up. Of layers all but one are of stated stiffness; that one is the model's
+        deep tissue.
     """
-    deepest: dict[Sizes, float] = {}
-    for one in folder.recordings:
-        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
-    usual = begin_at(folder.tissues, REFERENCE_MPA)
-    model = SpecimenForward.of_tissues(
-        tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
-    )
-    progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
-    outcomes = _solved_once(model, out, jobs, progress)
-    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
-    within = dict[Sizes, float]()
-    for one in folder.recordings:
-        outcome = outcomes[one.sizes]
-        reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
-        within[one.sizes] = reached
-        if one.course.depth <= reached:
-            used.append(one)
-        elif reached < _LEAST_SHARE * one.course.depth:
-            reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
-            left.append(LeftOut(one.name, reason))
-        else:
-            used.append(one.to(reached))
-            notes.append(
-                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
-                f"stopped there ({outcome.reason})."
+
+    sizes: Sizes
+    depth: float
+    tissues: tuple[SpecimenTissue, ...] = (SpecimenTissue(),)
+    _models: dict[str, SpecimenTest] = field(default_factory=dict, init=False, repr=False)
+    _paths: dict[_Asked, Path | Stopped] = field(default_factory=dict, init=False, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the finite-element models out: they can't leave their process."""
+        return {**self.__dict__, "_models": {}}
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """Sizes by full name (mm) that change the shape of the force's course."""
+        alike, lengths = kind_in(self.sizes).as_force, lengths_of(self.sizes)
+        return {SIZE + name: value for name, value in lengths.items() if name not in alike}
+
+    @property
+    def _asked(self) -> SpecimenTissue:
+        """The tissue whose stiffness is asked for."""
+        return next(one for one in self.tissues if "C10" not in one.stated)
+
+    @property
+    def _stated(self) -> dict[str, float]:
+        """Numbers of all other layers, by full name."""
+        return {
+            f"{one.name}.{key}": value
+            for one in self._named
+            if one.name != ONE
+            for key, value in one.at(REFERENCE_MPA).parameters.items()
+            if math.isfinite(value)
+        } | {name: value for name, value in self._fibres.items() if not name.startswith(ONE)}
+
+    @property
+    def _fibres(self) -> dict[str, float]:
+        """Numbers of the fibres, by full name, at the stiffness `REFERENCE_MPA` or as stated."""
+        found = dict[str, float]()
+        for one in self._named:
+            if one.fibrous:
+                c10 = one.stated.get("C10", REFERENCE_MPA)
+                found |= Fibres.of_ratio(one.name, c10, one.fibre_ratio).parameters
+        return found
+
+    @property
+    def _named(self) -> list[SpecimenTissue]:
+        """Tissues as the model's terms know them."""
+        asked = self._asked
+        return [replace(one, name=ONE if one is asked else _STATED + one.name) for one in self.tissues]
+
+    @property
+    def _law(self) -> Hyperelastic:
+        return specimen_law("reduced-polynomial", REFERENCE_MPA, self._asked.poisson_ratio)
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Compressibility and sizes."""
+        return ("deep.D1", *self.measured)
+
+    @property
+    def displaced(self) -> tuple[Displaced, ...]:
+        """None: the sizes are numbers."""
+        return ()
+
+    def moved_to(self, moved: MeshMotion) -> SpecimenVariants:
+        """Refuse: a specimen has no outline.
+
+        Raises
+        ------
+        ValueError
+            Always.
+        """
+        raise ValueError(f"a specimen can't be moved: {moved}")
+
+    def parameters(self, variant: str) -> dict[str, float]:
+        """Return a model's parameters by full name, at the stiffness `REFERENCE_MPA`."""
+        return {**self.model(variant).parameters, **self.measured}
+
+    def described(self, variant: str) -> str:
+        """Return what tells a model from others: its test and terms."""
+        return repr((self._sizes(variant), self._terms(variant), self.depth, self.tissues))
+
+    def model(self, variant: str) -> SpecimenTest:
+        """Return a model by its name."""
+        if variant not in self._models:
+            laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
+            fibrous = next((one.name for one in self._named if one.fibrous), ONE)
+            sizes = self._of_model(self._sizes(variant))
+            model = experiment_of(sizes, laws, self.depth, fibrous)
+            self._models[variant] = model.with_terms(self._terms(variant))
+        return self._models[variant]
+
+    def _sizes(self, variant: str) -> Sizes:
+        free = any(m.tangential == "frictionless" for m in _of_variant(variant))
+        return (slipping(self.sizes) or self.sizes) if free else self.sizes
+
+    def _of_model(self, sizes: Sizes) -> Sizes:
+        """Return a test whose layers are called as the model's terms know them."""
+        if isinstance(sizes, FibrousTest):
+            return replace(sizes, whole=self._of_model(sizes.whole))
+        if not isinstance(sizes, LayeredTest):
+            return sizes
+        names = (one.name for one in self._named)
+        thicknesses = (thickness for _, thickness in sizes.layers)
+        return replace(sizes, layers=tuple(zip(names, thicknesses, strict=True)))
+
+    def _terms(self, variant: str) -> list[Any]:
+        return [term for m in _of_variant(variant) for term in m.terms_of(self._law)]
+
+    def follow(
+        self,
+        protocol: Protocol,
+        deep: Mapping[str, float],
+        solution: Solution,
+        sensitivities: Sequence[str] = (),
+        placement: LateralPlacement | None = None,
+    ) -> Path | Stopped:
+        """Solve a protocol, as `legfem.legs.variants.LegVariants.follow` does for a leg.
+
+        Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
+        are as much softer in the solution as the force is scaled up.
+        """
+        scale = deep[_C10] / REFERENCE_MPA
+        own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale, **self._fibres}
+        nominal = self.parameters(solution.variant)
+        factors = dict(solution.scaled)
+        beside = factors.pop(_BESIDE, 1.0) / scale
+        others = {
+            name: value / beside if name.endswith(".D1") else value * beside for name, value in self._stated.items()
+        }
+        own |= others | {name: factor * nominal[name] for name, factor in factors.items()}
+        own |= {
+            name: value / scale if name.startswith("deep.C") else value for name, value in solution.parameters.items()
+        }
+        asked = {name for name in sensitivities if name not in (_C10, *self.measured)}
+        if _C10 in sensitivities:
+            asked |= {_C20, *others}
+        found = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
+        if isinstance(found, Stopped):
+            return found
+        by: dict[str, Any] = {name: scale * values for name, values in found.sensitivities.items()}
+        if _C20 in by:
+            by[_C20] = found.sensitivities[_C20]
+            # Euler's theorem: the force is homogeneous in the stiffnesses.
+            rest = own[_C20] * by[_C20] + sum(
+                (-value if name.endswith(".D1") else value) * found.sensitivities[name]
+                for name, value in others.items()
             )
-    fitted = [one for one in used if one.name not in {other.name for other in held}]
-    if not fitted:
-        raise InputError(
-            folder.directory,
-            "recordings",
-            f"none can be modelled: {left[0].reason}",
-            "check the sizes, or record less deep",
-        )
-    depths = dict[Sizes, float]()
-    for one in used:
-        needed = min(deepest_of(one.course), within[one.sizes])
-        depths[one.sizes] = max(depths.get(one.sizes, 0.0), needed, one.course.depth)
-    stiffness = dict[SpecimenRecording, float]()
-    for one in fitted:
-        course = one.course
-        unit = outcomes[one.sizes].curve(course.displacement)
-        stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
-    return Prepared(
-        tuple(used),
-        tuple(left),
-        tuple(notes),
-        tuple(depths),
-        tuple(depths.values()),
-        max(float(np.median(list(stiffness.values()))), 1e-9),
-        tuple(doubts_about_differing(stiffness)),
-    )
+            by[_C10] = (found.force - rest) / REFERENCE_MPA
+        for name in (name for name in sensitivities if name in self.measured):
+            changed = self._resized(name).follow(protocol, deep, solution)
+            if isinstance(changed, Stopped):
+                return changed
+            rise = changed.force_at(found.time) - scale * found.force
+            by[name] = rise / (_RESIZED * self.measured[name])
+        return replace(found, force=scale * found.force, sensitivities={n: by[n] for n in sensitivities})
+
+    def _resized(self, name: str) -> SpecimenVariants:
+        value = (1 + _RESIZED) * self.measured[name]
+        return replace(self, sizes=resized(self.sizes, name.removeprefix(SIZE), value))
+
+    def _scaled(
+        self, variant: str, protocol: Protocol, values: Mapping[str, float], sensitivities: tuple[str, ...]
+    ) -> Path | Stopped:
+        rounded = {name: float(f"{value:.12g}") for name, value in values.items()}
+        asked = variant, protocol, tuple(sorted(rounded.items())), sensitivities
+        if asked not in self._paths:
+            self._paths[asked] = self._made(*asked)
+        return self._paths[asked]
+
+    def _made(
+        self, variant: str, protocol: Protocol, given: _Numbers, sensitivities: tuple[str, ...]
+    ) -> Path | Stopped:
+        values = dict(given)
+        model = self.model(variant)
+        known = model.parameters
+        try:
+            solved = model.solve(
+                {name: value for name, value in values.items() if name in known},
+                protocol,
+                [name for name in sensitivities if name in known],
+            )
+        except (ArithmeticError, RuntimeError, np.linalg.LinAlgError) as error:
+            return Stopped(" ".join(str(error).split()) or type(error).__name__)
+        if not solved.report.complete:
+            return Stopped(str(solved.report))
+        if kind_in(self.sizes).relaxes_as_a_whole:
+            return _relaxing(solved.path, values, sensitivities)
+        return solved.path
 
 
-def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
-    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
-    found: dict[Sizes, Outcome] = {}
-    asked = {sizes: ("once", sizes, depth) for sizes, depth in zip(model.tests, model.depths, strict=True)}
-    for sizes in model.tests:
-        kept = store.get(asked[sizes]) if store else None
-        if kept is not None:
-            found[sizes] = kept
-    missing = [k for k, sizes in enumerate(model.tests) if sizes not in found]
-    with Workers(_solve_one, model, jobs) as workers:
-        for k, outcome in workers.run(missing):
-            sizes = model.tests[k]
-            found[sizes] = outcome
-            if store:
-                store.put(asked[sizes], outcome)
-            progress.advance(f"{type(sizes).__name__} to {outcome.curve.depth:.3g} mm")
-    return found
+def _of_variant(variant: str) -> list[TissueMechanism]:
+    if variant == PLAIN.variant:
+        return []
+    return [m for m in mechanisms() if isinstance(m, TissueMechanism) and m.variant == variant]
 
 
-def _solve_one(model: SpecimenForward, number: int) -> Outcome:
-    return model.solve_one(number, model.nominal)
+def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[str]) -> Path:
+    """Return a course with what branches bear; see `legfem.specimens.relaxation`."""
+    names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
+    if not any(name in values or name in sensitivities for name in names):
+        return path
+    held = [np.concatenate([[0.0], each]) for each in borne(path.time[1:], path.force[1:])]
+    total: FloatArray = path.force + sum(values.get(name, 0.0) * each for name, each in zip(names, held, strict=True))
+    by = {n: each for n, each in zip(names, held, strict=True) if n in sensitivities}
+    return replace(path, force=total, sensitivities={**path.sensitivities, **by})

@@ -1,7 +1,5 @@
 """What kinds of tests have in common in which a specimen is strained alike everywhere: recordings or tables of them."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from pathlib import Path
 from typing import ClassVar

@@ -20,7 +20,7 @@ import numpy as np
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.units import FloatArray
 from legfem.data.noise import slowest_error
-from legfem.data.segmentation import LOADING
+from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import Values
 from legfem.inverse.channel_errors import reading_covariance, shared_errors
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of

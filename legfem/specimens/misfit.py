@@ -11,8 +11,6 @@ error; one that misses has as much as its residuals ask for, and its parameters'
 them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

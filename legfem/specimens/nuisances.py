@@ -70,7 +70,7 @@ def slope_of(course: Course, force: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Onset:
+class OnsetEffect:
     """What a recording's force owes to where its contact is.
 
     Parameters
@@ -95,7 +95,7 @@ class Onset:
     pressed: float = 0.0
 
     @classmethod
-    def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> Onset:
+    def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> OnsetEffect:
         """Return that of a course, by its own force where the slope isn't given."""
         expected, sd = detected.expected
         # A tared cell is known as well as one that was read in air.

@@ -1,58 +1,159 @@
-"""Specimens as a problem: recordings beside a model of all their tests, with first contact found along with the law."""
+"""Specimens as a problem: what of their recordings can be modelled, beside a model of all their tests.
+
+First contact is found along with the law.
+"""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from legfem.common.errors import InputError, doubt_lines
+from legfem.common.errors import Doubt, InputError
+from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
-from legfem.inverse.fit import (
-    EXACT,
-    ChannelFit,
-    Fit,
-    Goodness,
-    Identity,
-    TestFit,
-    cost_of,
-    fit,
-    goodness_of,
-    log_of,
-    optimum_of,
-    search_settings,
-    versions,
-)
+from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
 from legfem.inverse.instrument import READINGS
 from legfem.inverse.intervals import quantile
-from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
+from legfem.inverse.outcome import Outcome
+from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
-from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, weighed
+from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, warnings_about, weighed
 from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
-from legfem.specimens.forward import Prepared, SpecimenForward, prepare
+from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.lateral_stretch import lateral_fit
-from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
+from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, begin_at, identified_law
 from legfem.specimens.misfit import LawMisfit, misfit_of
-from legfem.specimens.nuisances import SETTLED
+from legfem.specimens.nuisances import SETTLED, deepest_of
+from legfem.specimens.plausibility import doubts_about_differing
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
-from legfem.specimens.size_dependence import SizeDependence, size_dependence
-from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, bare, kind_in, lengths_of
+from legfem.specimens.size_dependence import goes_with_thickness
+from legfem.specimens.sizes import OF_LAYER, LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of
+
+_BEYOND = 1.02
+# Of the depth that was reached: short of where a solution stopped.
+_SHORT_OF = 0.97
+_LEAST_SHARE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
+
+    recordings: tuple[SpecimenRecording, ...]
+    left_out: tuple[LeftOut, ...]
+    notes: tuple[str, ...]
+    tests: tuple[Sizes, ...]
+    depths: tuple[float, ...]
+    c10: float
+    """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
+    doubts: tuple[Doubt, ...]
+    """About recordings beside others."""
+
+
+def prepare(
+    folder: SpecimenFolder, held: set[SpecimenRecording], out: Path | None, jobs: int, progress: Progress
+) -> Prepared:
+    """Solve every test once, and leave out or shorten what can't be modelled.
+
+    Raises
+    ------
+    InputError
+        If nothing that is to be fitted is left.
+    """
+    deepest: dict[Sizes, float] = {}
+    for one in folder.recordings:
+        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
+    usual = begin_at(folder.tissues, REFERENCE_MPA)
+    model = SpecimenForward.of_tissues(
+        tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
+    )
+    progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
+    outcomes = _solved_once(model, out, jobs, progress)
+    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
+    within = dict[Sizes, float]()
+    for one in folder.recordings:
+        outcome = outcomes[one.sizes]
+        reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
+        within[one.sizes] = reached
+        if one.course.depth <= reached:
+            used.append(one)
+        elif reached < _LEAST_SHARE * one.course.depth:
+            reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
+            left.append(LeftOut(one.name, reason))
+        else:
+            used.append(one.to(reached))
+            notes.append(
+                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
+                f"stopped there ({outcome.reason})."
+            )
+    fitted = [one for one in used if one.name not in {other.name for other in held}]
+    if not fitted:
+        raise InputError(
+            folder.directory,
+            "recordings",
+            f"none can be modelled: {left[0].reason}",
+            "check the sizes, or record less deep",
+        )
+    depths = dict[Sizes, float]()
+    for one in used:
+        needed = min(deepest_of(one.course), within[one.sizes])
+        depths[one.sizes] = max(depths.get(one.sizes, 0.0), needed, one.course.depth)
+    stiffness = dict[SpecimenRecording, float]()
+    for one in fitted:
+        course = one.course
+        unit = outcomes[one.sizes].curve(course.displacement)
+        stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
+    return Prepared(
+        tuple(used),
+        tuple(left),
+        tuple(notes),
+        tuple(depths),
+        tuple(depths.values()),
+        max(float(np.median(list(stiffness.values()))), 1e-9),
+        tuple(doubts_about_differing(stiffness)),
+    )
+
+
+def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
+    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
+    found: dict[Sizes, Outcome] = {}
+    asked = {sizes: ("once", sizes, depth) for sizes, depth in zip(model.tests, model.depths, strict=True)}
+    for sizes in model.tests:
+        kept = store.get(asked[sizes]) if store else None
+        if kept is not None:
+            found[sizes] = kept
+    missing = [k for k, sizes in enumerate(model.tests) if sizes not in found]
+    with Workers(_solve_one, model, jobs) as workers:
+        for k, outcome in workers.run(missing):
+            sizes = model.tests[k]
+            found[sizes] = outcome
+            if store:
+                store.put(asked[sizes], outcome)
+            progress.advance(f"{type(sizes).__name__} to {outcome.curve.depth:.3g} mm")
+    return found
+
+
+def _solve_one(model: SpecimenForward, number: int) -> Outcome:
+    return model.solve_one(number, model.nominal)
 
 
 @dataclass(frozen=True, eq=False)
 class SpecimenProblem:
-    """A law beside all recordings of a folder; a `legfem.inverse.fit.Problem`.
+    """A law beside all recordings of a folder; a `legfem.inverse.problem.Problem`.
 
     Parameters
     ----------
@@ -131,7 +232,7 @@ class SpecimenProblem:
         estimates, correlations = optimum_of(
             found, covariances, quantile(apart or len(fitted) - 1), goodness, {}, False
         )
-        thickness = self._goes_with_thickness(comparison, force, stiffness)
+        thickness = goes_with_thickness(comparison, force, stiffness)
         if thickness is not None:
             moved = {name: thickness.over(one) for name, one in estimates.items() if name.endswith("C10")}
             estimates = MappingProxyType({**estimates, **moved})
@@ -173,20 +274,8 @@ class SpecimenProblem:
             ),
             doubts=self._doubts(),
         )
-        return replace(result, warnings=self._warnings(result, found, (why, *notes)))
-
-    def _goes_with_thickness(
-        self, comparison: SpecimenComparison, force: FloatArray, stiffness: dict[str, float]
-    ) -> SizeDependence | None:
-        """How the specimens' stiffness goes with their thickness; by what each asks for where all count as alike."""
-        recordings, own = comparison.recordings, defaultdict[str, list[float]](list)
-        for one, scale in zip(recordings, comparison.scales(force), strict=True):
-            own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
-        sizes = {one.specimen: kind_in(one.sizes).extent(bare(one.sizes)) for one in recordings}
-        extent = {name: size for name, size in sizes.items() if size is not None}
-        if len(extent) < len(own):
-            return None
-        return size_dependence({name: float(np.mean(scales)) for name, scales in own.items()}, extent)
+        in_air = [one.name for one in fitted if one.course.in_air]
+        return replace(result, warnings=warnings_about(result, in_air, (*self.prepared.notes, why, *notes)))
 
     def _missed(self, found: Found[SpecimenComparison], covariance: FloatArray) -> LawMisfit:
         """What the law misses, beyond errors of a covariance."""
@@ -254,28 +343,6 @@ class SpecimenProblem:
             if one.field not in self.folder.confirmed
         ]
         return (*self.folder.doubts, *doubted)
-
-    def _warnings(
-        self, result: Fit[SpecimenDetails], found: Found[SpecimenComparison], notes: Sequence[str]
-    ) -> tuple[str, ...]:
-        """One sentence each, the gravest first."""
-        log, thickness = result.log, result.details.thickness
-        texts = [*doubt_lines(result.doubts), *((thickness.text,) if thickness else ())]
-        texts += [*of_search(log), *of_compromise(log.compromise), *at_limits(result)]
-        if not result.goodness.fits:
-            texts.append(
-                "The law does not describe these recordings within their errors. Its intervals are widened by what a "
-                "law of the wrong form may do to the numbers, judged by the size of the misfit."
-            )
-        in_air = [one.name for one in found.search.misfit.recordings if one.course.in_air]
-        if in_air:
-            texts.append(
-                f"{len(in_air)} recordings seem to begin in air ({', '.join(in_air)}): first contact "
-                "was looked for. If displacement counts from first touch, say so in specimen.toml: "
-                "[recordings] starts_at_contact = true."
-            )
-        texts += [*of_failed_solves(log), *far_from_priors(result.estimates)]
-        return (*texts, *self.prepared.notes, *filter(None, notes))
 
 
 def fit_specimens(

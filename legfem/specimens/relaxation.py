@@ -18,8 +18,6 @@ with the displacement :math:`d`, the test's greatest one :math:`D`, and the quic
 :math:`t` and :math:`s` above.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

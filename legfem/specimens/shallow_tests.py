@@ -1,7 +1,5 @@
 """Numerical settings of tests of a few millimetres, as labs make them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from legfem.experiments.axisymmetric import AxisymmetricSettings

@@ -6,6 +6,7 @@ seem soft; friction that the model lacks makes them seem stiff.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -14,6 +15,8 @@ from scipy.stats import linregress, norm
 
 from legfem.common.units import FloatArray
 from legfem.inverse.estimates import Estimate
+from legfem.specimens.comparison import SpecimenComparison
+from legfem.specimens.sizes import bare, kind_in
 
 _RARE = 0.01
 """Chance of so strong a dependence among specimens that differ for other reasons."""
@@ -99,3 +102,27 @@ def _trend(size: FloatArray, stiffness: FloatArray) -> tuple[float, float, float
     far = size[1] - size[0]
     slope, sd = float((stiffness[1] - stiffness[0]) / far), float(np.sqrt(2) * _APART / abs(far))
     return slope, sd, float(2 * norm.sf(abs(slope) / sd))
+
+
+def goes_with_thickness(
+    comparison: SpecimenComparison, force: FloatArray, stiffness: Mapping[str, float]
+) -> SizeDependence | None:
+    """Return how the specimens' stiffness goes with their thickness, by what each asks for where all count as alike.
+
+    Parameters
+    ----------
+    comparison
+        Of the fitted recordings.
+    force : (n,) array
+        That the law predicts for them, N.
+    stiffness
+        Factors by specimen with which it was fitted.
+    """
+    recordings, own = comparison.recordings, defaultdict[str, list[float]](list)
+    for one, scale in zip(recordings, comparison.scales(force), strict=True):
+        own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
+    sizes = {one.specimen: kind_in(one.sizes).extent(bare(one.sizes)) for one in recordings}
+    extent = {name: size for name, size in sizes.items() if size is not None}
+    if len(extent) < len(own):
+        return None
+    return size_dependence({name: float(np.mean(scales)) for name, scales in own.items()}, extent)

@@ -11,8 +11,6 @@ the place as signature. All p-values are family-wise over the mechanisms, or ove
 The mechanism with the least p-value is put into the model, and the leg is solved anew.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal

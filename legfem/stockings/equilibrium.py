@@ -15,8 +15,6 @@ as much as the stocking's whole pressure, and the leg would be pushed in there b
 times the error. In equilibrium it is pushed in by :math:`K/(1 + K)` of it only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -21,22 +21,15 @@ from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.emulator import Kriging
-from legfem.inverse.intervals import (
-    Bound,
-    Estimated,
-    Identifiability,
-    bound_of,
-    profile_interval,
-    profile_point,
-    quantile,
-)
+from legfem.inverse.estimates import Estimate, correlations_of, reasons, trade_of
+from legfem.inverse.intervals import Estimated, profile_interval, profile_point, quantile
 from legfem.inverse.least_squares import least_residual
 from legfem.inverse.parameter import Priors
 from legfem.stockings.equilibrium import Equilibrium
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
 from legfem.stockings.nuisances import RIGID, NuisanceSlopes
-from legfem.stockings.scan_fit import ScanComparison, Tension, stiffness_priors
+from legfem.stockings.scan_fit import ScanComparison, Tension
 
 SAME_WITHIN, SAME_WITHIN_INTERVAL = 0.02, 0.2
 """Relative difference within which two searches agree: 2 %, or this share of the half-width of the
@@ -196,15 +189,16 @@ class StiffnessFit:
         Finite-element solutions; an equilibrium takes a few.
     cost : float
         The paper's cost: mm2 of the weighted search, relative to the start of Nelder-Mead.
-    rms : float
-        Root-mean-square distance from the scan (mm), less rigid motions and errors of the pressure.
     distances : (n,) array
-        Distances outside the scan (mm).
+        Distances outside the scan (mm), less rigid motions and errors of the pressure.
     equilibrium : Equilibrium
         State at the best values.
-    chi_square : float
-        Least sum of squares over the number of residuals that are no nuisances: 1 where errors are
-        as large as assumed.
+    sensed : (s,) array
+        Model's pressures less the sensors' readings, over their standard deviations, of the weighted search.
+    objective : float
+        Least sum of squares.
+    residuals : int
+        Number of residuals that are no nuisances.
     nuisance : (k,) array, optional
         Best nuisances, see `legfem.stockings.nuisances`.
     tension : Tension, optional
@@ -221,14 +215,25 @@ class StiffnessFit:
     converged: bool
     solves: int
     cost: float
-    rms: float
     distances: FloatArray
     equilibrium: Equilibrium
-    chi_square: float = np.nan
+    sensed: FloatArray = field(default_factory=lambda: np.zeros(0))
+    objective: float = np.inf
+    residuals: int = 0
     nuisance: FloatArray | None = None
     tension: Tension | None = None
     log_covariance: FloatArray | None = None
     profile95: FloatArray | None = None
+
+    @property
+    def rms(self) -> float:
+        """Root-mean-square distance from the scan, mm; infinite where there was no state to compare."""
+        return float(np.sqrt(np.mean(self.distances**2))) if len(self.distances) else math.inf
+
+    @property
+    def chi_square(self) -> float:
+        """Least sum of squares over `residuals`: 1 where errors are as large as assumed; NaN of no weighted search."""
+        return self.objective / self.residuals if self.residuals else math.nan
 
     @property
     def rigid(self) -> FloatArray | None:
@@ -249,34 +254,6 @@ class StiffnessFit:
         return self.parameters[:, None] * np.exp(np.stack([-half, half], axis=1))
 
 
-@dataclass(frozen=True)
-class StiffnessEstimate(Estimated):
-    """How well one stiffness is known (MPa); open ends of its interval are 0 and infinity.
-
-    Parameters
-    ----------
-    sound : bool
-        Whether the search ended by itself and the model meets the scan.
-    """
-
-    sound: bool = True
-
-    @property
-    def name(self) -> str:
-        """Full name, one of `PARAMETERS`."""
-        return self.parameter.name
-
-    @property
-    def at_bound(self) -> Bound:
-        """Bound of the search at which the value stands."""
-        return bound_of(self.value, self.parameter.bounds, within=1e-6)
-
-    @property
-    def identifiability(self) -> Identifiability:
-        """Verdict on the interval: weakly identifiable at best if the fit isn't sound."""
-        return self.verdict(self.sound)
-
-
 def expected_rms(accuracy: ContourAccuracy) -> float:
     """Return the root-mean-square distance (mm) that errors of the contours alone make."""
     return math.sqrt(2 * accuracy.smoothed_sd**2 + accuracy.model_sd**2)
@@ -287,18 +264,41 @@ def model_misses(found: StiffnessFit, accuracy: ContourAccuracy) -> bool:
     return not found.rms <= MISSED_BEYOND * expected_rms(accuracy)
 
 
-def stiffness_estimates(found: StiffnessFit, accuracy: ContourAccuracy) -> tuple[StiffnessEstimate, ...]:
-    """Return the estimates of a search, in the order of `PARAMETERS`."""
+def stiffness_correlations(found: StiffnessFit) -> FloatArray:
+    """Return the correlations (2, 2) of the errors of a weighted search's stiffnesses; NaN where it has none."""
+    unknown = np.full((len(PARAMETERS), len(PARAMETERS)), np.nan)
+    return unknown if found.log_covariance is None else correlations_of(found.log_covariance)
+
+
+def stiffness_estimates(found: StiffnessFit, accuracy: ContourAccuracy, priors: Priors) -> dict[str, Estimate]:
+    """Return the estimates of a search, by full name; each weakly identifiable at best where the fit isn't sound.
+
+    Parameters
+    ----------
+    found
+        The best weighted search.
+    accuracy
+        Errors of the contours.
+    priors
+        The stiffnesses with what was known of them (MPa).
+    """
     intervals = np.full((len(PARAMETERS), 2), np.nan) if found.interval95 is None else found.interval95
-    covariance = found.log_covariance
+    covariance, correlations = found.log_covariance, stiffness_correlations(found)
     errors = found.parameters * (np.nan if covariance is None else np.sqrt(np.diag(covariance)))
-    sound = found.converged and not model_misses(found, accuracy)
-    return tuple(
-        StiffnessEstimate(parameter, float(value), float(error), (float(low), float(high)), sound)
-        for parameter, value, error, (low, high) in zip(
-            stiffness_priors().parameters, found.parameters, errors, intervals, strict=True
+    missed = ""
+    if model_misses(found, accuracy):
+        missed = "the model misses the scan, so the interval doesn't hold"
+    elif not found.converged:
+        missed = "the search ended before it had settled"
+    estimates = {}
+    for k, parameter in enumerate(priors.parameters):
+        low, high = map(float, intervals[k])
+        known = Estimated(parameter, float(found.parameters[k]), float(errors[k]), (low, high))
+        why = reasons(known, missed, trade_of(PARAMETERS, k, correlations), data="both scans")
+        estimates[parameter.name] = Estimate(
+            parameter, known.value, known.standard_error, known.ci95, known.verdict(not missed), why
         )
-    )
+    return estimates
 
 
 def starts_agree(searches: Sequence[StiffnessFit]) -> bool:

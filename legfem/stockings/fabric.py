@@ -121,6 +121,15 @@ class StockingLoad:
         """Mean over the skin, whose points are evenly spaced around each level (MPa)."""
         return float(np.average(self.pressure.mean(axis=1), weights=self.perimeter))
 
+    @property
+    def unloaded_skin(self) -> FloatArray:
+        """Share of each level's skin that bears no pressure, (n_levels,).
+
+        The stretched fabric spans a hollow or a flat there; at levels where it is slack the share is 0.
+        """
+        share = (self.pressure < 1e-3 * self.pressure.max()).mean(axis=1)
+        return np.where(self.tension > 0, share, 0.0)
+
 
 def stocking_load(shape: LegShape, stocking: Stocking) -> StockingLoad:
     """Apply Laplace's law to the shape of a leg as it is compressed.

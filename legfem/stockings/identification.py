@@ -5,13 +5,18 @@ distances weighted with their errors, those of the bare outlines included (as in
 squares), by damped Gauss-Newton steps (`legfem.inverse.least_squares`) with the exact derivatives
 of the finite-element model and its stocking: it takes a fraction of the solves and yields
 intervals.
+
+Legs that are pressed and specimens are searched on an emulator, with errors whose covariance stays
+as it is near the optimum (`legfem.inverse.problem`). Here every equilibrium starts from the one
+before, and what the errors of the bare outlines do follows the stiffness: the covariance is another
+at each, so that its change enters the steps. What was found is the same `legfem.inverse.fit.Fit`.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,18 +28,25 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import SliceSet
 from legfem.inverse.least_squares import GaussNewtonSettings, damped_gauss_newton
-from legfem.inverse.parameter import Priors
-from legfem.meshing.solid_leg import SolidMeshSettings, settings_for_cells
+from legfem.inverse.parameter import Domain, Priors
+from legfem.meshing.leg_sizes import SolidMeshSettings, settings_for_cells
+from legfem.stockings.assessment import assessed
+from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import model_discrepancy
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.estimates import Method, MisfitEmulator, StiffnessFit, profile_intervals
 from legfem.stockings.fabric import stocking_load
 from legfem.stockings.leg import SensorArray, StockingLeg
-from legfem.stockings.leg_model import PARAMETERS, LegModel3D
+from legfem.stockings.leg_model import PARAMETERS, SURFACES, LegModel3D
 from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.nuisances import NuisanceSlopes
-from legfem.stockings.pressures import PressureProbe, tissue_pressures, vein_pressure_sd
-from legfem.stockings.result import StockingResult
+from legfem.stockings.pressures import (
+    PressureProbe,
+    fat_pressures,
+    section_pressures,
+    tissue_pressures,
+    vein_pressure_sd,
+)
 from legfem.stockings.scan_fit import (
     BOUNDS,
     ProfiledFit,
@@ -115,6 +127,7 @@ class StiffnessSearch:
         priors: Priors | None = None,
     ) -> None:
         self._priors = priors or stiffness_priors()
+        self._box = Domain(self._priors.parameters)
         self._solver, self._misfit, self._sensors = solver, misfit, sensors
         self._settings = settings or SearchSettings()
         self._on_solve = on_solve
@@ -157,10 +170,9 @@ class StiffnessSearch:
                 "maxfev": settings.max_evaluations,
             },
         )
-        distances = self._misfit.distances(best.shape)
-        solves = self._solver.states - before
+        distances, solves = self._misfit.distances(best.shape), self._solver.states - before
         return StiffnessFit(
-            "nelder-mead", found, START, bool(done.success), solves, least / scale, _rms(distances), distances, best
+            "nelder-mead", found, START, bool(done.success), solves, least / scale, distances, best, objective=np.nan
         )
 
     def weighted(self) -> tuple[StiffnessFit, ...]:
@@ -203,7 +215,7 @@ class StiffnessSearch:
             return self._failed("weighted", start, before, first)
 
         def evaluate(logs: FloatArray) -> ProfiledFit | None:
-            parameters = np.clip(np.exp(logs), *BOUNDS)
+            parameters = self._box.inside(np.exp(logs))
             found = self._solve(parameters, differentiate=True)
             return self._profile(parameters, found) if found.state.report.complete else None
 
@@ -217,10 +229,11 @@ class StiffnessSearch:
             converged,
             self._solver.states - before,
             self._misfit.cost(best.at.distances),
-            _rms(best.moved),
-            best.at.distances,
+            best.moved,
             best.at.equilibrium,
-            best.objective / (len(best.residual) - len(best.nuisance)),
+            best.sensed,
+            best.objective,
+            len(best.residual) - len(best.nuisance),
             best.nuisance,
             best.tension,
             np.linalg.pinv(best.jacobian.T @ best.jacobian),
@@ -236,8 +249,7 @@ class StiffnessSearch:
         return found
 
     def _failed(self, method: Method, start: FloatArray, before: int, found: Equilibrium) -> StiffnessFit:
-        solves, none = self._solver.states - before, np.array([])
-        return StiffnessFit(method, start, start, False, solves, np.inf, np.inf, none, found, np.inf)
+        return StiffnessFit(method, start, start, False, self._solver.states - before, np.inf, np.zeros(0), found)
 
     def _solve(self, parameters: FloatArray, differentiate: bool = False) -> Equilibrium:
         found = self._solver.solve(by_name(parameters), PARAMETERS if differentiate else (), self._last)
@@ -250,10 +262,6 @@ class StiffnessSearch:
         if complete:
             self._last = found
         return found
-
-
-def _rms(distances: FloatArray) -> float:
-    return float(np.sqrt(np.mean(distances**2)))
 
 
 @dataclass(frozen=True)
@@ -275,14 +283,14 @@ class StockingSettings:
     search: SearchSettings = field(default_factory=SearchSettings)
 
 
-def run_leg(
+def identify_in_stocking(
     leg: StockingLeg,
     settings: StockingSettings,
     progress: Progress,
     comm: MPI.Intracomm = MPI.COMM_SELF,
     mesh: SolidMeshSettings | None = None,
     folder: Path | None = None,
-) -> StockingResult:
+) -> StockingFit:
     """Mesh a leg, identify its tissues if it was scanned in its stocking, and compute its pressures.
 
     Parameters
@@ -336,14 +344,18 @@ def run_leg(
     start = searches[0].equilibrium if searches and searches[0].equilibrium.state.report.complete else None
     found = solver.solve(parameters, start=start, error=error)
     progress.advance(f"{len(found.changes)} states")
-    borne, pressures = found.load.times(1 + error), None
+    borne = replace(found, load=found.load.times(1 + error))
+    moved = pressures = section = fat = None
     if found.state.report.complete:
         probe = PressureProbe(model.compression)
-        pressures = tissue_pressures(probe, found.state, borne, leg.veins)
+        pressures = tissue_pressures(probe, found.state, borne.load, leg.veins)
         sd = vein_pressure_sd(solver, found, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd, error)
         pressures = replace(pressures, at_veins_sd=tuple(map(float, sd)))
         progress.advance("errors of the pressures at the veins")
-    return StockingResult(
+        section = section_pressures(leg.bare, float(np.median(leg.slices)), borne, probe)
+        fat = fat_pressures(leg.bare, borne, probe)
+        moved = {part: model.displacement(part, found.state.unknown) for part in SURFACES}
+    details = StockingDetails(
         leg,
         model,
         load,
@@ -351,9 +363,12 @@ def run_leg(
         searches,
         discrepancy,
         parameters,
-        replace(found, load=borne),
+        borne,
+        moved,
         pressures,
-        sensors.compared(borne.pressure),
+        section,
+        fat,
+        sensors.compared(borne.load.pressure),
         solver.states,
-        time.perf_counter() - started,
     )
+    return assessed(details, asdict(settings), time.perf_counter() - started)

@@ -17,7 +17,8 @@ from legfem.geometry.leg_shape_motion import displaced
 from legfem.geometry.leg_surface import TriangleSurface, tube
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fascia, StiffnessGradient, VolumeLoss
-from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
+from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.meshing.solid_leg import mesh_solid_leg
 
 SURFACES = (SKIN, HULL)
 PARAMETERS = ("deep.C10", "superficial.C10")

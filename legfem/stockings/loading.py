@@ -3,8 +3,6 @@
 What is impossible is an error that names file, field and remedy; what is unlikely is a doubt.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path

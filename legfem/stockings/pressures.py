@@ -25,6 +25,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed, LegCompression
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.inverse.intervals import quantile
 from legfem.stockings.equilibrium import RATE_TOLERANCE, Equilibrium, EquilibriumSolver, LinearisedCoupling
 from legfem.stockings.fabric import StockingLoad
 from legfem.stockings.leg import Vein
@@ -50,8 +51,13 @@ class TissuePressures:
     at_veins: tuple[float, ...]
     """Hydrostatic pressures in the veins' order; NaN outside the tissues."""
     at_veins_sd: tuple[float, ...] = ()
-    """Standard deviations of these, from the stiffness and the stocking's pressure; see
+    """Standard deviations of `at_veins`, from the stiffness and the stocking's pressure; see
     `legfem.stockings.pressures`."""
+
+    def vein_interval(self, vein: int) -> tuple[float, float]:
+        """Return the 95 % interval of a vein's pressure, MPa; NaN where it isn't known."""
+        half, middle = quantile(0) * self.at_veins_sd[vein], self.at_veins[vein]
+        return middle - half, middle + half
 
 
 class PressureProbe:

@@ -175,6 +175,8 @@ class ProfiledFit:
         Best nuisances, see `legfem.stockings.nuisances`.
     moved : (n,) array
         Distances (mm) less what rigid motions and errors of the pressure explain.
+    sensed : (s,) array
+        Model's pressures less the sensors' readings, over their standard deviations, likewise.
     residual : (m + s + p + k,) array
         Whitened distances, sensors, deviations from p priors of the stiffnesses, and nuisances, all
         in standard deviations.
@@ -187,6 +189,7 @@ class ProfiledFit:
     at: ScanComparison
     nuisance: FloatArray
     moved: FloatArray
+    sensed: FloatArray
     residual: FloatArray
     jacobian: FloatArray
     tension: Tension | None = None
@@ -241,12 +244,14 @@ def fit_nuisances(
         every = np.hstack([rows, basis])
         picked = [0, 1, every.shape[1] - 1]
         tension = Tension(float(nuisance[-1]), np.linalg.pinv(every.T @ every)[np.ix_(picked, picked)])
+    residual = right + basis @ nuisance
     shown = [*range(RIGID + SECTORS), *([len(sd) - 1] if nuisances.of_tension else [])]
     return ProfiledFit(
         found,
         nuisance,
         found.distances + slopes[:, shown] @ nuisance[shown],
-        right + basis @ nuisance,
+        residual[len(white) : len(white) + len(found.sensors)],
+        residual,
         rows - orthonormal @ (orthonormal.T @ rows),
         tension,
     )

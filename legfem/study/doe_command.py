@@ -13,7 +13,7 @@ from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.data.folder import RESOURCES
 from legfem.jobs.pool import Workers
-from legfem.jobs.ranks import lead
+from legfem.jobs.ranks import leading
 from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
@@ -74,19 +74,15 @@ def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> b
     bool
         Whether any simulation reached its depth; true on other ranks.
     """
-    solved = True
-
-    def work() -> None:
-        nonlocal solved
+    with leading(comm) as first:
+        if not first:
+            return True
         definitions = [read_definition(path) for path in options.definitions]
         folder = options.subject_dir or SUBJECTS.find(options.subject_id)
         subject = load_subject(folder, need_recordings=False)
         given = simulator or PlaneStrainSimulator.of_subject(subject)
         with Workers(simulate, given, options.jobs, comm) as workers:
-            solved = _write_all(options, definitions, subject, workers)
-
-    lead(comm, work)
-    return solved
+            return _write_all(options, definitions, subject, workers)
 
 
 def _write_all(

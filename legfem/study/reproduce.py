@@ -13,8 +13,7 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import correction_of, size_of
-from legfem.legs.details import LegDetails
-from legfem.legs.document import LegDocument
+from legfem.legs.details import LegDetails, LegDocument
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS

@@ -22,11 +22,11 @@ from legfem.inverse.fit import Goodness
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
 from legfem.legs.details import SpatialSites
-from legfem.legs.fit_in_3d import fit_in_3d, leg_models
+from legfem.legs.identification import fit_in_3d
 from legfem.legs.loading import load_sites
-from legfem.legs.model_3d import start_of_ratio
+from legfem.legs.model_3d import leg_models, start_of_ratio
 from legfem.legs.site_test import measured_curve
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from studies.command_line import new_app
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted

@@ -17,7 +17,8 @@ from legfem.inverse.discrepancy import possible_discrepancies, with_discrepancy
 from legfem.inverse.errors import error_model
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, fit_base
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
+from legfem.inverse.map_fit import fit, fit_base
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise
@@ -25,7 +26,7 @@ from legfem.legs.mechanisms import Mechanism
 from legfem.legs.mechanisms.instrument import ContactOnset, ForceDrift
 from legfem.legs.mechanisms.muscle import StrainStiffening
 from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
-from legfem.specimens.mechanisms import RigCompliance
+from legfem.specimens.diagnosis import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest
 from studies.recordings.motion import (

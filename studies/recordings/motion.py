@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment
-from legfem.data.segmentation import AIR, HOLD
+from legfem.data.phases import AIR, HOLD
 from legfem.data.smoothing import sample_noise
 from legfem.inverse.mechanism import strength
 from legfem.inverse.observations import Observations

@@ -15,7 +15,7 @@ from legfem.common.units import kpa_to_mpa, mpa_to_kpa
 from legfem.geometry.leg_shape import LegShape, fat_thickness_around, horizontal_curvature
 from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import settings_for_cells
+from legfem.meshing.leg_sizes import settings_for_cells
 from legfem.stockings.equilibrium import EquilibriumSolver
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins

@@ -17,14 +17,14 @@ from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
 from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import settings_for_cells
+from legfem.meshing.leg_sizes import settings_for_cells
+from legfem.stockings.details import StockingDetails
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
 from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
-from legfem.stockings.identification import StockingSettings, run_leg
+from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.loading import load_leg
-from legfem.stockings.result import StockingResult
 from studies.legs.scans import SegmentationNoise, simulated_scan
 from studies.legs.shapes import ParametricLeg, parametric_leg
 
@@ -158,16 +158,16 @@ class Recovery:
 def recover(folder: Path, kind: str, settings: StockingSettings) -> Recovery:
     """Identify a leg."""
     started = time.process_time()
-    result = run_leg(load_leg(folder), settings, Silent())
-    return _recovery(result, kind, time.process_time() - started)
+    found = identify_in_stocking(load_leg(folder), settings, Silent())
+    return _recovery(found.details, kind, time.process_time() - started)
 
 
-def _recovery(result: StockingResult, kind: str, seconds: float) -> Recovery:
-    leg, best = result.leg, result.best
+def _recovery(found: StockingDetails, kind: str, seconds: float) -> Recovery:
+    leg, best = found.leg, found.best
     assert best is not None and best.interval95 is not None and leg.registration is not None
     truth = TRUTHS[leg.id]
-    weighted = [s for s in result.searches if s.method == "weighted"]
-    simplex = next((s for s in result.searches if s.method == "nelder-mead"), None)
+    weighted = found.weighted
+    simplex = next((s for s in found.searches if s.method == "nelder-mead"), None)
     low, high = mpa_to_kpa(best.interval95).T
     return Recovery(
         leg.id,

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from legfem.experiments.compression import CompressionSettings
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import NewtonSettings
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load

@@ -15,7 +15,7 @@ from legfem.commands.identify import app
 from legfem.data import Recording
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.legs import model_3d as spatial
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 
 out = Path(sys.argv[1])
 comm = MPI.COMM_WORLD

@@ -10,7 +10,8 @@ from test_solid_leg import BONE, DEEP, END, SKIN, SUPERFICIAL, calf, measure
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
-from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
+from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.meshing.solid_leg import mesh_solid_leg
 
 comm = MPI.COMM_WORLD
 shape = calf()

@@ -18,7 +18,7 @@ from legfem.geometry.leg_shape_motion import without_layer
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia, Fibres
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 
 TISSUES = {"deep": NeoHookean(1e-3, 28.0), "superficial": NeoHookean(2e-3, 22.5)}
 RADIUS, BONE, FAT = 40.0, 12.0, 9.0

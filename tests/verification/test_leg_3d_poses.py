@@ -11,7 +11,7 @@ from legfem.experiments.indenter_pose import Ball, Indenting, Pose, Punch
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, LegIndentation3D, SolidLegSettings, fibres_of
 from legfem.geometry.leg_shape import LegShape
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.meshing.leg_sizes import SolidMeshSettings
 
 pytestmark = pytest.mark.slow
 C10 = 1e-3

@@ -54,6 +54,11 @@ class ContactForces(ChannelFile):
         ChannelPlan(
             "record the lateral force too", (LATERAL.name,), "a load cell of two or more axes, and no more time"
         ),
+        ChannelPlan(
+            "record the lateral force and the moment about the cylinder's axis too",
+            (LATERAL.name, MOMENT.name),
+            "a six-axis load cell, and no more time",
+        ),
     )
 
     def read(self, seen: Seen) -> Channels:

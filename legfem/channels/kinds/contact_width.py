@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, ReadingsAtSite
+from legfem.channels.kind import (
+    ChannelAccuracy,
+    ChannelFile,
+    ChannelKind,
+    ChannelPlan,
+    Channels,
+    Impossible,
+    ReadingsAtSite,
+)
 from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 
@@ -28,6 +36,14 @@ class ContactWidths(ChannelFile):
     """Arc between the outermost points of the skin that touch the cylinder."""
 
     kinds: ClassVar = (WIDTH,)
+    plans: ClassVar = (
+        ChannelPlan(
+            "read how wide the contact is at {at}",
+            (WIDTH.name,),
+            "a camera along the cylinder, or ink on it",
+            frames=True,
+        ),
+    )
 
     def read(self, seen: Seen) -> Channels:
         """Return the width; nothing before the skin touches."""

@@ -6,6 +6,7 @@ import lzma
 import tempfile
 import zipfile
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 from legfem.common.errors import InputError
@@ -19,47 +20,20 @@ __all__ = ["READERS", "Column", "Sheet", "read_sheets"]
 type Reader = Callable[[Path], list[Sheet]]
 
 
-# The libraries of kinds that a command doesn't read take a good part of its start.
-def _workbook(path: Path) -> list[Sheet]:
-    from legfem.data.formats.workbook import read_workbook
+def _reader(module: str, name: str) -> Reader:
+    """Return a reader whose module, and the libraries that it takes, are loaded with the first file of its kind."""
 
-    return read_workbook(path)
+    def read(path: Path) -> list[Sheet]:
+        found: list[Sheet] = getattr(import_module(f"{__name__}.{module}"), name)(path)
+        return found
 
-
-def _old_workbook(path: Path) -> list[Sheet]:
-    from legfem.data.formats.workbook import read_old_workbook
-
-    return read_old_workbook(path)
+    return read
 
 
-def _open_document(path: Path) -> list[Sheet]:
-    from legfem.data.formats.workbook import read_open_document
-
-    return read_open_document(path)
-
-
-def _tdms(path: Path) -> list[Sheet]:
-    from legfem.data.formats.labview import read_tdms
-
-    return read_tdms(path)
-
-
-def _lvm(path: Path) -> list[Sheet]:
-    from legfem.data.formats.labview import read_lvm
-
-    return read_lvm(path)
-
-
-def _matlab(path: Path) -> list[Sheet]:
-    from legfem.data.formats.arrays import read_matlab
-
-    return read_matlab(path)
-
-
-def _hdf5(path: Path) -> list[Sheet]:
-    from legfem.data.formats.arrays import read_hdf5
-
-    return read_hdf5(path)
+_workbook, _old_workbook = _reader("workbook", "read_workbook"), _reader("workbook", "read_old_workbook")
+_open_document = _reader("workbook", "read_open_document")
+_tdms, _lvm = _reader("labview", "read_tdms"), _reader("labview", "read_lvm")
+_matlab, _hdf5 = _reader("arrays", "read_matlab"), _reader("arrays", "read_hdf5")
 
 
 def _zipped(path: Path) -> list[Sheet]:

@@ -39,7 +39,7 @@ _MOST_LINES_OF_A_CELL = 5
 
 
 @dataclass(frozen=True)
-class Lines:
+class TextLines:
     """A text's lines, of which an empty one stands for each that is left out, so that numbers are the file's.
 
     Attributes
@@ -63,7 +63,7 @@ class Lines:
     remarks: tuple[str, ...]
 
 
-def read_lines(path: Path) -> Lines:
+def read_lines(path: Path) -> TextLines:
     """Read a text's lines.
 
     Raises
@@ -98,7 +98,7 @@ def read_lines(path: Path) -> Lines:
         remarks.append(f"comments among the numbers are left out ({comments} lines)")
     if grouped:
         remarks.append(f"{grouped} numbers have thousands' separators, which are taken out")
-    return Lines(texts, first, encoding, text.endswith(("\n", "\r")), tuple(remarks))
+    return TextLines(texts, first, encoding, text.endswith(("\n", "\r")), tuple(remarks))
 
 
 def _first_of_numbers(lines: Sequence[str]) -> int:

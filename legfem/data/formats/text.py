@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.data.formats.lines import Lines, read_lines
+from legfem.data.formats.lines import TextLines, read_lines
 from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, Cell, Sheet, sheet_of_rows, why_no_number
 
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
@@ -58,7 +58,7 @@ def read_text(path: Path) -> list[Sheet]:
     return [] if found is None else [found]
 
 
-def _with_row_numbers(lines: Lines, parted: list[list[str]]) -> list[list[str]]:
+def _with_row_numbers(lines: TextLines, parted: list[list[str]]) -> list[list[str]]:
     """Return rows with a name for the rows' quoted numbers, which R's ``write.table`` leaves without one."""
     samples = [k for k in range(lines.first, len(parted)) if parted[k]]
     head = next((k for k in reversed(range(min(lines.first, len(parted)))) if parted[k]), None)
@@ -105,7 +105,7 @@ def _middle_of(lines: list[str]) -> int:
     return filled[len(filled) // 2]
 
 
-def _dialect(path: Path, lines: Lines) -> tuple[str, str]:
+def _dialect(path: Path, lines: TextLines) -> tuple[str, str]:
     """Return delimiter and decimal mark with which the last lines are numbers throughout."""
     filled = [line for line in lines.texts if line.strip()]
     # A page's heading, which is printed anew, is no sample.

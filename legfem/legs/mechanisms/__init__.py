@@ -4,8 +4,6 @@ A module of this folder gives what it defines. Another package gives mechanisms 
 "legfem.mechanisms": each entry is a subclass of `Mechanism` (or a function that returns one).
 """
 
-from __future__ import annotations
-
 import sys
 from functools import cache
 

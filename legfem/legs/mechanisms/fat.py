@@ -1,7 +1,5 @@
 """The fat isn't as stiff as assumed, stiffens with strain, or slides along the fascia."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar

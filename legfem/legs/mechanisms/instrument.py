@@ -1,7 +1,5 @@
 """The load cell's zero drifts, or displacement isn't counted from first contact."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

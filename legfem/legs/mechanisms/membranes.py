@@ -1,7 +1,5 @@
 """The fascia isn't as stiff as assumed, or under tension in the imaged state; the skin bears tension."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """The muscle is fibrous along the leg."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import ClassVar

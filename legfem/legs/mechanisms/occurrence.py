@@ -6,8 +6,6 @@ the shares are set, and so is that an effect is as common as any other unless `M
 entry whose source is empty has none; it is what someone who watches a test would still overlook.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from legfem.inverse.mechanism import Occurrence

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.data.segmentation import UNLOADING
+from legfem.data.phases import UNLOADING
 from legfem.inverse.mechanism import Mechanism, Values, strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior

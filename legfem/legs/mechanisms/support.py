@@ -1,7 +1,5 @@
 """The leg moves under the cylinder, or its support gives way."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """When something happens during a test."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

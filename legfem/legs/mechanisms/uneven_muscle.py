@@ -1,7 +1,5 @@
 """A region of the muscle is stiffer or softer than the rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

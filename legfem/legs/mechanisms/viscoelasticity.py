@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
-from legfem.data.segmentation import HOLD, UNLOADING
+from legfem.data.phases import HOLD, UNLOADING
 from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior

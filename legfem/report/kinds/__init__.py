@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from matplotlib.figure import Figure
+from mpi4py import MPI
 
 from legfem.common.registry import registered
 from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
 from legfem.report.folder import ReportFile
-from legfem.report.page import PressedSection, WebPage
+from legfem.report.page import TESTED, PressedSection, WebPage
 
 
 class ReportKind(ABC):
@@ -25,10 +26,16 @@ class ReportKind(ABC):
         Of its fits.
     document : KindDocument
         What it adds to result.json.
+    explore : str
+        What there is to explore on the page for a browser, in words.
+    told : tuple of str
+        Chapters of the page that a summary has.
     """
 
     kind: ClassVar[str]
     document: ClassVar[KindDocument]
+    explore: ClassVar[str] = "curves"
+    told: ClassVar[tuple[str, ...]] = (TESTED,)
 
     @abstractmethod
     def page(
@@ -43,6 +50,14 @@ class ReportKind(ABC):
     @abstractmethod
     def files(self, fits: Sequence[Fit[Any]], folder: Path) -> list[ReportFile]:
         """Write the figures into a folder."""
+
+    def comm(self, fits: Sequence[Fit[Any]]) -> MPI.Intracomm:
+        """Return the ranks that hold the fits' model, all of which write its fields."""
+        return MPI.COMM_SELF
+
+    def fields(self, fits: Sequence[Fit[Any]], folder: Path) -> list[ReportFile]:
+        """Write fields of the fits' own solution into a folder; none where there is nothing to write."""
+        return []
 
 
 @cache

@@ -19,24 +19,17 @@ CSV, WORKBOOK = "numbers.csv", "numbers.xlsx"
 
 
 def estimates_frame(fits: Sequence[Fit[Any]]) -> pd.DataFrame:
-    """A row a parameter and law: value, 95 % interval, unit and verdict."""
+    """A row a parameter, or what was computed with them, and law: value, 95 % interval, unit and verdict."""
     import pandas as pd
 
-    return pd.DataFrame(
-        [
-            {
-                "law": fit.law,
-                "parameter": key_of(name),
-                "value": found.shown.value,
-                "low": found.shown.ci95[0],
-                "high": found.shown.ci95[1],
-                "unit": found.shown.unit,
-                "identifiability": found.identifiability,
-            }
-            for fit in fits
-            for name, found in fit.estimates.items()
-        ]
-    )
+    rows: list[tuple[Any, ...]] = []
+    for fit in fits:
+        for name, found in fit.estimates.items():
+            shown = found.shown
+            rows.append((fit.law, key_of(name), shown.value, *shown.ci95, shown.unit, found.identifiability))
+        for key, one in fit.computed.items():
+            rows.append((fit.law, key, one.value, *one.ci95, one.unit, ""))
+    return pd.DataFrame(rows, columns=["law", "parameter", "value", "low", "high", "unit", "identifiability"])
 
 
 def write_tables(page: WebPage, folder: Path, estimates: pd.DataFrame | None = None) -> ReportFile:

@@ -4,8 +4,6 @@ A module of this folder gives the subclass of `legfem.specimens.kind.SpecimenKin
 gives kinds under the entry point group "legfem.specimens".
 """
 
-from __future__ import annotations
-
 import sys
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """A rigid ball on a round layer on a rigid base."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import ClassVar
 

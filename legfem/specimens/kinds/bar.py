@@ -1,7 +1,5 @@
 """A bar or cylinder whose ends don't keep it from going sideways."""
 
-from __future__ import annotations
-
 import math
 from typing import ClassVar, Literal
 

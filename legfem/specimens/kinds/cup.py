@@ -1,7 +1,5 @@
 """A cup that draws a round layer on a rigid base up through its opening, and what its recordings can't be."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import ClassVar

@@ -6,8 +6,6 @@ r"""A sheet in equibiaxial tension: stretched alike in both directions of its pl
 and :math:`P = 2 w (\lambda - \lambda^{-5})`: of a neo-Hookean one the slope at small strain is :math:`12 C_{10}`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """A rigid cylinder lying across a block on a rigid base, in plane strain."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A round specimen, end-on, between two rigid plates, whose ends stick, slide, or do nobody knows which."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal

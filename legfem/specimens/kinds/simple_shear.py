@@ -7,8 +7,6 @@ with the law's :math:`w = \partial U / \partial \bar I_1`: no volume changes, so
 :math:`\tau = 2 C_{10} \gamma`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -32,9 +32,8 @@ from legfem.study.correction.page import SHOWN
 
 DOCUMENT = "leg.json"
 _HOW_SURE = (
-    "The mesh's error is Richardson's estimate from larger elements; the length's is "
-    "what cutting a third of the leg beyond the cylinder away does; that of first "
-    "contact is what smoothing takes off the plain ratio of forces."
+    "The mesh's error is Richardson's estimate from larger elements; the length's is what cutting a third of the leg "
+    "beyond the cylinder away does; that of first contact is what smoothing takes off the plain ratio of forces."
 )
 _NOT_TESTED = (
     "Fibres, bones that give way, and a cylinder that slips.",

@@ -142,9 +142,8 @@ def _good_fit(result: StudyResult) -> ClaimFinding:
     poor = [f"{name} {value:.4f}" for name, value in r2.items() if value <= 0.99]
     exception = next(row for row in TABLE_3 if float(row.r_squared) <= 0.99)
     text = (
-        f"R2 from {min(r2.values()):.4f} to {max(r2.values()):.4f}; "
-        f"not above 0.99: {', '.join(poor) or 'none'} (in the paper: {exception.label}, "
-        f"{exception.r_squared})"
+        f"R2 from {min(r2.values()):.4f} to {max(r2.values()):.4f}; not above 0.99: {', '.join(poor) or 'none'} (in "
+        f"the paper: {exception.label}, {exception.r_squared})"
     )
     return ClaimFinding(len(poor) <= 1, text, "the table of the analysis of variance")
 

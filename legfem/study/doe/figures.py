@@ -36,9 +36,8 @@ def draw_response(result: StudyResult, out: Path) -> list[Path]:
             if column > 0:  # the terms are those of the panel to the left
                 axes.set_yticklabels([])
     figure.supxlabel(
-        "Coefficients of the coded factors (-1 to +1) by window of displacement, in the colours of "
-        "panel A.  s: significant at 5 % by the paper's t test;  L: beyond Lenth's simultaneous "
-        "limit.",
+        "Coefficients of the coded factors (-1 to +1) by window of displacement, in the colours of panel A.  s: "
+        "significant at 5 % by the paper's t test;  L: beyond Lenth's simultaneous limit.",
         fontsize=9,
     )
     return save(figure, out, RESPONSE, svg=True)

@@ -33,18 +33,16 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
         chapters.append(web.Chapter("Beside the paper's Table 3", [table, web.Prose(TABLE_3_NOTE)]))
     if numerics := tables.numerics_cells(result):
         note = (
-            "Errors of the default settings, from a mesh 1.5 times finer with steps of at most "
-            "0.5 mm, extrapolated as for first order: at the softest corner, the stiffest and "
-            "the centre. The bound on a coefficient is the largest of these relative errors "
-            "times the mean size of the metric."
+            "Errors of the default settings, from a mesh 1.5 times finer with steps of at most 0.5 mm, extrapolated as "
+            "for first order: at the softest corner, the stiffest and the centre. The bound on a coefficient is the "
+            "largest of these relative errors times the mean size of the metric."
         )
         table = web.WebTable("Numerical errors, and how much they can change a coefficient", *numerics)
         chapters.append(web.Chapter("Numerical error of the metrics", [table, web.Prose(note)]))
     if sobol := tables.sobol_cells(result):
         note = (
-            "Shares of the variance with the factors uniform in their coded ranges, on an "
-            "emulator trained on the runs above and a Latin hypercube. Its error is at "
-            "simulations that it has not seen."
+            "Shares of the variance with the factors uniform in their coded ranges, on an emulator trained on the runs "
+            "above and a Latin hypercube. Its error is at simulations that it has not seen."
         )
         table = web.WebTable("First order, total", *sobol)
         chapters.append(web.Chapter("Sobol indices", [table, web.Prose(note)]))
@@ -188,9 +186,8 @@ def _headline(result: StudyResult) -> web.Headline:
             ),
             (
                 "How sure",
-                "The fitted surface predicts "
-                f"{_percents(fits)} of the variance of runs that were not used in the fit (R²). The runs are "
-                "a model's, without noise.",
+                f"The fitted surface predicts {_percents(fits)} of the variance of runs that were not used in the fit "
+                "(R²). The runs are a model's, without noise.",
             ),
             ("What must be known before the test", to_know(result)),
             ("What to do", to_measure(result)[0]),

@@ -55,10 +55,9 @@ TABLE_3 = (
 
 UNITS_NOTE = "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures."
 TABLE_3_NOTE = (
-    f"{UNITS_NOTE} Paper / legfem. 'Half of it': legfem's "
-    "curvature is the mean second derivative; the coefficient of d^2 in the least-squares parabola "
-    "is half of that, and its sums of squares a quarter. The paper prints no F: its own is "
-    "(SSR/15)/(SSE/17)."
+    f"{UNITS_NOTE} Paper / legfem. 'Half of it': legfem's curvature is the mean second derivative; the coefficient of "
+    "d^2 in the least-squares parabola is half of that, and its sums of squares a quarter. The paper prints no F: its "
+    "own is (SSR/15)/(SSE/17)."
 )
 
 

@@ -1,0 +1,404 @@
+"""A problem, its fit, and how that is assessed: goodness, cost, estimates, the search, and each test by itself.
+
+A `Problem` has tests, a model of all of them and unknowns by law; `fit` searches for the unknowns and returns a
+`legfem.inverse.fit.Fit` for each law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, is_dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+
+from legfem.common.units import FloatArray, readable_unit
+from legfem.inverse.catalogue import (
+    DEEP_C20,
+    IdentifiedLaw,
+    LawName,
+    Values,
+    key_of,
+    short_key_of,
+    unit_suffix,
+    with_units,
+)
+from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting, total_of
+from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
+from legfem.inverse.fit import EXACT, Cost, Fit, Goodness, OwnEstimate, r_squared
+from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture, departure_of
+from legfem.inverse.least_squares import polished, with_unit_errors
+from legfem.inverse.outcome import Forward, FullSolver
+from legfem.inverse.parameter import Domain, Parameter
+from legfem.inverse.search import Search
+from legfem.inverse.searches import Found, Searches
+from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.inverse.trial import CostMap, FullSolve, Linearised, SearchLog, Trial
+
+_MAP_SIZE = 81
+
+
+class Problem[C: Comparison](Protocol):
+    """Tests, a model of all of them, and what is unknown: all that a fit needs."""
+
+    @property
+    def forward(self) -> Forward:
+        """Model of all tests: one curve a test in every outcome."""
+        ...
+
+    @property
+    def unknowns(self) -> Mapping[LawName, IdentifiedLaw]:
+        """What is free and held in each law."""
+        ...
+
+    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> C:
+        """Predictions beside the readings; with ``near`` shared errors count in the weights about that solve."""
+        ...
+
+    @property
+    def sensitivities(self) -> tuple[str, ...]:
+        """Full names of the model's parameters that solves are differentiated by."""
+        ...
+
+    @property
+    def weighs_shared_errors(self) -> bool:
+        """Whether errors that tests share are weighed against what was known beforehand."""
+        ...
+
+    def refined(self, search: Search[C]) -> C | None:
+        """Comparison made anew about what a search found, to search again; None where it stays as it is."""
+        ...
+
+    def assessed(self, found: Found[C]) -> Fit[Any]:
+        """Result of a finished search."""
+        ...
+
+
+def fit[C: Comparison](problem: Problem[C], laws: Sequence[LawName], request: SearchRequest) -> list[Fit[Any]]:
+    """Fit laws to all tests of a problem together.
+
+    Parameters
+    ----------
+    problem
+        Tests and unknowns.
+    laws
+        Names, all among the problem's unknowns.
+    request
+        Means of the search: settings, folder for kept solves, processes, progress.
+
+    Raises
+    ------
+    InputError
+        If the model can't be meshed.
+    SearchError
+        If too few full solves come as far as what was measured.
+    """
+    with request.solver(problem.forward, problem.sensitivities, len(problem.unknowns)) as solver:
+        return fit_with(problem, laws, solver, request.settings)
+
+
+def fit_with[C: Comparison](
+    problem: Problem[C], laws: Sequence[LawName], solver: FullSolver, settings: IdentificationSettings
+) -> list[Fit[Any]]:
+    """`fit` with a solver that is at hand; see there."""
+    near = None
+    if problem.weighs_shared_errors:
+        near = Searches(problem.unknowns, solver, settings, problem.comparison).nearest(laws)
+    searches = Searches(
+        problem.unknowns, solver, settings, lambda law: problem.comparison(law, near), refined=problem.refined
+    )
+    return [problem.assessed(found) for found in searches.find(laws)]
+
+
+def goodness_of(
+    found: Found[Any], covariance: FloatArray, expected: FloatArray | None = None, lost: int = 0
+) -> Goodness:
+    """Goodness of a law where it misses least in the readings' errors, priors included.
+
+    Parameters
+    ----------
+    found
+        The finished search.
+    covariance
+        (n, n): of measured less predicted readings.
+    expected
+        (n,): readings to be met, in place of the measured ones.
+    lost
+        Degrees of freedom that were spent on other things than the law's parameters.
+    """
+    left, departures = found.linear.nearest(covariance, expected)
+    chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
+    return Goodness.of(chi_square, len(left) + len(departures) - len(found.search.law.parameters) - lost)
+
+
+def optimum_of(
+    found: Found[Any], covariances: Covariances, times: float, goodness: Goodness, assumed: Values, plane: bool
+) -> tuple[Mapping[str, Estimate], FloatArray]:
+    """Estimates and their correlations (p, p) at the optimum.
+
+    Parameters
+    ----------
+    found
+        The finished search.
+    covariances
+        Errors of the readings by source, from which intervals are drawn.
+    times
+        Standard errors in half a 95 % interval.
+    goodness
+        Of the fit.
+    assumed
+        Stiffnesses that were held, whose effect is stated.
+    plane
+        Whether the model is a section of a leg, which has no ends.
+    """
+    departure = NO_DEPARTURE if goodness.fits else _departure(found, covariances)
+    optimum = Optimum(found.linear, found.residual, covariances, times, goodness.fits, assumed, plane, departure)
+    return MappingProxyType(estimates(optimum)), correlations_of(optimum.spread)
+
+
+def _departure(found: Found[Any], covariances: Covariances) -> PartDeparture:
+    """What the law's misfit may do to a stiffness, beyond errors of readings and of the model's numbers."""
+    comparison = found.search.misfit
+    errors = total_of({source: covariances[source] for source in ("recordings", "model") if source in covariances})
+    return departure_of(comparison.parts_along, comparison.measured, found.linear.prediction.values, errors)
+
+
+def cost_of(found: Found[Any], per_length: float = math.nan) -> Cost:
+    """Plain sum of squares at the optimum."""
+    search, best = found.search, found.best
+    comparison, law = search.misfit, search.law
+    value = float(comparison.cost(found.linear.prediction.values))
+    measured = comparison.of_force(comparison.measured)
+    weighting = weighting_used(comparison)
+    minimised = {
+        "paper": "the sum itself (Eq. 12)",
+        "covariance": "the sum weighted with the inverse covariance (dimensionless)",
+    }[weighting]
+    return Cost(
+        value=value,
+        points=len(measured),
+        per_length=per_length,
+        r_squared=r_squared(value, measured),
+        minimised=minimised + (", and the priors' squared departures" if len(law.priors) else ""),
+        minimised_value=best.objective,
+        minimised_unit="N2" if weighting == "paper" else "1",
+    )
+
+
+def weighting_used(comparison: Comparison) -> Weighting:
+    """What the search minimised."""
+    return comparison.weighting if isinstance(comparison, JointComparison) else "covariance"
+
+
+def log_of(found: Found[Any]) -> SearchLog:
+    """Course of a finished search."""
+    search = found.search
+    outcomes = found.outcomes
+    return SearchLog(
+        names=search.law.names,
+        solves=tuple(_full_solve(trial, search) for trial in found.trials),
+        generations=tuple(search.generations),
+        cost_map=_cost_map(search),
+        converged=search.converged,
+        seed=search.settings.seed,
+        wall_s=found.wall_s,
+        emulator_error=search.emulator_error,
+        forward_solves=len(outcomes),
+        failed_solves=sum(not one.complete for one in outcomes),
+        reused_solves=found.reused_solves,
+        factorisations=sum(one.factorisations for one in outcomes),
+        compromise=found.best.outcome.compromise,
+    )
+
+
+def _full_solve(trial: Trial, search: Search[Any]) -> FullSolve:
+    outcome = trial.outcome
+    cost = math.nan if trial.prediction is None else float(search.misfit.cost(trial.prediction.values))
+    return FullSolve(
+        MappingProxyType(dict(trial.values)),
+        cost,
+        trial.stage,
+        outcome.complete,
+        outcome.reason,
+        outcome.factorisations,
+        outcome.seconds,
+    )
+
+
+def _cost_map(search: Search[Any]) -> CostMap | None:
+    """Cost over the region that was solved in, of one or two parameters."""
+    law, domain = search.law, search.domain
+    if not search.settings.emulator or len(law.names) > 2:
+        return None
+    solved = np.array([trial.point for trial in search.complete])
+    low, high = solved.min(axis=0), solved.max(axis=0)
+    axes = []
+    for k, parameter in enumerate(law.parameters):
+        if parameter.name.endswith("C10") and parameter.scale == "log":
+            axes.append(np.geomspace(0.7 * low[k], 1.4 * high[k], _MAP_SIZE))
+            continue
+        ends = domain.genes(np.array([low, high]))[:, k]
+        if np.ptp(ends) == 0:
+            ends = np.array([0.0, 1.0])
+        genes = np.zeros((_MAP_SIZE, len(law.names)))
+        genes[:, k] = np.linspace(float(ends[0]), float(ends[1]), _MAP_SIZE)
+        axes.append(domain.values(genes)[:, k])
+    across, up = axes if len(axes) == 2 else (axes[0], np.zeros(1))
+    points = np.stack(np.meshgrid(across, up), axis=-1)[..., : len(law.names)]
+    return CostMap(law.names, across, up, search.emulated().cost(points))
+
+
+def held_values(law: IdentifiedLaw) -> Values:
+    """Numbers that were held, in the model's units; none where a term is absent (C20 of 0, D2 infinite)."""
+    return MappingProxyType(
+        {
+            name: value
+            for name, value in {**law.nominal, **law.fixed}.items()
+            if name not in law.names and math.isfinite(value) and (name, value) != (DEEP_C20, 0.0)
+        }
+    )
+
+
+def search_settings(search: Search[Any]) -> dict[str, Any]:
+    """Numbers that a search depends on, their units in the names."""
+    law, settings = search.law, search.settings
+    minimiser = settings.minimiser if settings.emulator else settings.plain_minimiser
+    bounds = {}
+    for parameter in law.parameters:
+        unit, factor = readable_unit(parameter.unit)
+        bounds[f"{short_key_of(parameter.name)}_bounds_{unit_suffix(unit)}"] = [
+            factor * end for end in parameter.bounds
+        ]
+    return {
+        **with_units(held_values(law)),
+        **bounds,
+        "priors": {key_of(one.name): prior_document(one) for one in law.parameters if one.prior},
+        "emulator": settings.emulator,
+        "most_solves": settings.most_solves,
+        "genetic": asdict(minimiser)
+        if is_dataclass(minimiser) and not isinstance(minimiser, type)
+        else {"minimiser": getattr(minimiser, "__qualname__", repr(minimiser))},
+        "forward_model": search.solver.model.fingerprint(),
+    }
+
+
+def prior_document(parameter: Parameter) -> dict[str, Any]:
+    """What was known of a parameter beforehand, in the unit in which people read it."""
+    prior = parameter.prior
+    assert prior is not None
+    unit, factor = readable_unit(parameter.unit)
+    return {
+        "centre": factor * prior.centre,
+        "unit": unit,
+        "sd": prior.sd if prior.scale == "log" else factor * prior.sd,
+        "normal_in": "logarithm" if prior.scale == "log" else "value",
+        "source": prior.source,
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class SingleTests:
+    r"""What each test of a joint fit says by itself, and whether the tests agree.
+
+    With the joint optimum :math:`\theta`, the residual :math:`r_k` of a test and its gain :math:`G_k`, a test by itself
+    asks to first order for :math:`\theta - G_k r_k`. The errors of these are known together, with what the tests share
+    (the correction's error and the priors), so that their differences are weighed by what differs.
+
+    Parameters
+    ----------
+    found : Found
+        The joint fit: p parameters, n readings and k priors.
+    covariance : (n, n) array
+        Of the readings' differences.
+    """
+
+    found: Found[JointComparison]
+    covariance: FloatArray
+
+    @cached_property
+    def _errors(self) -> FloatArray:
+        """Errors of readings and priors, (n + k, n + k)."""
+        return with_unit_errors(self.covariance, len(self.found.linear.law.priors))
+
+    @property
+    def _comparison(self) -> JointComparison:
+        return self.found.search.misfit
+
+    @cached_property
+    def _alone(self) -> list[Linearised]:
+        """Every test's differences and the priors about the joint optimum."""
+        linear, joint = self.found.linear, self._comparison
+        return [
+            Linearised(linear.law, joint.alone(number), linear.prediction.part(span), linear.point)
+            for number, span in enumerate(joint.spans)
+        ]
+
+    @cached_property
+    def _gains(self) -> list[FloatArray]:
+        """How each test's parameters follow readings and priors; (p, n + k) each."""
+        n = len(self._comparison)
+        gains: list[FloatArray] = []
+        for one, span in zip(self._alone, self._comparison.spans, strict=True):
+            own = one.gain
+            gain = np.zeros((len(own), n + len(one.law.priors)))
+            gain[:, span], gain[:, n:] = np.split(own, [len(one.misfit)], axis=1)
+            gains.append(gain)
+        return gains
+
+    @property
+    def agreement(self) -> Goodness:
+        """Whether the tests ask for the same parameters, to first order."""
+        if len(self._comparison.tests) < 2:
+            return EXACT
+        asked = [-np.linalg.pinv(one.jacobian) @ one.residual for one in self._alone]
+        p = len(asked[0])
+        differences = np.kron(np.diff(np.eye(len(asked)), axis=0), np.eye(p))
+        gain = differences @ np.vstack(self._gains)
+        spread = gain @ self._errors @ gain.T
+        # Stiffnesses differ in size by orders.
+        sd = np.sqrt(np.diag(spread))
+        values = differences @ np.concatenate(asked) / sd
+        statistic = float(values @ np.linalg.pinv(spread / np.outer(sd, sd), rcond=1e-9) @ values)
+        return Goodness.of(statistic, len(values))
+
+    def goodness(self) -> list[Goodness]:
+        """How far each test is from all together, where these miss least in their errors."""
+        left, _ = self.found.linear.nearest(self.covariance)
+        return [
+            Goodness.of(float(left[span] @ np.linalg.solve(self.covariance[span, span], left[span])), len(left[span]))
+            for span in self._comparison.spans
+        ]
+
+    def by_itself(self) -> list[dict[str, OwnEstimate]]:
+        """Parameters as each test alone has them, on the emulator of the joint fit's solves; nothing of one test."""
+        joint, linear = self._comparison, self.found.linear
+        if len(joint.tests) < 2:
+            return [{}]
+        law = linear.law
+        emulated, domain = self.found.search.emulated(), Domain(law.parameters)
+        joint_gain = linear.gain
+        found = []
+        for number, (span, gain) in enumerate(zip(joint.spans, self._gains, strict=True)):
+            alone = joint.alone(number)
+
+            def residual(genes: FloatArray, alone: JointComparison = alone, span: slice = span) -> FloatArray:
+                points = domain.values(genes)
+                values = emulated.values(points)[..., span]
+                return np.concatenate([alone.residual(values), law.priors.residual(points)], axis=-1)
+
+            at = domain.values(polished(residual, domain.genes(linear.point)))
+            error = np.sqrt(np.diag(gain @ self._errors @ gain.T))
+            apart = gain - joint_gain
+            of_difference = np.maximum(np.sqrt(np.diag(apart @ self._errors @ apart.T)), 1e-9 * error)
+            found.append(
+                {
+                    name: OwnEstimate(
+                        float(at[k]), float(error[k]), float((at[k] - linear.point[k]) / of_difference[k])
+                    )
+                    for k, name in enumerate(law.names)
+                }
+            )
+        return found

@@ -1,0 +1,311 @@
+"""The search for a leg's stiffness in its stocking as a fit: both scans are its test, their distances its readings.
+
+A channel holds by how much a contour moved outward from the bare scan to the one in the stocking, along the normals
+of the second, beside the same of the model, less what rigid motions and errors of the pressure explain. Sensors
+between stocking and skin are a channel of pressures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from legfem.common.documents import versions_of
+from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
+from legfem.geometry.slices import CONTOURS
+from legfem.inverse.catalogue import LawName, key_of
+from legfem.inverse.data import Channel, Data, MeasuredTest
+from legfem.inverse.fit import EXACT, UNTESTED, ChannelFit, Computed, Cost, Fit, Goodness, Identity, TestFit, r_squared
+from legfem.inverse.parameter import Priors
+from legfem.inverse.problem import prior_document
+from legfem.inverse.trial import SearchLog
+from legfem.legs.notices import disagreement
+from legfem.stockings.details import StockingDetails, StockingFit
+from legfem.stockings.equilibrium import EquilibriumSettings
+from legfem.stockings.estimates import (
+    MISSED_BEYOND,
+    StiffnessFit,
+    expected_rms,
+    model_misses,
+    starts_agree,
+    stiffness_correlations,
+    stiffness_estimates,
+)
+from legfem.stockings.leg import ComparedSensor
+from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.scan_fit import BOUNDS, by_name, stiffness_priors
+
+KIND = "stocking"
+LAW: LawName = "neo-hookean"
+_CHANNELS = {"outer": "skin_displacement", "inner": "muscle_displacement"}
+"""By name of the contour; the inner one is the hull of the muscle."""
+_PRESSURE = "pressure_on_skin"
+
+
+def assessed(details: StockingDetails, settings: Mapping[str, Any], wall_s: float) -> StockingFit:
+    """Result of a finished run.
+
+    Parameters
+    ----------
+    details
+        What it found.
+    settings
+        Of the run, units in the names.
+    wall_s
+        Its duration, s.
+    """
+    leg, best = details.leg, details.best
+    priors = stiffness_priors(leg.elastography)
+    held = {f"{name}.D1": float(law.D1) for name, law in leg.tissues.items()}
+    given = {} if best is not None else details.parameters
+    fit = Fit(
+        kind=KIND,
+        subject=Identity(leg.id, leg.title, leg.origin),
+        law=LAW,
+        estimates=MappingProxyType({} if best is None else stiffness_estimates(best, leg.accuracy, priors)),
+        correlations=np.zeros((0, 0)) if best is None else stiffness_correlations(best),
+        values=MappingProxyType({**held, **(details.parameters if best is None else by_name(best.parameters))}),
+        assumed=MappingProxyType({**held, **given}),
+        goodness=UNTESTED if best is None else Goodness.of(best.objective, best.residuals - len(PARAMETERS)),
+        cost=_cost(best, details),
+        agreement=EXACT,
+        tests=() if best is None else (_scans(best, details, priors),),
+        log=_log(details, wall_s),
+        neo_hookean_limit=False,
+        weighting="covariance",
+        settings={
+            **settings,
+            "c10_bounds_kPa": list(map(mpa_to_kpa, BOUNDS)),
+            "priors": {key_of(one.name): prior_document(one) for one in priors.parameters if one.prior},
+        },
+        versions=versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
+        details=details,
+        doubts=leg.doubts,
+        computed=MappingProxyType(dict(_computed(details))),
+    )
+    return replace(fit, warnings=stocking_notices(fit))
+
+
+def _channels(best: StiffnessFit, details: StockingDetails) -> Iterator[ChannelFit]:
+    """Yield the contours' movement, measured and of the model, skin first; then the sensors' pressures."""
+    misfit, leg = details.misfit, details.leg
+    assert misfit is not None
+    measured = -misfit.distances(leg.bare)
+    sizes = [misfit.target.contours(name)[..., 0].size for name in CONTOURS]
+    error = np.sqrt(2.0) * leg.accuracy.smoothed_sd
+    for name, span in zip(CONTOURS, pairwise(np.cumsum([0, *sizes])), strict=True):
+        contour, own = misfit.target.contours(name), slice(*span)
+        height = np.repeat(misfit.target.levels, contour.shape[1])
+        values = measured[own]
+        channel = Channel(_CHANNELS[name], "mm", height, "height_mm", values, np.full(len(values), error))
+        yield ChannelFit(channel, values + best.distances[own])
+    if len(best.sensed):
+        sensors = leg.sensors
+        sd, read = np.array([(one.sd, one.pressure) for one in sensors]).T
+        height = np.array([one.position[2] for one in sensors])
+        yield ChannelFit(Channel(_PRESSURE, "MPa", height, "height_mm", read, sd), read + sd * best.sensed)
+
+
+def _scans(best: StiffnessFit, details: StockingDetails, priors: Priors) -> TestFit:
+    """Both scans beside the fit."""
+    channels = tuple(_channels(best, details))
+    departures = priors.residual(best.parameters)
+    goodness = Goodness.of(best.objective - float(departures @ departures), best.residuals - len(departures))
+    return TestFit(MeasuredTest("both scans", Data(tuple(one.channel for one in channels))), channels, goodness)
+
+
+def _cost(best: StiffnessFit | None, details: StockingDetails) -> Cost:
+    """Plain sum of squared distances that are left."""
+    of_contours = [] if best is None else list(_channels(best, details))[: len(CONTOURS)]
+    left = np.concatenate([np.zeros(0), *(one.residual for one in of_contours)])
+    squares = float(left @ left)
+    measured = np.concatenate([np.zeros(0), *(one.channel.values for one in of_contours)])
+    return Cost(
+        value=squares,
+        points=len(left),
+        per_length=np.nan,
+        r_squared=r_squared(squares, measured) if len(left) else np.nan,
+        minimised="the sum weighted with the inverse covariance (dimensionless), and the priors' squared departures",
+        minimised_value=np.nan if best is None else best.objective,
+        minimised_unit="1",
+        definition="sum over the contours' points of the squared distance between model and scan, less what rigid "
+        "motions and errors of the pressure explain",
+        reading_unit="mm",
+    )
+
+
+def _log(details: StockingDetails, wall_s: float) -> SearchLog:
+    """Course of all searches; each one stands in the details."""
+    best = details.best
+    return SearchLog(
+        names=PARAMETERS,
+        solves=(),
+        generations=(),
+        cost_map=None,
+        converged=details.equilibrium.converged if best is None else best.converged,
+        seed=0,
+        wall_s=wall_s,
+        emulator_error=np.nan,
+        forward_solves=sum(search.solves for search in details.searches),
+        failed_solves=sum(not search.equilibrium.state.report.complete for search in details.searches),
+        reused_solves=0,
+        factorisations=0,
+        compromise="",
+    )
+
+
+def _computed(details: StockingDetails) -> Iterator[tuple[str, Computed]]:
+    """Yield the pressures on the skin and inside by key, mmHg."""
+    found = details.pressures
+    if found is None:
+        return
+    yield _PRESSURE, _pressure("mean pressure on the skin", found.mean_interface)
+    for k, vein in enumerate(details.leg.veins):
+        name = f"pressure at the {vein.name} vein"
+        yield (
+            name.replace(" the ", " ").replace(" ", "_"),
+            _pressure(name, found.at_veins[k], found.at_veins_sd[k], found.vein_interval(k)),
+        )
+    yield "greatest_pressure_in_fat", _pressure("greatest pressure in the fat", found.greatest_in_fat)
+    yield "pressure_in_muscle", _pressure("mean pressure in the muscle", found.mean_in_muscle)
+
+
+def _pressure(
+    name: str, value: float, sd: float = np.nan, interval: tuple[float, float] = (np.nan, np.nan)
+) -> Computed:
+    low, high = map(mpa_to_mmhg, interval)
+    return Computed(name, mpa_to_mmhg(value), "mmHg", mpa_to_mmhg(sd), (low, high))
+
+
+TISSUES = dict(zip(PARAMETERS, ("muscle", "fat"), strict=True))
+UNLOADED_BEYOND = 0.01
+"""Share of the skin under the stretched stocking that may bear no pressure without a word."""
+_FAR = 3.0
+"""Standardised residual of a sensor that chance doesn't explain."""
+REGISTERED_WITHIN = 0.5
+"""Residual of the registration (mm) that is no cause of concern: half a voxel."""
+
+
+def stocking_notices(fit: StockingFit) -> tuple[str, ...]:
+    """Return the warnings as sentences, the gravest first."""
+    details = fit.details
+    return tuple(
+        [
+            *_of_the_state(details),
+            *_of_the_searches(details),
+            *_of_the_stiffness(fit),
+            *_of_the_scans(details),
+            *_of_the_load(details),
+            *sensor_notices(details.sensors),
+        ]
+    )
+
+
+def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[str]:
+    """Yield a sentence for every sensor that the model misses."""
+    for one in sensors:
+        if abs(one.standardised_residual) > _FAR:
+            read, sd, model = (mpa_to_mmhg(p) for p in (one.sensor.pressure, one.sensor.sd, one.pressure))
+            yield (
+                f"The sensor {one.sensor.name} read {read:.1f} ± {sd:.1f} mmHg, where the model "
+                f"has {model:.1f} mmHg ({abs(one.standardised_residual):.0f} standard deviations off): its "
+                "place, its error or the fabric is otherwise than was given (a fabric that isn't "
+                "known well: [accuracy] tension_relative_sd)."
+            )
+
+
+def _of_the_state(details: StockingDetails) -> Iterator[str]:
+    found = details.equilibrium
+    if not found.state.report.complete:
+        yield (
+            "The leg in its stocking could not be computed "
+            f"({found.state.report.reason}): there are no pressures inside the leg."
+        )
+    elif not found.converged:
+        yield (
+            "The stocking's pressure and the shape that it makes did not settle: in the last of "
+            f"{len(found.changes)} states the pressure still changed by "
+            f"{100 * found.changes[-1]:.2g} % of its greatest, not by less than "
+            f"{100 * EquilibriumSettings().tolerance:g} %."
+        )
+
+
+def _of_the_searches(details: StockingDetails) -> Iterator[str]:
+    if not details.searches:
+        return
+    for search in details.searches:
+        name = "Nelder-Mead's search" if search.method == "nelder-mead" else "A search"
+        start = " and ".join(
+            f"{mpa_to_kpa(value):.3g} kPa in the {TISSUES[parameter]}"
+            for parameter, value in by_name(search.start).items()
+        )
+        report = search.equilibrium.state.report
+        if not report.complete:
+            yield f"{name} from {start} met a state that could not be computed ({report.reason})."
+        elif not search.converged:
+            yield f"{name} from {start} ended before it had settled."
+    if not starts_agree(details.weighted):
+        yield "The starts did not all lead to the same stiffness: the one that fits the scan best counts."
+
+
+def _of_the_stiffness(fit: StockingFit) -> Iterator[str]:
+    best, accuracy = fit.details.best, fit.details.leg.accuracy
+    if best is None:
+        return
+    if model_misses(best, accuracy):
+        yield (
+            f"The model misses the scan: its contours are {best.rms:.2f} mm off (root mean "
+            f"square), more than {MISSED_BEYOND:g} times the {expected_rms(accuracy):.2f} mm that "
+            "errors of the contours cause. The intervals of the stiffness are then too narrow: check the "
+            "contours."
+        )
+    for name, known in fit.estimates.items():
+        if (prior := known.parameter.prior) is not None:
+            yield from disagreement(name, prior, known.value, known.standard_error, "the fit of both scans")
+    for name, known in fit.estimates.items():
+        if known.at_bound:
+            yield (
+                f"The stiffness of the {TISSUES[name]} stands at the search's {known.at_bound} bound: it is not known."
+            )
+
+
+def _of_the_scans(details: StockingDetails) -> Iterator[str]:
+    registration = details.leg.registration
+    if registration is None:
+        return
+    if not registration.converged:
+        yield f"The registration on the bones did not settle in {registration.iterations} iterations."
+    if registration.residual > REGISTERED_WITHIN:
+        yield (
+            f"The bones of the two scans are {registration.residual:.2f} mm apart after "
+            "registration: their outlines differ, or the scans are not of one leg."
+        )
+
+
+def _of_the_load(details: StockingDetails) -> Iterator[str]:
+    leg, load = details.leg, details.equilibrium.load
+    levels, slack = leg.bare.levels, load.tension == 0
+    if slack.any():
+        where = levels[slack]
+        yield (
+            f"The stocking is slack, and presses on nothing, at {int(slack.sum())} of "
+            f"{len(levels)} heights, between {where.min():g} and {where.max():g} mm."
+        )
+    spanned = load.unloaded_skin
+    if spanned.mean() > UNLOADED_BEYOND:
+        most = int(np.argmax(spanned))
+        yield (
+            f"The fabric spans hollows or flats of the leg: {100 * spanned.mean():.0f} % of the "
+            f"skin under it bears no pressure, most at z = {levels[most]:g} mm "
+            f"({100 * spanned[most]:.0f} % of that contour)."
+        )
+    if leg.ends == "held":
+        yield (
+            "The modelled part's end faces are held in their planes, as if the leg continued unchanged beyond "
+            "them. Do not rely on pressures within about 10 mm of the ends."
+        )

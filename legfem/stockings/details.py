@@ -1,0 +1,334 @@
+"""What the fit of a leg in its stocking has beside that of any test: the leg as worn, its pressures, the searches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.geometry.leg_shape import fat_thickness_around
+from legfem.geometry.slices import CONTOURS
+from legfem.inverse.catalogue import key_of
+from legfem.inverse.fit import Fit
+from legfem.stockings.discrepancy import ModelDiscrepancy
+from legfem.stockings.equilibrium import Equilibrium
+from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
+from legfem.stockings.fabric import StockingLoad, stocking_load
+from legfem.stockings.leg import ComparedSensor, StockingLeg
+from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.levels import LevelPressure, PressureAlong, pressures_at_levels
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.pressures import FatPressures, SectionPressures, TissuePressures, too_low_by
+from legfem.stockings.scan_fit import by_name
+
+type StockingFit = Fit[StockingDetails]
+
+
+@dataclass(frozen=True, eq=False)
+class StockingDetails:
+    """The leg in equilibrium with its stocking, and how its stiffness was searched for.
+
+    Parameters
+    ----------
+    leg, model
+        What was given, and its finite-element model.
+    scan_load : StockingLoad, optional
+        Load by Laplace's law on the scanned shape; None without a scan in the stocking.
+    misfit : ContourMisfit, optional
+        The contours of that scan.
+    searches : tuple of StiffnessFit
+        Weighted searches, the best first, then Nelder-Mead's if it was asked for.
+    discrepancy : ModelDiscrepancy, optional
+        Tests of what the best fit leaves; None where no equilibrium was found.
+    parameters : dict of str to float
+        C10 by full name that the equilibrium has, MPa: identified, or given.
+    equilibrium : Equilibrium
+        Leg and stocking at these; its load includes the fitted error of the fabric's tension.
+    moved : dict of str to array, optional
+        Displacement (mm) in it of the points of skin and hull, (n_levels, n_points, 3) each; None if it was not found.
+    pressures : TissuePressures, optional
+        Pressures in that equilibrium, likewise.
+    section : SectionPressures, optional
+        Pressures in the level at mid calf.
+    fat : FatPressures, optional
+        Pressures in columns of fat all round the leg.
+    sensors : tuple of ComparedSensor
+        Sensors beside that equilibrium.
+    states : int
+        Finite-element solutions.
+    """
+
+    leg: StockingLeg
+    model: LegModel3D
+    scan_load: StockingLoad | None
+    misfit: ContourMisfit | None
+    searches: tuple[StiffnessFit, ...]
+    discrepancy: ModelDiscrepancy | None
+    parameters: dict[str, float]
+    equilibrium: Equilibrium
+    moved: Mapping[str, FloatArray] | None
+    pressures: TissuePressures | None
+    section: SectionPressures | None
+    fat: FatPressures | None
+    sensors: tuple[ComparedSensor, ...]
+    states: int
+
+    @property
+    def weighted(self) -> tuple[StiffnessFit, ...]:
+        """Weighted searches, the best first."""
+        return tuple(search for search in self.searches if search.method == "weighted")
+
+    @property
+    def best(self) -> StiffnessFit | None:
+        """Best weighted search, if its equilibrium was found."""
+        best = next(iter(self.weighted), None)
+        return best if best is not None and best.equilibrium.state.report.complete else None
+
+    @property
+    def tetrahedra(self) -> int:
+        """Number of tetrahedra of the mesh, on all ranks."""
+        mesh = self.model.compression.spaces.mesh
+        return int(mesh.topology.index_map(mesh.topology.dim).size_global)
+
+    @property
+    def pressure_along(self) -> PressureAlong:
+        """Pressure of the stocking by height."""
+        leg, tension = self.leg, None if self.best is None else self.best.tension
+        on_bare = stocking_load(leg.bare, leg.stocking).times(1.0 if tension is None else 1 + tension.value)
+        return PressureAlong.of(leg.bare, self.equilibrium.load, on_bare, leg.accuracy)
+
+    @property
+    def at_levels(self) -> list[LevelPressure]:
+        """Pressure at every level of makers that the modelled part of the leg has."""
+        return pressures_at_levels(self.pressure_along, self.leg.makers, self.leg.bare)
+
+
+class StockingDocument:
+    """What ``result.json`` has beside that of any fit; a `legfem.inverse.document.KindDocument`."""
+
+    def of_fit(self, fit: StockingFit) -> dict[str, Any]:
+        """Stiffness that the pressures are of, searches, fabric, pressures, and the state as worn."""
+        details = fit.details
+        weighted, worn = details.weighted, details.equilibrium
+        return {
+            "stiffness_of_the_pressures": {
+                "given": details.leg.known,
+                **{key_of(name): {"value": mpa_to_kpa(c10), "unit": "kPa"} for name, c10 in details.parameters.items()},
+            },
+            "searches": [_search(search) for search in details.searches],
+            "starts_agree": starts_agree(weighted) if weighted else None,
+            "contours": _contours(details),
+            "mismatch": _discrepancy(details),
+            "registration": _registration(details),
+            "stocking": _stocking(details),
+            "pressures": _pressures(details),
+            "makers_levels": [_level(one) for one in details.at_levels],
+            "sensors": [_sensor(one) for one in details.sensors],
+            "fat": _fat(details),
+            "worn_state": {
+                "found": worn.state.report.complete,
+                "reason": worn.state.report.reason,
+                "converged": worn.converged,
+                "relative_pressure_changes": list(worn.changes),
+            },
+            "model": _model(details),
+            "solves": {"identification": fit.log.forward_solves, "all": details.states},
+        }
+
+    def of_test(self, fit: StockingFit, number: int) -> dict[str, Any]:
+        """Points of the contours that are compared, in the channels' order."""
+        misfit = fit.details.misfit
+        assert misfit is not None
+        contours = [misfit.target.contours(name).reshape(-1, 2) for name in CONTOURS]
+        named = zip(fit.tests[number].channels, contours, strict=False)
+        return {"points_mm": {one.channel.name: dict(zip("xy", points.T, strict=True)) for one, points in named}}
+
+
+def _search(search: StiffnessFit) -> dict[str, Any]:
+    def both(values: FloatArray) -> dict[str, float]:
+        return {f"{key_of(name)}_kPa": mpa_to_kpa(value) for name, value in by_name(values).items()}
+
+    return {
+        "method": search.method,
+        "start": both(search.start),
+        "found": both(search.parameters),
+        "state_found": search.equilibrium.state.report.complete,
+        "converged": search.converged,
+        "solves": search.solves,
+        "rms_distance_mm": search.rms,
+        "cost": search.cost,
+        "cost_unit": "1 at the start" if search.method == "nelder-mead" else "mm2",
+        "weighted_misfit": search.chi_square,
+        "rigid_motion": None
+        if search.rigid is None
+        else {"shift_mm": search.rigid[:3].tolist(), "turn_rad": search.rigid[3:].tolist()},
+        "tension_error": None
+        if search.tension is None
+        else {"value": search.tension.value, "standard_error": search.tension.sd, "unit": "1"},
+        "log_covariance": None if search.log_covariance is None else search.log_covariance.tolist(),
+    }
+
+
+def _contours(details: StockingDetails) -> dict[str, Any] | None:
+    misfit, accuracy = details.misfit, details.leg.accuracy
+    if misfit is None:
+        return None
+    bare = misfit.distances(details.leg.bare)
+    return {
+        "levels_mm": misfit.target.levels.tolist(),
+        "expected_rms_distance_mm": expected_rms(accuracy),
+        "bare_rms_distance_mm": float(np.sqrt(np.mean(bare**2))),
+        "segmentation_sd_mm": accuracy.sd,
+        "segmentation_correlation_mm": accuracy.correlation,
+        "contour_sd_mm": accuracy.smoothed_sd,
+        "pressure_relative_sd": accuracy.pressure_sd,
+        "tension_relative_sd": accuracy.tension_sd,
+        "model_sd_mm": accuracy.model_sd,
+        "shift_sd_mm": list(accuracy.shift_sd),
+        "turn_sd_rad": list(accuracy.turn_sd),
+    }
+
+
+def _discrepancy(details: StockingDetails) -> dict[str, Any] | None:
+    found = details.discrepancy
+    if found is None:
+        return None
+    after = found.parameters_after
+    return {
+        "verdict": found.verdict,
+        "named": list(found.named),
+        "scores": [asdict(score) for score in found.scores],
+        "places": [asdict(place) for place in found.places],
+        "rms_before_mm": found.rms_before,
+        "rms_after_mm": found.rms_after,
+        "c10_after_kPa": None if after is None else [float(c) for c in mpa_to_kpa(after)],
+    }
+
+
+def _registration(details: StockingDetails) -> dict[str, Any] | None:
+    found = details.leg.registration
+    if found is None:
+        return None
+    return {
+        "rotation": found.transform.rotation.tolist(),
+        "translation_mm": found.transform.translation.tolist(),
+        "residual_rms_mm": found.residual,
+        "pairs": found.pairs,
+        "left_out": found.left_out,
+        "shift_standard_error_mm": found.standard_error.tolist(),
+        "turn_standard_error_deg": found.rotation_error.tolist(),
+        "iterations": found.iterations,
+        "converged": found.converged,
+    }
+
+
+def _stocking(details: StockingDetails) -> dict[str, Any]:
+    stocking, load, shape = details.leg.stocking, details.equilibrium.load, details.leg.bare
+    return {
+        "stiffness_N_per_mm": stocking.stiffness,
+        "bending_length_mm": stocking.bending_length,
+        "unstretched": {"levels_mm": stocking.levels.tolist(), "perimeters_mm": stocking.unstretched.tolist()},
+        "levels_mm": shape.levels.tolist(),
+        "perimeter_mm": load.perimeter.tolist(),
+        "strain": load.strain.tolist(),
+        "tension_N_per_mm": load.tension.tolist(),
+        "mean_pressure_kPa": mpa_to_kpa(load.pressure.mean(axis=1)).tolist(),
+        "share_of_skin_without_pressure": load.unloaded_skin.tolist(),
+    }
+
+
+def _level(one: LevelPressure) -> dict[str, Any]:
+    return {
+        "level": one.level,
+        "height_mm": one.height,
+        "height_is_stated": one.stated,
+        "mean_pressure_mmHg": one.mean,
+        "ci95_mmHg": list(one.ci95),
+        "over_pressure_at_B": one.over_ankle,
+        "limits_mmHg": None if one.limits is None else list(one.limits),
+        "verdict": one.verdict,
+    }
+
+
+def _pressures(details: StockingDetails) -> dict[str, Any] | None:
+    found = details.pressures
+    if found is None:
+        return None
+    posture = details.leg.posture
+    scanned = None if details.scan_load is None else mpa_to_kpa(details.scan_load.mean_pressure)
+    return {
+        "mean_interface_kPa": mpa_to_kpa(found.mean_interface),
+        "least_interface_kPa": mpa_to_kpa(float(details.equilibrium.load.pressure.min())),
+        "greatest_interface_kPa": mpa_to_kpa(found.greatest_interface),
+        "mean_interface_of_scanned_shape_kPa": scanned,
+        "mean_in_muscle_kPa": mpa_to_kpa(found.mean_in_muscle),
+        "greatest_in_fat_kPa": mpa_to_kpa(found.greatest_in_fat),
+        "greatest_in_fat_too_low_by": list(too_low_by(details.tetrahedra)),
+        "greatest_in_fat_at_mm": found.greatest_in_fat_at.tolist(),
+        "veins": [
+            {
+                "name": vein.name,
+                "position_mm": vein.position.tolist(),
+                "pressure_kPa": mpa_to_kpa(pressure),
+                "standard_error_kPa": mpa_to_kpa(sd),
+                "share_of_mean_interface": pressure / found.mean_interface,
+                "inside_minus_tissue_kPa": {}
+                if posture is None
+                else {
+                    name: mpa_to_kpa(inside - pressure)
+                    for name, inside in posture.inside(float(vein.position[2])).items()
+                },
+            }
+            for vein, pressure, sd in zip(details.leg.veins, found.at_veins, found.at_veins_sd, strict=True)
+        ],
+    }
+
+
+def _sensor(one: ComparedSensor) -> dict[str, Any]:
+    return {
+        "name": one.sensor.name,
+        "position_mm": one.sensor.position.tolist(),
+        "diameter_mm": one.sensor.diameter,
+        "measured_kPa": mpa_to_kpa(one.sensor.pressure),
+        "measured_sd_kPa": mpa_to_kpa(one.sensor.sd),
+        "model_kPa": mpa_to_kpa(one.pressure),
+        "departure_in_standard_deviations": one.standardised_residual,
+    }
+
+
+def _fat(details: StockingDetails) -> dict[str, Any]:
+    shape, fat = details.leg.bare, details.fat
+    middle = int(np.argmin(np.abs(shape.levels - np.median(details.leg.slices))))
+    thickness = fat_thickness_around(shape)
+    pressed = (
+        {}
+        if fat is None
+        else {
+            "rank_correlation_of_greatest_pressure_with_thickness": fat.rank_correlation(fat.greatest, fat.thickness),
+            "rank_correlation_of_greatest_pressure_with_interface": fat.rank_correlation(fat.greatest, fat.interface),
+        }
+    )
+    return {
+        "level_mm": float(shape.levels[middle]),
+        "mean_thickness_mm": float(thickness[middle].mean()),
+        "least_thickness_mm": float(thickness[middle].min()),
+        "greatest_thickness_mm": float(thickness[middle].max()),
+        "thickness_round_the_leg_mm": thickness[middle].tolist(),
+        **pressed,
+    }
+
+
+def _model(details: StockingDetails) -> dict[str, Any]:
+    spaces, settings = details.model.compression.spaces, details.model.compression.settings
+    return {
+        "tetrahedra": details.tetrahedra,
+        "unknowns": spaces.unknowns,
+        "formulation": settings.formulation,
+        "degree": settings.degree,
+        "follower_load": settings.follower,
+        "ends": settings.ends,
+        "D1_per_MPa": {name: float(law.D1) for name, law in details.leg.tissues.items()},
+    }
