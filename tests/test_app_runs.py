@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.inverse.document import fit_document
+from legfem.inverse.fit import Computed
 from legfem.legs.details import LegDocument
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis import diagnosis_web_page
@@ -241,6 +243,18 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     page = diagnosis_web_page(found, subject, ())
     (run.results / "report.html").write_text(rendered(page), encoding="utf-8")
     assert sentence_of(run) == f"{page.headline.heading.rstrip('.')}. {page.headline.sentence}"
+
+
+def test_what_was_computed_with_a_fit_stands_beside_its_parameters(workspace):
+    run = pretended(workspace, "stocking")
+    pressure = Computed("mean pressure on the skin", 21.3, "mmHg", 0.5, (20.3, 22.3))
+    fit = replace(result("neo-hookean"), computed={"pressure_on_skin": pressure})
+    write_document(run.results / "result.json", fit_document([fit], LegDocument()))
+    (row,) = answers_of(run)
+    assert row.verdict == f"{fit.identifiability[0]}, mean pressure on the skin 21 mmHg"
+    rows = list(csv.DictReader(io.StringIO(as_csv([row]).decode("utf-8-sig"))))
+    assert [one["parameter"] for one in rows] == ["c10_deep", "pressure_on_skin"]
+    assert [rows[1][key] for key in ("value", "low", "high", "unit")] == ["21.3", "20.3", "22.3", "mmHg"]
 
 
 def test_all_numbers_of_all_runs_are_a_table_for_other_programs(workspace):

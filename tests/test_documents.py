@@ -42,6 +42,7 @@ COMMANDS = (
     "studies.meshes",
     "studies.bench",
     "studies.cohort",
+    "studies.cohort.air",
     "studies.cohort.scored",
     "studies.cohort.simulated",
     "studies.cohort.two_layers",

@@ -10,7 +10,7 @@ import numpy as np
 
 from legfem.channels.kind import ChannelFile, Channels
 from legfem.channels.seen import ReadState, Seen, SeenModel
-from legfem.channels.site import Line, Sight
+from legfem.channels.site import Sight, TravelLine
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.solve.sensitivity import SensitivityTracker
@@ -35,7 +35,7 @@ class ChannelReader:
     system: System
     files: tuple[ChannelFile, ...]
     sights: tuple[Sight, ...] = ()
-    stated: Line | None = None
+    stated: TravelLine | None = None
 
     @cached_property
     def _model(self) -> SeenModel:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from legfem.channels.site import Line, Sight
+from legfem.channels.site import Sight, TravelLine
 from legfem.common.units import FloatArray
 from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
 from legfem.fem.points import PointsInside
@@ -68,7 +68,7 @@ class SeenModel:
 
     system: System
     sights: tuple[Sight, ...] = ()
-    stated: Line | None = None
+    stated: TravelLine | None = None
 
     @cached_property
     def outlines(self) -> dict[str, Outline]:

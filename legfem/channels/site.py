@@ -28,7 +28,7 @@ class Sight:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class TravelLine:
     """A line of travel.
 
     Parameters

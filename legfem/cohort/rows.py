@@ -187,7 +187,7 @@ _MEANINGS = {
     "member": "folder of the member, below the cohort's",
     "subject": "person",
     "problem": "why there is no result; empty where there is one",
-    "judgement": "sound, caution, open or wrong, as on the member's own page",
+    "judgement": "sound (the model fits; that nothing else hides, a diagnosis alone can tell), caution, open or wrong",
     "verdict": "of a diagnosis",
     "model": "strain energy that the recordings ask for, or the model that the numbers are of",
     "warnings": "number of warnings on the member's own page",

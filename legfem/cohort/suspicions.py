@@ -10,12 +10,13 @@ import numpy as np
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import called
 
 _LEAST_DATED = 10
 """People's days from which a step is looked for."""
 _DRAWS = 999
-_DRIFTS = 0.01
-"""Probability by chance below which a step is said."""
+_DRIFTS = 0.05
+"""Probability by chance, in any rig of a cohort, up to which a step is said."""
 
 
 def drifts(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[str]:
@@ -42,15 +43,10 @@ def rig_steps(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[tupl
             side, group = (str(member.given.get(name, "")) for name in ("side", "group"))
             test = _Test(when.toordinal(), member.person, side, group, float(np.log(one.value)))
             by_rig[str(member.given.get("rig", ""))].append(test)
-    for rig, tests in by_rig.items():
-        visits = _visits(tests)
-        step = largest_step(
-            np.array([visit.day for visit in visits], dtype=np.float64),
-            np.array([visit.person for visit in visits]),
-            np.array([visit.group for visit in visits]),
-            np.array([visit.value for visit in visits]),
-        )
-        if step is not None and step.p_value <= _DRIFTS:
+    steps = {rig: _step_of(_visits(tests)) for rig, tests in by_rig.items()}
+    seen = [(rig, step) for rig, step in steps.items() if step is not None]
+    for rig, step in seen:
+        if step.p_value * len(seen) <= _DRIFTS:
             yield rig, step
 
 
@@ -99,6 +95,15 @@ class DriftStep:
     after: int
     within: bool
     """Whether it is seen in people who came before and after."""
+
+
+def _step_of(visits: Sequence[_Test]) -> DriftStep | None:
+    return largest_step(
+        np.array([visit.day for visit in visits], dtype=np.float64),
+        np.array([visit.person for visit in visits]),
+        np.array([visit.group for visit in visits]),
+        np.array([visit.value for visit in visits]),
+    )
 
 
 def largest_step(days: FloatArray, person: np.ndarray, group: np.ndarray, values: FloatArray) -> DriftStep | None:
@@ -231,7 +236,8 @@ def _outliers(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[Susp
                 among = f" of group {group}" if group else ""
                 side = "above" if score > 0 else "below"
                 yield Suspicion(
-                    f"{who}: {name} lies {abs(score):.1f} robust standard deviations {side} the median{among}.", (who,)
+                    f"{who}: {called(name)} lies {abs(score):.1f} robust standard deviations {side} the median{among}.",
+                    (who,),
                 )
 
 

@@ -15,7 +15,7 @@ from shapely import Point
 
 from legfem.channels.reading import ChannelReader
 from legfem.channels.registry import files_of
-from legfem.channels.site import Line, Sight
+from legfem.channels.site import Sight, TravelLine
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
@@ -336,7 +336,7 @@ class PlaneStrainIndentation(IndentationTest):
             self.indenter.radius,
             self.indenter.length,
             self.settings.steps,
-            ChannelReader(system, files_of("2d"), self.sights, Line(meshed.touch, meshed.direction)),
+            ChannelReader(system, files_of("2d"), self.sights, TravelLine(meshed.touch, meshed.direction)),
         )
 
     def _placed(self, placement: LateralPlacement) -> IndentationModel:

@@ -1,4 +1,4 @@
-"""A cohort on one page: which results are reliable, what was found of all, what is odd, and how it was done."""
+"""A cohort on one page: which results can be used, what was found of all, what is odd, and how it was done."""
 
 import re
 from collections import Counter
@@ -15,12 +15,14 @@ from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
 from legfem.common.documents import versions_of
+from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
 from legfem.report.many import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
 from legfem.report.render.html import rendered
 from legfem.report.render.text import plain_page
-from legfem.report.words import ORIGINS, number, short_probability
+from legfem.report.style import LAW_NAMES
+from legfem.report.words import BEYOND_A_FIT, ORIGINS, number, short_probability
 
 _DONE = {
     "identify": "Stiffness of the deep tissue was identified from indentation recordings of {what} by legfem {legfem}",
@@ -50,7 +52,7 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
     what = f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"
     stands = ", ".join(f"{name} {version}" for name, version in versions.items() if name != "legfem")
     first = _DONE[task].format(what=what, legfem=versions.get("legfem", "unknown")) + f" ({stands})."
-    texts = [first + (f" Results are compared under one model ({model})." if model else "")]
+    texts = [first + (f" Results are compared under one law ({LAW_NAMES.get(model, model)})." if model else "")]
     settings = [row.settings for row in done if row.settings]
     if settings:
         names = (
@@ -97,6 +99,8 @@ _JUDGED: Mapping[str, str] = {
     "sound": "reliable",
 }
 """By the tone of a member's own page, the gravest first."""
+_FITS = "model fits"
+"""What an identification that shows nothing wrong is called: what looks like another stiffness does not show."""
 _DOUBT = "DOUBTFUL INPUT: "
 """As `legfem.common.errors.doubt_lines` begins them."""
 _MOST_KINDS = 12
@@ -127,7 +131,7 @@ def cohort_web_page(
     odd = suspicions(every, rows)
     found = dict((row.name, one) for row, one in measured(rows, model))
     chapters = [
-        web.Chapter("Which results are reliable", _believed(every, rows)),
+        web.Chapter("Which results can be used", _believed(every, rows, task)),
         web.Chapter("What was found", _numbers(every, rows, model, found)),
         *([web.Chapter("Curves of all", [bundle])] if (bundle := _bundle(every, rows, found)) else []),
         cohort_statistics.chapter(statistics(every, rows)),
@@ -138,9 +142,9 @@ def cohort_web_page(
     origins = Counter(row.origin for row in rows if row.done)
     return web.WebPage(
         f"Cohort {members.folder.resolve().name}: {len(rows)} members",
-        f"{task} of {len(rows)} members in {members.folder}",
+        f"legfem {task}, {len(rows)} members, {members.folder}",
         _origin(origins),
-        _headline(every, rows, odd, model),
+        _headline(every, rows, odd, model, task),
         [one.sentence for one in odd if len(one.members) != 1] + list(members.notes),
         (),
         chapters,
@@ -170,22 +174,25 @@ def _data(origins: Counter[str]) -> str:
     return "data of several kinds: " + ", ".join(f"{count} {name}" for name, count in origins.items())
 
 
-def _judged(row: Row) -> str:
-    return _JUDGED[row.judged.tone]
+def _judged_words(task: str) -> Mapping[str, str]:
+    """Return what results are called, by the tone of a member's own page."""
+    return {**_JUDGED, "sound": _FITS} if task == "identify" else _JUDGED
 
 
-def _headline(members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Suspicion], model: str) -> web.Headline:
-    counts = Counter(map(_judged, rows))
-    said = ", ".join(f"{counts[name]} {name}" for name in reversed(list(_JUDGED.values())) if counts[name])
-    good = counts["reliable"] + counts["with caution"]
-    tone: web.Tone = "sound" if counts["reliable"] == len(rows) and not odd else "caution" if good else "wrong"
+def _headline(
+    members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Suspicion], model: str, task: str
+) -> web.Headline:
+    counts, words = Counter(row.judged.tone for row in rows), _judged_words(task)
+    said = ", ".join(f"{counts[name]} {words[name]}" for name in reversed(list(words)) if counts[name])
+    good = counts["sound"] + counts["caution"]
+    tone: web.Tone = "sound" if counts["sound"] == len(rows) and not odd else "caution" if good else "wrong"
     failed = [row.name for row in rows if not row.done]
     people = len({one.person for one in members})
     answers = [
         ("Members", f"{len(rows)}, of {people} {'person' if people == 1 else 'people'}."),
         ("Members without a result", listed(failed) if failed else "None."),
         ("Unusual findings", f"{len(odd)} to look into; they are listed below." if odd else "None."),
-        *([("Law used for the comparison", f"The {model} law.")] if model else []),
+        *([("Law used for the comparison", f"The {LAW_NAMES.get(model, model)} law.")] if model else []),
     ]
     return web.Headline(tone, f"Of {len(rows)} members: {said}.", answers, f"{good} of {len(rows)} can be used")
 
@@ -199,14 +206,14 @@ def _kind_of(warning: str) -> str:
     return f"doubtful input: {short}" if doubt else short
 
 
-def _believed(members: Sequence[Member], rows: Sequence[Row]) -> list[web.Block]:
+def _believed(members: Sequence[Member], rows: Sequence[Row], task: str) -> list[web.Block]:
     """A matrix of verdicts and warnings, the gravest first."""
     kinds = {row.name: {_kind_of(text) for text in row.judged.warnings} for row in rows}
     counts = Counter(kind for found in kinds.values() for kind in found)
     named = [kind for kind, _ in counts.most_common(_MOST_KINDS)]
     letters = {kind: chr(ord("A") + k) for k, kind in enumerate(named)}
     group = {one.name: str(one.given.get("group", "")) for one in members}
-    ranks = list(_JUDGED.values())
+    words, ranks = _judged_words(task), list(_JUDGED)
     verdict = ["verdict"] if any(row.verdict for row in rows) else []
 
     def line(row: Row) -> list[Cell]:
@@ -214,17 +221,18 @@ def _believed(members: Sequence[Member], rows: Sequence[Row]) -> list[web.Block]
         others = len(own - set(named))
         why = row.problem or row.judged.sentence
         marks: list[Cell] = ["●" if kind in own else "" for kind in named]
-        judged: Cell = (float(ranks.index(_judged(row))), _judged(row))
+        judged: Cell = (float(ranks.index(row.judged.tone)), words[row.judged.tone])
         own_verdict = [row.verdict] if verdict else []
         return [row.name, group[row.member], judged, *own_verdict, *marks, float(others) if others else "", why]
 
-    ordered = sorted(rows, key=lambda row: ranks.index(_judged(row)))
+    ordered = sorted(rows, key=lambda row: ranks.index(row.judged.tone))
     header = ["member", "group", "judgement", *verdict, *letters.values(), "others", "why"]
     legend = [f"{letters[kind]}: {kind} ({counts[kind]})" for kind in named]
     return [
         web.Prose(
-            "The judgement is that of each member's own page: reliable where the model fits and its stiffness is "
-            "determined; with caution where something limits it; undecided where several explanations are left."
+            f"The judgement is that of each member's own page: “{words['sound']}” where nothing shows that the model "
+            "leaves out, and its stiffness is determined; “with caution” where something limits it; “undecided” where "
+            "several explanations are left." + (f" {BEYOND_A_FIT}" if task == "identify" else "")
         ),
         SortableTable(
             "believed",
@@ -247,7 +255,7 @@ def _numbers(
     thick = any(row.shape.fat_mm is not None for row in rows)
     header = ["member", *given]
     for name in names:
-        header += [f"{name} ({units[name]})", "95 % interval"]
+        header += [f"{called(name)} ({units[name]})", "95 % interval"]
     header += ["fit p", *(["fat (mm)", "girth (mm)"] if thick else []), "time (s)"]
 
     def line(row: Row) -> list[Cell]:
@@ -265,7 +273,7 @@ def _numbers(
         blocks.append(_forest(members, rows, found, names, units))
     if model:
         others = [row.name for row in rows if row.done and row.judged.preferred != model]
-        text = f"Members are compared under one model, {model}, which most recordings need."
+        text = f"Members are compared under one law ({LAW_NAMES.get(model, model)}), which most recordings need."
         if others:
             text += f" {len(others)} need another: {listed(others)}. The table in cohort.csv has both."
         blocks.append(web.Prose(text))
@@ -309,7 +317,7 @@ def _forest(
     def metric(name: str) -> ForestMetric:
         each = [found[row.name].measures.get(name) if row.name in found else None for row in rows]
         return ForestMetric(
-            name,
+            called(name),
             units[name],
             [None if one is None else float(f"{one.value:.5g}") for one in each],
             [None if one is None or one.low is None else float(f"{one.low:.5g}") for one in each],
@@ -347,8 +355,9 @@ def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, 
 
 def _odd(odd: Sequence[Suspicion], lacking: Sequence[str]) -> list[web.Block]:
     looked = (
-        "Looked for: recordings that two members share, sides that outlines contradict, a rig whose C10 steps at a "
-        "date, and values that lie more than 3.5 robust standard deviations from their group's median."
+        "legfem looked for recordings that two members share, for sides that contradict the outlines, for rigs whose "
+        "C10 changes suddenly at a date, and for values more than 3.5 robust standard deviations from the median of "
+        "their group."
     )
     found = web.Bullets([one.sentence for one in odd]) if odd else web.Prose("Nothing was found.")
     return [web.Prose(looked), found, *([web.Bullets(lacking)] if lacking else [])]

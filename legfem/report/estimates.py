@@ -63,8 +63,19 @@ def estimated(what: str, found: Estimate, recordings: int, isotropic: bool) -> K
         "estimated" if found.parameter.role == "identified" else "prior",
         f"{recordings} recording{'s' * (recordings > 1)}{prior}",
         interval_text(found),
-        f"{found.identifiability}{bound}; ± {found.shown.standard_error:.2g} (sd){moduli}",
+        f"{found.identifiability}{bound}{_standard_error(found)}{moduli}",
     )
+
+
+_WIDENED = 8.0
+"""Standard errors in a 95 % interval, of which noise alone makes some four."""
+
+
+def _standard_error(found: Estimate) -> str:
+    """Return the standard error as text; nothing beside an interval that was widened by more than noise."""
+    low, high = found.shown.ci95
+    error = found.shown.standard_error
+    return "" if high - low > _WIDENED * error else f"; ± {error:.2g} (sd)"
 
 
 def prior_text(parameter: Parameter) -> str:
@@ -219,7 +230,7 @@ def unknown_among(parameters: Mapping[str, Estimate]) -> list[str]:
     return [symbol_of(name) for name, found in parameters.items() if found.identifiability != "identifiable"]
 
 
-# Below this, chance doesn't explain what was left unexplained.
+# Below this, chance doesn't explain what a further parameter gains.
 _SIGNIFICANT = 0.01
 
 
@@ -275,16 +286,11 @@ def _misfit(result: Fit[Any]) -> float:
     return result.cost.value if result.weighting == "paper" else result.goodness.chi_square
 
 
-def fits(result: Fit[Any]) -> bool:
-    """Return whether a law describes the recordings within the noise."""
-    return not result.goodness.p_value < _SIGNIFICANT
-
-
 def _goodness(result: Fit[Any]) -> str:
     name, chance = LAW_NAMES[result.law], result.goodness.p_value
     if math.isnan(chance):
         return f"The {name} law fits with rms {result.cost.rms:.3g} N."
-    if not fits(result):
+    if not result.goodness.fits:
         return (
             f"The {name} law does not fit within the noise ({fit_probability(chance)}): "
             "the recordings show physics that this law leaves out."

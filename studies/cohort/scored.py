@@ -103,13 +103,14 @@ def scored(
         true = truths(spread, errors)
         own = intervals_of(document["statistics"])
         inside = dict.fromkeys(true, 0)
-        noticed = 0
+        noticed = alarms = 0
         for k in range(draws):
             anew = drawn_people(people, spread, 1000 + seed + k)
             members, rows = redrawn(anew, errors, 1.0, k)
             said = intervals_of(statistics_document(statistics(members, rows)))
             for name, (_, low, high) in said.items():
                 inside[name] += low <= true[name] <= high
+            alarms += any(True for _ in drifts({one.name: one for one in members}, rows))
             members, rows = redrawn(anew, errors, spread.drift, k)
             noticed += any(True for _ in drifts({one.name: one for one in members}, rows))
         header = ["of ln C10", "truth", "found (95 %)", f"interval holds the truth, {draws} draws"]
@@ -123,10 +124,13 @@ def scored(
             f"with a standard deviation of {off.std():.3f}; own standard errors are {np.sqrt(np.mean(sd**2)):.3f}, "
             f"errors over them {np.sqrt(np.mean((off / sd) ** 2)):.2f} (root mean square); {held.sum():.0f} of the "
             "intervals hold the truth.\n"
-            f"A drift of {100 * (spread.drift - 1):.0f} % is pointed out in {noticed} of {draws} draws.\n"
+            f"A drift of {100 * (spread.drift - 1):.0f} % is pointed out in {noticed} of {draws} draws, and "
+            f"one that isn't there in {alarms}.\n"
             "The cohort itself says:\n" + "".join(f"- {one['sentence']}\n" for one in document["suspicions"])
         )
-        write_results(folder, {"truth": true, "found": own, "inside": inside, "drifts": noticed}, text)
+        write_results(
+            folder, {"truth": true, "found": own, "inside": inside, "drifts": noticed, "alarms": alarms}, text
+        )
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 from legfem.common.command_line import study_context
 from legfem.common.documents import write_atomically
 from legfem.common.errors import UnsolvedError
-from legfem.common.progress import progress_on
+from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data import Recording
 from legfem.geometry.section import LegSection
@@ -173,6 +173,29 @@ def depths() -> FloatArray:
     return np.linspace(0.0, DEPTH_MM, 141)
 
 
+OF_GRID = tuple((shape, c10, False) for shape in range(SHAPES) for c10 in GRID_KPA)
+"""Tasks of `pressed`."""
+
+
+def all_pressed(
+    folder: Path, tasks: Sequence[tuple[int, float, bool]], processes: int, progress: Progress
+) -> list[FloatArray]:
+    """Return the force (n,) of each task of `pressed`, solved or kept in a folder."""
+    bare = folder / "bare"
+    for shape in range(SHAPES):
+        if not (bare / f"shape-{shape}").exists():
+            write_leg(bare / f"shape-{shape}", shape, "right", (), f"shape {shape}")
+    store = Store(folder / "curves", list[float], modules=("studies.other_code.plane_leg", "studies.planted.truths"))
+    with Workers(pressed, bare, processes) as workers:
+        made = finish(workers, tasks, store, progress, "pressing", lambda task, _: f"shape {task[0]}, {task[1]:g} kPa")
+    return [np.array(one) for one in made]
+
+
+def by_shape(curves: Sequence[FloatArray]) -> FloatArray:
+    """Return the forces of `OF_GRID`, (shapes, stiffnesses, n)."""
+    return np.array(curves).reshape(SHAPES, len(GRID_KPA), -1)
+
+
 def between(curves: FloatArray, c10: float) -> FloatArray:
     """Return the force (n,) at a C10 (kPa) from those of the grid (m, n)."""
     return np.asarray(CubicSpline(np.log(GRID_KPA), curves)(np.log(c10)))
@@ -241,21 +264,8 @@ def simulated(
         spread = Spread()
         tests = drawn_people(people, spread, seed)
         lumpy = next(one for one in tests if one.folder == LUMPY)
-        asked = [(shape, c10, False) for shape in range(SHAPES) for c10 in GRID_KPA]
-        asked.append((lumpy.shape, lumpy.c10, True))
-        bare = folder / "bare"
-        for shape in range(SHAPES):
-            if not (bare / f"shape-{shape}").exists():
-                write_leg(bare / f"shape-{shape}", shape, "right", (), f"shape {shape}")
-        store = Store(
-            folder / "curves", list[float], modules=("studies.other_code.plane_leg", "studies.planted.truths")
-        )
-        with Workers(pressed, bare, processes) as workers:
-            made = finish(
-                workers, asked, store, progress, "pressing", lambda task, _: f"shape {task[0]}, {task[1]:g} kPa"
-            )
-        *curves, hard = map(np.array, made)
-        grids = np.array(curves).reshape(SHAPES, len(GRID_KPA), -1)
+        *curves, hard = all_pressed(folder, [*OF_GRID, (lumpy.shape, lumpy.c10, True)], processes, progress)
+        grids = by_shape(curves)
         study = folder / "study"
         shutil.rmtree(study, ignore_errors=True)
         for test in tests:

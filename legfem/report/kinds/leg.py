@@ -29,7 +29,7 @@ from legfem.report.render.figure import curves_figure
 from legfem.report.section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.turned import pressed_leg
-from legfem.report.words import fit_probability, options_of
+from legfem.report.words import BEYOND_A_FIT, fit_probability, options_of
 
 type LegFit = Fit[LegDetails]
 
@@ -187,7 +187,7 @@ def fit_curves(
         Line(f"model, {LAW_NAMES[law]}", force, force - measured.force, LAW_COLOURS[law], _DASHES[law])
         for law, force in predicted.items()
     ]
-    against = f" Trials beneath are taken from the {LAW_NAMES[best]} law." if many else ""
+    against = f" The trials in the lower panel are compared with the {LAW_NAMES[best]} law." if many else ""
     return Curves(
         name,
         f"{where}Force over the cylinder's displacement after first contact: recorded, and of the "
@@ -207,7 +207,7 @@ def _several(fit: LegFit) -> bool:
 
 
 def _headline(chosen: LegFit) -> web.Headline:
-    law, sound = LAW_NAMES[chosen.law], estimates.fits(chosen) and chosen.agreement.fits
+    law, sound = LAW_NAMES[chosen.law], chosen.goodness.fits and chosen.agreement.fits
     known = not estimates.unknown_among(chosen.estimates)
     tone: web.Tone = "wrong" if not sound else "sound" if known else "caution"
     where = f"all {len(chosen.tests)} sites" if _several(chosen) else "this test"
@@ -224,7 +224,7 @@ def _headline(chosen: LegFit) -> web.Headline:
         sentence = f"{_stiffness(chosen)}. The {law} law describes {where}."
         wrong = "None in the loading part of the recordings, which is all that was checked."
         if _suspect(chosen).indenter.lies_along:
-            wrong += " An effect that looks like a change of C10 is not detected here; legfem diagnose looks for it."
+            wrong += f" {BEYOND_A_FIT}"
     c10 = _c10_value(chosen)
     return web.Headline(
         tone,
@@ -238,9 +238,9 @@ def _headline(chosen: LegFit) -> web.Headline:
                 f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is "
                 f"missing."
                 if tone == "wrong"
-                else f"No correction is needed: C10 is {c10}. If the assumed stiffness of fat or fascia, the units or "
-                "the sizes are wrong, C10 changes: the table of numbers and “What could not be tested” say by how "
-                "much.",
+                else f"Nothing that shows changes it: C10 is {c10}. If the assumed stiffness of fat or fascia, the "
+                "units or the sizes are wrong, C10 changes: the table of numbers and “What could not be tested” "
+                "say by how much.",
             ),
             ("What to do", _next(chosen)[0]),
             *_high_or_low(chosen, tone),
@@ -388,7 +388,7 @@ def _next(chosen: LegFit) -> list[str]:
     diagnose = f"legfem diagnose {options_of(suspect)}"
     # A diagnosis is of a section in plane strain.
     along = suspect.indenter.lies_along
-    if not (estimates.fits(chosen) and chosen.agreement.fits):
+    if not (chosen.goodness.fits and chosen.agreement.fits):
         how = diagnose if along else "press there with a cylinder along the leg, and diagnose that"
         if _several(chosen):
             return [f"Find out what is different at {suspect.site or 'that site'}: {how}"]
