@@ -112,6 +112,6 @@ def diagnosed_of(
     """
     able, _ = shown_mechanisms(observed, None)
     left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
-    missing = dict.fromkeys(left, "its simulations did not reach the end of the protocol")
+    missing = dict.fromkeys(left, "simulations did not reach the end of the protocol")
     library = replace(library or ClosedForm(), missing=missing)
     return diagnose_body(observed, INSTRUMENT, law, library, None, Silent(), accuracy)  # type: ignore[arg-type]

@@ -147,7 +147,7 @@ def test_two_legs_are_identified_and_kept_and_a_broken_one_costs_its_row(study: 
     assert found.rows[2].problem.startswith(f"{study / 'broken' / 'subject.toml'}: ")
     found.write(tmp_path / "out")
     table = pd.read_csv(tmp_path / "out" / "cohort.csv")
-    assert found.plot().axes[0].get_xlabel() == "c10_deep (kPa)"
+    assert found.plot().axes[0].get_xlabel() == "C10 of the muscle (kPa)"
     assert ((table["neo_hookean_c10_deep_low_kPa"] < table["neo_hookean_c10_deep_kPa"])[:2]).all()
     assert (tmp_path / "out" / table["report"][0]).is_file()
     # A date that changes changes nothing that is computed; a recording does.

@@ -81,7 +81,9 @@ def test_an_outlier_is_one_of_its_group():
     found = replace(rows[0].models["reduced-polynomial"], measures=measures)
     rows[0] = replace(rows[0], models={"reduced-polynomial": found})
     (said,) = (one for one in sentences(members, rows) if "robust" in one)
-    assert said.startswith(f"{rows[0].name}: c10_deep lies") and said.endswith("above the median of group control.")
+    assert said.startswith(f"{rows[0].name}: C10 of the muscle lies") and said.endswith(
+        "above the median of group control."
+    )
 
 
 def test_what_is_missing_is_listed():
@@ -153,7 +155,7 @@ def test_ten_thousand_rows_are_drawn_and_sorted_as_few(tmp_path: Path):
     count = "document.querySelectorAll('*').length"
     table = "document.querySelector('#sortable-numbers')"
     first, last = (f"[...{table}.querySelectorAll('tbody th')].at({place}).textContent" for place in (0, -1))
-    sort = f"[...{table}.querySelectorAll('button')].find((one) => one.textContent.startsWith('c10')).click()"
+    sort = f"[...{table}.querySelectorAll('button')].find((one) => one.textContent.startsWith('C10')).click()"
     with Driven(browser.browser()) as page:
         page.open(path.as_uri())
         page.until("document.querySelectorAll('.sortable tbody tr').length > 10")

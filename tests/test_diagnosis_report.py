@@ -13,6 +13,7 @@ from making_diagnosis import problem_of, ramps
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
+from legfem.common.units import percent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.location import runs
 from legfem.legs.loading import load_subject
@@ -24,7 +25,7 @@ from legfem.report.diagnosis_document import document
 from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
 from legfem.report.diagnosis_sentences import next_experiments, verdict_sentence
 from legfem.report.render.text import plain_page
-from legfem.report.words import number, percent, probability
+from legfem.report.words import number, probability
 from legfem.report.write import PAGE_FILES
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from legfem.commands.options import print_outcome
-from legfem.common.progress import progress_on
+from legfem.common.progress import progress_on, reached
 
 
 class Terminal(StringIO):
@@ -43,6 +43,18 @@ def test_elsewhere_every_unit_is_a_line() -> None:
         "  2/4  C10 1 kPa",
         "  3/4  C10 2 kPa",
     ]
+
+
+def test_a_line_of_long_work_says_how_much_time_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 0.0, 0.0, 20.0, 20.0, 40.0, 40.0, 60.0, 60.0])
+    monkeypatch.setattr("legfem.common.progress.time.perf_counter", lambda: next(clock))
+    lines = worked(StringIO()).splitlines()
+    assert lines[1:3] == [
+        "[  20.0 s]   1/4  C10 0 kPa, about 60 s left",
+        "[  40.0 s]   2/4  C10 1 kPa, about 40 s left",
+    ]
+    found = reached(lines)
+    assert found is not None and found.last == "C10 2 kPa" and found.left == pytest.approx(20.0)
 
 
 def test_a_notebook_gets_a_bar_on_a_line_that_is_written_over() -> None:

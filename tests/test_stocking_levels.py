@@ -11,7 +11,7 @@ from making_stocking import short_leg
 from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.stockings.fabric import Stocking, stocking_load
-from legfem.stockings.levels import MESH_SHARE, MakersLevels, PressureAlong, pressures_at_levels
+from legfem.stockings.levels import MESH_SHARE, MakersLevels, PressureAlong, pressures_at_levels, rises
 from legfem.stockings.misfit import ContourAccuracy
 
 
@@ -60,6 +60,20 @@ def test_the_pressure_along_round_rings_is_laplaces_and_errs_by_fabric_and_mesh(
     wider = PressureAlong.of(CALF, load, on_bare, accuracy)
     assert wider.sd == pytest.approx(np.hypot(0.05, 0.2 * MESH_SHARE) * expected, rel=1e-6)
     assert along.at(25.0)[0] == pytest.approx(np.mean(expected[2:4]), rel=1e-6)
+
+
+def test_levels_between_which_the_pressure_does_not_decrease_are_named():
+    load = stocking_load(CALF, Stocking(0.3, CALF.levels[:1], np.array([180.0])))
+    along = PressureAlong.of(CALF, load, load, ContourAccuracy())
+    heights = {"B": CALF.levels[1], "B1": CALF.levels[3], "C": CALF.levels[5]}
+    for mean, named in (
+        ([30.0, 25.0, 20.0], []),
+        ([30.0, 18.0, 18.0], [("B1", "C")]),
+        ([15.0, 20.0, 18.0], [("B", "B1")]),
+    ):
+        told = replace(along, mean=np.interp(CALF.levels, list(heights.values()), mean))
+        found = rises(pressures_at_levels(told, MakersLevels(heights=heights), CALF))
+        assert [(lower.level, upper.level) for lower, upper in found] == named
 
 
 def test_a_level_is_judged_by_its_interval_beside_the_limits():

@@ -308,7 +308,7 @@ _LEG = (
         "diagnose",
         "--subject-dir",
         "Say whether the model describes the recordings, and which physics is missing if not. "
-        "The first of a leg takes long.",
+        "The first diagnosis of a leg takes some minutes.",
     ),
     Action(
         "plan",

@@ -10,6 +10,7 @@ import numpy as np
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import called
 
 _LEAST_DATED = 10
 """People's days from which a step is looked for."""
@@ -235,7 +236,8 @@ def _outliers(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[Susp
                 among = f" of group {group}" if group else ""
                 side = "above" if score > 0 else "below"
                 yield Suspicion(
-                    f"{who}: {name} lies {abs(score):.1f} robust standard deviations {side} the median{among}.", (who,)
+                    f"{who}: {called(name)} lies {abs(score):.1f} robust standard deviations {side} the median{among}.",
+                    (who,),
                 )
 
 

@@ -35,22 +35,29 @@ class Silent:
         """Do nothing."""
 
 
+_SOON_S = 5.0
+"""What is over before then needs no estimate of what is left."""
+
+
 class Lines:
-    """One line a unit of work, with the seconds since the start."""
+    """One line a unit of work, with the seconds since the start and an estimate of what is left of the stage."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream, self._started = stream, time.perf_counter()
-        self._done, self._total = 0, ""
+        self._began = self._started
+        self._done, self._total = 0, 0
 
     def stage(self, text: str, total: int | None = None) -> None:
         """Print the stage."""
-        self._done, self._total = 0, "" if total is None else f"/{total}"
+        self._done, self._total, self._began = 0, total or 0, time.perf_counter()
         self._print(text)
 
     def advance(self, text: str) -> None:
-        """Print the unit of work and its number."""
+        """Print the unit of work, its number and the time left."""
         self._done += 1
-        self._print(f"  {self._done}{self._total}  {text}")
+        passed, open_ = time.perf_counter() - self._began, self._total - self._done
+        left = f", about {duration(passed / self._done * open_)} left" if passed > _SOON_S and open_ > 0 else ""
+        self._print(f"  {self._done}{f'/{self._total}' if self._total else ''}  {text}{left}")
 
     def _print(self, text: str) -> None:
         seconds = time.perf_counter() - self._started
@@ -118,7 +125,7 @@ class Reached:
         return (self.seconds - self.began) / self.done * (self.total - self.done)
 
 
-_LINE = re.compile(r"\[ *([\d.]+) s\] (?:  (\d+)(?:/(\d+))?  )?(.*)")
+_LINE = re.compile(r"\[ *([\d.]+) s\] (?:  (\d+)(?:/(\d+))?  )?(.*?)(?:, about [\d.]+ \w+ left)?")
 
 
 def reached(lines: Iterable[str]) -> Reached | None:

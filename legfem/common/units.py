@@ -44,6 +44,13 @@ def readable_unit(unit: str) -> tuple[str, float]:
     return ("kPa", 1 / MPA_PER_KPA) if unit == "MPa" else (unit, 1.0)
 
 
+def percent(probability: float) -> str:
+    """Return a probability in whole per cent, never quite none or all."""
+    if probability > 0.99:
+        return "over 99 %"
+    return "below 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
 def frozen_array(values: object) -> FloatArray:
     """Return a read-only float64 copy, so that raw data can't be changed by accident."""
     array = np.array(values, dtype=np.float64)

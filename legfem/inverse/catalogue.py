@@ -2,6 +2,7 @@
 
 import difflib
 import math
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -182,6 +183,16 @@ def key_of(name: str) -> str:
     """Return how a parameter is called in documents: ``c10_deep`` for ``deep.C10``."""
     term, _, field = name.rpartition(".")
     return f"{field.lower()}_{term.replace('.', '_')}"
+
+
+_KEY = re.compile(r"([cd][12]0?)_(deep|superficial|fascia)")
+_TISSUES = {"deep": "muscle", "superficial": "fat", "fascia": "fascia"}
+
+
+def called(key: str) -> str:
+    """Return how a parameter of documents and tables is called on pages: C10 of the muscle for ``c10_deep``."""
+    found = _KEY.fullmatch(key)
+    return f"{found[1].upper()} of the {_TISSUES[found[2]]}" if found else key.replace("_", " ")
 
 
 def symbol_of(name: str) -> str:

@@ -4,8 +4,6 @@ A reading is a mean of a few samples of one segment. Each sample lies between tw
 cylinder moves and by time where it is held, so that a dense record and a single ultrasound frame are read alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

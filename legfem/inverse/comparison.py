@@ -5,8 +5,6 @@ Their errors are known by source; an error that several tests have alike is a mo
 together: it doesn't average out over them.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -67,7 +65,7 @@ class Prediction:
         """Derivatives of the readings by parameters, (n, p)."""
         return np.column_stack([self.sensitivities[name] for name in names])
 
-    def part(self, span: slice) -> Prediction:
+    def part(self, span: slice) -> "Prediction":
         """Prediction of some of the readings; nothing of the model's grid goes along."""
         values = self.values[span]
         by = {name: derivative[span] for name, derivative in self.sensitivities.items()}
@@ -376,7 +374,7 @@ class JointComparison(Comparison):
         """Scale values (n, ...) so that `objective` is their sum of squares."""
         return values if self.weighting == "paper" else super().weighted(values)
 
-    def alone(self, number: int) -> JointComparison:
+    def alone(self, number: int) -> "JointComparison":
         """One of the tests by itself, with the same weights."""
         near = None if self.near is None else (self.near[0], self.near[1][self.spans[number]])
         return JointComparison((self.tests[number],), self.weighting, near)

@@ -1,7 +1,5 @@
 """What was measured in a test: channels of readings along it, each with its errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A model of a diagnosis as the result of a fit, as an identification has it, and what each trial says by itself."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ form of a model. It is alike in all trials of a protocol, or each trial's own. A
 A. O'Hagan, J. R. Stat. Soc. B 63 (2001) 425.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``result.json`` of a fit: one object for every kind, its laws as members; units in names or beside numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict

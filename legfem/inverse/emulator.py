@@ -10,8 +10,6 @@ Modelling, 2008, 7.2). Coordinates are to be such that a change by 1 is a large 
 of a stiffness.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -74,7 +72,7 @@ class Kriging:
         """Number m of quantities."""
         return int(self._values.shape[1])
 
-    def part(self, columns: Sequence[int] | NDArray[np.int_]) -> Kriging:
+    def part(self, columns: Sequence[int] | NDArray[np.int_]) -> "Kriging":
         """Return the kriging of some of the quantities, with the covariance of all."""
         found, fit = copy(self), self._fit
         found._values = self._values[:, columns]
@@ -82,7 +80,7 @@ class Kriging:
         return found
 
     @cached_property
-    def _fit(self) -> _Fit:
+    def _fit(self) -> "_Fit":
         if self.dimensions <= _FEW:
             every = product(_LENGTHS, repeat=self.dimensions)
             fits = [self._fitted(np.array(lengths)) for lengths in every]
@@ -106,7 +104,7 @@ class Kriging:
         except LinAlgError:
             return -1e12
 
-    def _fitted(self, lengths: FloatArray) -> _Fit:
+    def _fitted(self, lengths: FloatArray) -> "_Fit":
         covariance = _covariance_of_samples(self._at, lengths)
         covariance += self._nugget * np.eye(len(covariance))
         factor = cho_factor(covariance, lower=True)

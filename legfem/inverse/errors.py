@@ -15,8 +15,6 @@ gains and zeros stay open over a range (`GAIN_SDS`, `ErrorModel.zero_sds`) and a
 `legfem.inverse.evidence`. First contact is a parameter of the fit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -98,7 +96,7 @@ class ErrorModel:
         """Return L^-1 times vectors (n,) or (n, k)."""
         return np.asarray(solve_triangular(self.lower, values, lower=True, check_finite=False))
 
-    def part(self, kept: NDArray[np.bool_]) -> ErrorModel:
+    def part(self, kept: NDArray[np.bool_]) -> "ErrorModel":
         """Return the errors of some of the observations."""
         return replace(
             self,
@@ -109,7 +107,7 @@ class ErrorModel:
             trial_sd=self.trial_sd[kept],
         )
 
-    def without_bounds(self, readings: NDArray[np.bool_]) -> ErrorModel:
+    def without_bounds(self, readings: NDArray[np.bool_]) -> "ErrorModel":
         """Return the errors with those of some readings (N,) a thousand times as large."""
         more = np.where(readings, _UNBOUNDED * np.diag(self.covariance), 0.0)
         return replace(self, dense=self.dense + np.diag(more))

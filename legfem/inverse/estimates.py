@@ -197,7 +197,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             part = f"{100 * shares[k][source]:.0f} % of the variance comes from {_RULED_BY[source]}"
             why += f"; {part}"
         if optimum.plane and parameter.name == DEEP_C10:
-            why += "; a constant factor cannot be distinguished from it"
+            why += "; a constant factor on the force cannot be distinguished from a change of C10"
         found[parameter.name] = Estimate(
             parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own, shares[k], told[k]
         )

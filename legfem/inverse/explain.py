@@ -5,8 +5,6 @@ times its evidence. Beside a mechanism a discrepancy may be left: then it is nam
 refitted about full finite-element solutions, which show the emulator's error there, until the refits stay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -49,7 +47,7 @@ class ExplanationPriors:
     expected: Mapping[str, float]
 
     @classmethod
-    def among(cls, mechanisms: Sequence[Mechanism]) -> ExplanationPriors:
+    def among(cls, mechanisms: Sequence[Mechanism]) -> "ExplanationPriors":
         """Return the priors of the mechanisms that recordings can show."""
         return cls({m.name: m.expected for m in mechanisms})
 

@@ -4,8 +4,6 @@ What only one kind has (a leg's sites in 3D, a specimen's layers, the pressures 
 that kind's type.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -47,7 +45,7 @@ class Goodness:
     p_value: float
 
     @classmethod
-    def of(cls, chi_square: float, degrees: int) -> Goodness:
+    def of(cls, chi_square: float, degrees: int) -> "Goodness":
         """Goodness of a sum of squares with its degrees of freedom."""
         return cls(chi_square, degrees, float(chi2.sf(chi_square, degrees)))
 

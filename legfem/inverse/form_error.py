@@ -53,7 +53,7 @@ class PartDeparture:
         """What is said of it."""
         if self.factor <= 0.0:
             return f"no stiffness describes {self.part}"
-        return f"{self.part} by itself asks for {self.factor:.2g} times the stiffness"
+        return f"{self.part} by itself gives {self.factor:.2g} times this stiffness"
 
 
 NO_DEPARTURE = PartDeparture("", 1.0, 0.0)

@@ -12,8 +12,6 @@ taken as straight: of a linear problem it is. Of an effect whose place or time i
 degrees as the effect has parameters: without it they are nowhere (R. B. Davies, Biometrika 74 (1987) 33).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 

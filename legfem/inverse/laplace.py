@@ -22,8 +22,6 @@ hidden as by the usual strength. A share of them may be of any strength that is 
 (`legfem.inverse.mechanism.Occurrence`): :math:`p` then has a level part.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ solution then confirms what is reported. The lattice's middle is a round number,
 of one leg share it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -70,7 +68,7 @@ class NuisanceChanges:
     grid: FloatArray
     geometric: Mapping[str, FloatArray]
     material: Mapping[str, FloatArray]
-    channels: Mapping[str, NuisanceChanges] = field(default_factory=dict)
+    channels: Mapping[str, "NuisanceChanges"] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +86,7 @@ class ChannelTables:
         every = row.reshape(-1, len(self.names))
         return every if tuple(names) == self.names else every[:, [self.names.index(name) for name in names]]
 
-    def of(self, names: Sequence[str]) -> ChannelTables:
+    def of(self, names: Sequence[str]) -> "ChannelTables":
         """Return what is known of some of the channels."""
         if self.elastic is None or tuple(names) == self.names:
             return self
@@ -163,7 +161,7 @@ class Library:
         changes = [self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys]
         return mechanism.share(values) * observed.spread(changes)
 
-    def seeing(self, names: Sequence[str]) -> Library:
+    def seeing(self, names: Sequence[str]) -> "Library":
         """Return the library with some of its channels alone, which is quicker."""
         return replace(self, beside=self.beside.of(names))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,25 +138,30 @@ def tasks_for(
 def outcomes_of(
     responses: tuple[SolvedResponses, SolvedResponses], tasks: Sequence[Task], jobs: int, progress: Progress
 ) -> dict[int, Outcome | None]:
-    """Return tasks' outcomes by their places; processes are started for what isn't kept only."""
+    """Return tasks' outcomes by their places; processes are started for what isn't kept only.
+
+    Two stages are told of, since courses in time take longer than elastic curves, and a stage's time left is that of
+    its own tasks.
+    """
     found: dict[int, Outcome | None] = {}
     kept = responses[0].recalling(), responses[1].recalling()
-    missing: list[int] = []
-
-    def tell(place: int) -> None:
-        progress.advance(tasks[place].label + ("" if found[place] is not None else ": STOPPED"))
-
     for place, task in enumerate(tasks):
-        try:
+        with suppress(NotKeptError):
             found[place] = _work(kept, task)
-        except NotKeptError:
-            missing.append(place)
-        else:
-            tell(place)
+    if found:
+        progress.stage(f"{len(found)} of {len(tasks)} responses are kept from earlier runs")
+    missing = [place for place in range(len(tasks)) if place not in found]
+    stages = {"responses in time": True, "elastic responses": False}
     with Workers(_work, responses, jobs) as workers:
-        for number, outcome in workers.places([tasks[place] for place in missing]):
-            found[missing[number]] = outcome
-            tell(missing[number])
+        for name, in_time in stages.items():
+            places = [place for place in missing if (tasks[place].stations is not None) == in_time]
+            if not places:
+                continue
+            progress.stage(f"the leg's {name}", len(places))
+            for number, outcome in workers.places([tasks[place] for place in places]):
+                place = places[number]
+                found[place] = outcome
+                progress.advance(tasks[place].label + ("" if outcome is not None else ": STOPPED"))
     return found
 
 
@@ -248,7 +254,6 @@ def build_library(
         middle = middle_of(observed, coarse, stiffening)
     tissue = [m for m in asked if isinstance(m, TissueMechanism)]
     tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, stiffenings)
-    progress.stage("the leg's library of responses", len(tasks))
     found = outcomes_of((solved, coarse), tasks, jobs, progress)
     outcomes = [found[k] for k in range(len(tasks))]
     return _assembled(solved, observed, tissue, tasks, outcomes, middle)
@@ -277,7 +282,7 @@ def _assembled(
                 table = unchanged(m, len(solved.grid))
                 other = unchanged(m, (len(solved.grid) + 1) * len(names))
             if table is None or other is None:
-                missing[m.name] = "its simulations did not reach the end of the protocol"
+                missing[m.name] = "simulations did not reach the end of the protocol"
             else:
                 changes[m.name, key], beside[m.name, key] = table, other
     geometric = {t.geometry.name: o[_ONE] for t, o in done if t.geometry is not None}

@@ -1,7 +1,5 @@
 """Observations with their errors and a tabulated model, and a model fitted to them with its derivatives there."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -212,25 +210,25 @@ class LinearisedProblem:
     aside: NDArray[np.bool_] | None = None
     """(N,): readings that are set aside, whose errors have no bounds; none without it."""
 
-    def without(self, left_out: NDArray[np.bool_]) -> LinearisedProblem:
+    def without(self, left_out: NDArray[np.bool_]) -> "LinearisedProblem":
         """Return the problem with observations left out."""
         return replace(self, kept=~left_out)
 
-    def setting_aside(self, readings: NDArray[np.bool_]) -> LinearisedProblem:
+    def setting_aside(self, readings: NDArray[np.bool_]) -> "LinearisedProblem":
         """Return the problem with readings (N,) set aside: their errors are a thousand times as large."""
         return replace(self, errors=self.errors.without_bounds(readings), aside=readings)
 
-    def corrected(self, offset: FloatArray) -> LinearisedProblem:
+    def corrected(self, offset: FloatArray) -> "LinearisedProblem":
         """Return the problem with the predictor shifted to a full solution."""
         return replace(self, predictor=self.predictor.corrected(offset))
 
-    def with_errors(self, errors: ErrorModel) -> LinearisedProblem:
+    def with_errors(self, errors: ErrorModel) -> "LinearisedProblem":
         """Return the problem with other errors."""
         return replace(self, errors=errors)
 
     def with_nuisances(
         self, noise: Noise, prediction: FloatArray, effects: Sequence[NuisanceEffect]
-    ) -> LinearisedProblem:
+    ) -> "LinearisedProblem":
         """Return the problem with the errors of noise and nuisance parameters about a prediction (N,)."""
         known = [(one.name, one.effect) for one in effects]
         errors = error_model(self.predictor.observed, noise, prediction, known)

@@ -1,7 +1,5 @@
 """All that was recorded of a leg as one vector: forces at the stations, then the readings of every further channel."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -204,11 +202,11 @@ class Observations:
         """Time over which a load cell's slow error is expected to be correlated, s."""
         return slowest_error(max(self.rates), max(float(s.protocol.time[-1]) for s in self.protocols))
 
-    def with_force(self, force: FloatArray) -> Observations:
+    def with_force(self, force: FloatArray) -> "Observations":
         """Return the same stations with other forces (N)."""
         return replace(self, force=force)
 
-    def with_channels(self, names: Collection[str]) -> Observations:
+    def with_channels(self, names: Collection[str]) -> "Observations":
         """Return the observations without channels whose courses a model doesn't know, with a remark on each."""
         known = set(names)
         remarks = tuple(
@@ -219,7 +217,7 @@ class Observations:
         kept = tuple(one for one in self.channels if known.issuperset(one.courses))
         return replace(self, channels=kept, remarks=(*self.remarks, *remarks)) if remarks else self
 
-    def with_values(self, values: FloatArray) -> Observations:
+    def with_values(self, values: FloatArray) -> "Observations":
         """Return the same stations with other readings (N,)."""
         force, *others = (values[span] for span in self.data.spans)
         channels = tuple(replace(one, values=own) for one, own in zip(self.channels, others, strict=True))

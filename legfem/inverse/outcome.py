@@ -1,7 +1,5 @@
 """The seam to a forward model: values in, curves or a failure out; kept solves and processes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -31,7 +29,7 @@ class Outcome:
     """What the model gave up to go on, in words; empty if nothing."""
 
     @classmethod
-    def joined(cls, values: Values, every: Sequence[Outcome]) -> Outcome:
+    def joined(cls, values: Values, every: Sequence["Outcome"]) -> "Outcome":
         """Return one outcome of several tests, each solved by itself with the same values."""
         return cls(
             values,
@@ -111,7 +109,7 @@ class FullSolver:
         self._workers: Workers[ForwardModel, _Task, Outcome] = Workers(_solve, model, jobs, along=True)
         self._known: dict[Key, Outcome] = {}
 
-    def __enter__(self) -> FullSolver:
+    def __enter__(self) -> "FullSolver":
         """Return itself; processes start with the first batch of several solves."""
         return self
 
@@ -185,7 +183,7 @@ class JointForward[Model: Forward]:
     """
 
     models: tuple[Model, ...]
-    workers: Workers[tuple[Model, ...], TestTask, Outcome] | None = None
+    workers: Workers[tuple[Model, ...], "TestTask", Outcome] | None = None
 
     @property
     def nominal(self) -> Values:

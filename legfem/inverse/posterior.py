@@ -5,8 +5,6 @@ one parameter after the other until nothing changes. J. P. Cunningham, P. Hennig
 probabilities and expectation propagation (2011), arXiv:1111.6832.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -126,7 +124,7 @@ class Mixture:
     degrees: FloatArray
 
     @classmethod
-    def joined(cls, weights: Sequence[float], every: Sequence[Mixture]) -> Self:
+    def joined(cls, weights: Sequence[float], every: Sequence["Mixture"]) -> Self:
         """Return the mixture of mixtures, their weights of any sum."""
         total = sum(weights)
         return cls(

@@ -45,11 +45,11 @@ def folds_of(observed: Observations) -> tuple[str, list[NDArray[np.bool_]]]:
     if observed.repeats > 1:
         later = observed.trial > 0
         if len(observed.protocols) > 1:
-            how = "each protocol in turn, but for the first trial"
+            how = "each protocol in turn, except the first trial"
             each = (later & (observed.protocol == p) for p in range(len(observed.protocols)))
             folds = [fold for fold in each if fold.any()]
         else:
-            how = "each trial in turn, but for the first"
+            how = "each trial in turn, except the first"
             folds = [observed.trial == k for k in range(1, len(observed.trials))]
     elif len(observed.protocols) > 1:
         how, folds = "each protocol in turn", [observed.protocol == p for p in range(len(observed.protocols))]

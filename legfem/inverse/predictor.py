@@ -6,8 +6,6 @@ a factor on the force acts so on other forces and pressures on the cylinder (`Ch
 nothing else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -120,7 +118,7 @@ class Predictor:
     _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
     _curves: dict[tuple[int, tuple[str, ...], float, float], FloatArray] = field(default_factory=dict, repr=False)
 
-    def corrected(self, offset: FloatArray) -> Predictor:
+    def corrected(self, offset: FloatArray) -> "Predictor":
         """Return the predictor shifted to agree with a full solution."""
         return replace(self, offset=offset)
 
@@ -250,7 +248,7 @@ class Predictor:
         places = at * int(starts[-1]) + course[:, None]
         return places, np.take_along_axis(every, at, axis=1)
 
-    def _elastic(self, c10: float, c20: float, factor: FloatArray) -> _Elastic:
+    def _elastic(self, c10: float, c20: float, factor: FloatArray) -> "_Elastic":
         """Return the force at factors on the deep stiffness."""
         nodes, weights = _nodes_of(factor)
         splines = [self._spline(c10 * n, c20 * n) for n in nodes]

@@ -1,7 +1,5 @@
 """The search: a minimiser on an emulator, full solves where it goes, until both agree."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -223,7 +221,7 @@ class Search[C: Comparison]:
         objective = float(objective_of(self.law, self.misfit, prediction.values, point))
         return Trial(point, values, outcome, stage, prediction, objective)
 
-    def beside(self, misfit: C) -> Search[C]:
+    def beside(self, misfit: C) -> "Search[C]":
         """Return a search beside another reading of the recordings, with what was solved so far."""
         other = replace(self, misfit=misfit, trials=[], generations=list(self.generations), converged=False)
         other.trials += [other._trial(one.point, one.values, one.outcome, one.stage) for one in self.trials]

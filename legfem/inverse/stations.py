@@ -4,8 +4,6 @@ Trials that were driven alike (same phases, rates and depth) share a protocol an
 displacements in loading and unloading, times in a hold.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Sequence

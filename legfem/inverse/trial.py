@@ -1,7 +1,5 @@
 """Full solves of a search, and the model between them: as the instrument shows it, and where it is to be trusted."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
@@ -344,7 +342,7 @@ class Emulated:
     emulator: Emulator
 
     @classmethod
-    def between(cls, law: IdentifiedLaw, misfit: Comparison, trials: Sequence[Trial]) -> Emulated:
+    def between(cls, law: IdentifiedLaw, misfit: Comparison, trials: Sequence[Trial]) -> "Emulated":
         """Return the emulator through full solves, those that have a prediction."""
         complete = [trial for trial in trials if trial.prediction is not None]
         predictions = [trial.prediction for trial in complete if trial.prediction is not None]

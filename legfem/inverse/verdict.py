@@ -1,7 +1,5 @@
 """From recordings to a verdict: noise, fit of the base model, location of its misfit, explanations, limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial

@@ -1,7 +1,5 @@
 """One explanation weighed: the base model, a mechanism or two, beside what their forms may leave."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -42,7 +40,7 @@ class Weighing:
     evidence: Evidence
 
     @classmethod
-    def about(cls, problem: LinearisedProblem, base: LinearisedFit) -> Weighing:
+    def about(cls, problem: LinearisedProblem, base: LinearisedFit) -> "Weighing":
         """Return the weighing of explanations about a base model's fit."""
         unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
         return cls(base, unknowns, Evidence(problem.errors, unknowns))

@@ -1,7 +1,5 @@
 """Shear-wave elastography of a leg, and what it says of its fibres: ``[[elastography]]``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -52,7 +50,7 @@ class ShearModulus:
         return self.value / 2
 
     @classmethod
-    def of(cls, entry: ElastographyEntry) -> ShearModulus:
+    def of(cls, entry: ElastographyEntry) -> "ShearModulus":
         """Return what an entry of the file says."""
         value, sd = kpa_to_mpa(entry.shear_modulus_kPa), kpa_to_mpa(entry.sd_kPa)
         return cls(entry.tissue, entry.plane, value, sd, entry.source)

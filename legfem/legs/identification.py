@@ -17,8 +17,6 @@ that changes is an error that the weights and the intervals carry, the mesh's of
 and the length's alike at all.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace

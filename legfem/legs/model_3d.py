@@ -1,7 +1,5 @@
 """The forward model of a subject's leg in 3D, as identification sees it."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -199,7 +197,7 @@ class LegModels:
         progress: Progress | None = None,
         comm: MPI.Intracomm = MPI.COMM_SELF,
         open_ratio: bool = False,
-    ) -> LegModels:
+    ) -> "LegModels":
         """Return the models of a subject's leg, pressed to a depth (mm).
 
         Every solve is spread over the ranks of ``comm``, see `SpatialForward`. With an open ratio

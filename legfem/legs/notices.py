@@ -1,7 +1,5 @@
 """What a reader of a leg's fit must know: one sentence a warning, the gravest first."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

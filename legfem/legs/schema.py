@@ -1,7 +1,5 @@
 """The schema of ``subject.toml``, and its sites, each read as a subject of its own."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -60,7 +58,7 @@ class IndenterEntry(FileTable):
     """CSV file of points in the coordinates of the indenter's pose and in the scan's, where the two differ."""
 
     @model_validator(mode="after")
-    def _one_kind(self) -> IndenterEntry:
+    def _one_kind(self) -> "IndenterEntry":
         if self.shape == "cylinder" and self.length_mm is None:
             raise trouble("length_mm", "missing", "give the cylinder's length")
         for key in ("axis_deg", "axis"):
@@ -78,7 +76,7 @@ class IndenterEntry(FileTable):
         return self.length_mm
 
     @model_validator(mode="after")
-    def _one_place(self) -> IndenterEntry:
+    def _one_place(self) -> "IndenterEntry":
         for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
             if (getattr(self, flat) is None) == (getattr(self, spatial) is None):
                 what = "missing" if getattr(self, flat) is None else f"given beside {spatial}"
@@ -124,7 +122,7 @@ class SectionEntry(ShapeEntry):
     """Length of the leg in a 3D model, with the cylinder at its middle; 120 mm without it."""
 
     @model_validator(mode="after")
-    def _both_sizes(self) -> SectionEntry:
+    def _both_sizes(self) -> "SectionEntry":
         if (self.girth_mm is None) != (self.fat_mm is None):
             missing = "fat_mm" if self.fat_mm is None else "girth_mm"
             raise trouble(missing, "missing", "a typical calf takes both girth_mm and fat_mm")
@@ -146,7 +144,7 @@ class TissueEntry(FileTable):
     """Compressibility at large changes of volume; of the reduced polynomial only."""
 
     @model_validator(mode="after")
-    def _law_has_parameters(self) -> TissueEntry:
+    def _law_has_parameters(self) -> "TissueEntry":
         if self.law == "neo-hookean":
             for key in ("C20_kPa", "D2_per_MPa"):
                 if getattr(self, key) is not None:
@@ -162,7 +160,7 @@ class GivenTissueEntry(TissueEntry):
     """A tissue whose stiffness isn't identified and must be given."""
 
     @model_validator(mode="after")
-    def _stiffness_is_given(self) -> GivenTissueEntry:
+    def _stiffness_is_given(self) -> "GivenTissueEntry":
         if self.C10_kPa is None:
             raise trouble("C10_kPa", "missing", "give it; only the deep tissue is identified")
         if self.law == "reduced-polynomial" and self.C20_kPa is None:
@@ -179,7 +177,7 @@ class DeepTissueEntry(TissueEntry):
     """Standard deviation of fibre_ratio."""
 
     @model_validator(mode="after")
-    def _error_of_something(self) -> DeepTissueEntry:
+    def _error_of_something(self) -> "DeepTissueEntry":
         if self.fibre_ratio_sd is not None and self.fibre_ratio is None:
             raise trouble("fibre_ratio_sd", "is given without fibre_ratio", "give the ratio too")
         return self
@@ -233,7 +231,7 @@ class SubjectFile(FileTable):
         return self.section.level_mm is not None or self.indenter.position_mm is not None
 
     @model_validator(mode="after")
-    def _said_once(self) -> SubjectFile:
+    def _said_once(self) -> "SubjectFile":
         check_once(self.elastography, self.tissues.deep.fibre_ratio is not None)
         effects = [entry.effect for entry in self.measured]
         for number, effect in enumerate(effects):
@@ -264,7 +262,7 @@ class SubjectFile(FileTable):
         return {**content, "indenter": {**indenter, **FROM_BEHIND}}
 
     @model_validator(mode="after")
-    def _one_plane(self) -> SubjectFile:
+    def _one_plane(self) -> "SubjectFile":
         level, position = self.section.level_mm, self.indenter.position_mm
         if level is not None and position is not None:
             raise trouble(

@@ -1,7 +1,5 @@
 """Channels beside the force at a site: their readings along the loading, and what these err by."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

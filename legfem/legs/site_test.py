@@ -1,7 +1,5 @@
 """A site of a leg as one test: the mean loading curve beside the corrected force of a model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -6,8 +6,6 @@ only the bend of the curve could tell, and real fibres bend it otherwise than th
 `legfem.inverse.fibre_ratio.SHAPE_SD_OF_FIBRES` says so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

@@ -15,6 +15,7 @@ from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
 from legfem.common.documents import versions_of
+from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
 from legfem.report.many import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
@@ -51,7 +52,7 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
     what = f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"
     stands = ", ".join(f"{name} {version}" for name, version in versions.items() if name != "legfem")
     first = _DONE[task].format(what=what, legfem=versions.get("legfem", "unknown")) + f" ({stands})."
-    texts = [first + (f" Results are compared under one model ({model})." if model else "")]
+    texts = [first + (f" Results are compared under one law ({LAW_NAMES.get(model, model)})." if model else "")]
     settings = [row.settings for row in done if row.settings]
     if settings:
         names = (
@@ -141,7 +142,7 @@ def cohort_web_page(
     origins = Counter(row.origin for row in rows if row.done)
     return web.WebPage(
         f"Cohort {members.folder.resolve().name}: {len(rows)} members",
-        f"{task} of {len(rows)} members in {members.folder}",
+        f"legfem {task}, {len(rows)} members, {members.folder}",
         _origin(origins),
         _headline(every, rows, odd, model, task),
         [one.sentence for one in odd if len(one.members) != 1] + list(members.notes),
@@ -191,7 +192,7 @@ def _headline(
         ("Members", f"{len(rows)}, of {people} {'person' if people == 1 else 'people'}."),
         ("Members without a result", listed(failed) if failed else "None."),
         ("Unusual findings", f"{len(odd)} to look into; they are listed below." if odd else "None."),
-        *([("Law used for the comparison", f"The {model} law.")] if model else []),
+        *([("Law used for the comparison", f"The {LAW_NAMES.get(model, model)} law.")] if model else []),
     ]
     return web.Headline(tone, f"Of {len(rows)} members: {said}.", answers, f"{good} of {len(rows)} can be used")
 
@@ -256,7 +257,7 @@ def _numbers(
     thick = any(row.shape.fat_mm is not None for row in rows)
     header = ["member", *given]
     for name in names:
-        header += [f"{name} ({units[name]})", "95 % interval"]
+        header += [f"{called(name)} ({units[name]})", "95 % interval"]
     header += ["fit p", *(["fat (mm)", "girth (mm)"] if thick else []), "time (s)"]
 
     def line(row: Row) -> list[Cell]:
@@ -274,7 +275,7 @@ def _numbers(
         blocks.append(_forest(members, rows, found, names, units))
     if model:
         others = [row.name for row in rows if row.done and row.judged.preferred != model]
-        text = f"Members are compared under one model, {model}, which most recordings need."
+        text = f"Members are compared under one law ({LAW_NAMES.get(model, model)}), which most recordings need."
         if others:
             text += f" {len(others)} need another: {listed(others)}. The table in cohort.csv has both."
         blocks.append(web.Prose(text))
@@ -318,7 +319,7 @@ def _forest(
     def metric(name: str) -> ForestMetric:
         each = [found[row.name].measures.get(name) if row.name in found else None for row in rows]
         return ForestMetric(
-            name,
+            called(name),
             units[name],
             [None if one is None else float(f"{one.value:.5g}") for one in each],
             [None if one is None or one.low is None else float(f"{one.low:.5g}") for one in each],
@@ -356,8 +357,9 @@ def _bundle(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, 
 
 def _odd(odd: Sequence[Suspicion], lacking: Sequence[str]) -> list[web.Block]:
     looked = (
-        "Looked for: recordings that two members share, sides that outlines contradict, a rig whose C10 steps at a "
-        "date, and values that lie more than 3.5 robust standard deviations from their group's median."
+        "legfem looked for recordings that two members share, for sides that contradict the outlines, for rigs whose "
+        "C10 changes suddenly at a date, and for values more than 3.5 robust standard deviations from the median of "
+        "their group."
     )
     found = web.Bullets([one.sentence for one in odd]) if odd else web.Prose("Nothing was found.")
     return [web.Prose(looked), found, *([web.Bullets(lacking)] if lacking else [])]

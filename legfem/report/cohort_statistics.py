@@ -12,9 +12,10 @@ from legfem.cohort.members import Member
 from legfem.cohort.population_model import LEVELS, PopulationFit
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Statistics
+from legfem.inverse.catalogue import called
 from legfem.report.curves import Curves, Line
 from legfem.report.style import DATA_COLOUR, new_figure, styled
-from legfem.report.words import short_probability
+from legfem.report.words import capital, short_probability
 
 TITLE = "Statistics"
 _MOST_POINTS = 400
@@ -47,7 +48,7 @@ def forest_figure(members: Sequence[Member], rows: Sequence[Row]) -> Figure:
                 axes.plot([one.low, one.high], [place, place], color=colour, linewidth=1.2)
             axes.plot(one.value, place, "o", color=colour, markersize=4)
         axes.set_yticks(range(len(shown)), [row.name for _, row in shown] if len(shown) <= 40 else [""] * len(shown))
-        axes.set_xlabel(f"{name} ({shown[0][0].unit})")
+        axes.set_xlabel(f"{called(name)} ({shown[0][0].unit})")
     return figure
 
 
@@ -56,8 +57,10 @@ def chapter(found: Statistics) -> web.Chapter:
     blocks: list[web.Block] = []
     some = found.parameters
     if some and any(one.logarithmic for one in some):
-        texts = ", ".join(one.name for one in some if one.logarithmic)
-        blocks.append(web.Prose(f"Statistics of {texts} are of the logarithm: differences are relative (%)."))
+        texts = " and ".join(called(one.name) for one in some if one.logarithmic)
+        blocks.append(
+            web.Prose(f"{capital(texts)} were compared by their logarithms, so differences are relative (%).")
+        )
     if repeated := [(one, each) for one in some for each in one.repeated]:
         blocks.append(_agreement(repeated))
         blocks.append(_limits(repeated))
@@ -88,7 +91,7 @@ def _between(one: Analysed, ends: tuple[float, float]) -> str:
 def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
     rows = [
         [
-            f"{one.name}, {each.by}s",
+            f"{called(one.name)}, {each.by}s",
             str(each.agreement.targets),
             str(each.agreement.levels),
             f"{each.agreement.icc:.2f} ({each.agreement.icc95[0]:.2f} to {each.agreement.icc95[1]:.2f})",
@@ -98,10 +101,19 @@ def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
         ]
         for one, each in repeated
     ]
-    header = ["what", "legs", "tests each", "ICC (95 %)", "SEM", "of which own errors", "minimal detectable change"]
+    header = [
+        "what",
+        "legs",
+        "tests each",
+        "ICC (95 %)",
+        "SEM",
+        "part from the tests' own errors",
+        "minimal detectable change",
+    ]
     caption = (
         f"Agreement of repeated tests: {ICC_FORM}; standard error of measurement (SEM); minimal detectable change "
-        "(95 %) between two tests. Intervals count people: legs of one aren't independent."
+        "(95 %) between two tests. The intervals are based on the number of people, because the legs of one person are "
+        "not independent."
     )
     return web.WebTable(caption, header, rows)
 
@@ -109,7 +121,7 @@ def _agreement(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
 def _limits(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
     rows = [
         [
-            f"{one.name}, {each.by} {pair.levels[1]} less {pair.levels[0]}",
+            f"{called(one.name)}, {each.by} {pair.levels[1]} minus {each.by} {pair.levels[0]}",
             str(len(pair.difference)),
             f"{_difference(one, pair.limits.bias)} ({_between(one, pair.limits.bias95)})",
             f"{_difference(one, pair.limits.low)} ({_between(one, pair.limits.low95)})",
@@ -119,7 +131,9 @@ def _limits(repeated: Sequence[tuple[Analysed, Repeated]]) -> web.WebTable:
         for pair in each.pairs
     ]
     header = ["what", "legs", "bias (95 %)", "lower limit (95 %)", "upper limit (95 %)"]
-    return web.WebTable("Bland and Altman's limits of agreement, between which 95 % of differences lie", header, rows)
+    return web.WebTable(
+        "Bland and Altman's limits of agreement, between which 95 % of the differences lie", header, rows
+    )
 
 
 def _plots(one: Analysed, each: Repeated) -> list[Curves]:
@@ -141,7 +155,8 @@ def _plot(one: Analysed, by: str, pair: Pair) -> Curves:
         Line("upper limit", level(pair.limits.high), None, colour="#D55E00", dash="dashed"),
     ]
     unit = "%" if one.logarithmic else one.unit
-    caption = f"{one.name}: difference of {by} {pair.levels[1]} from {by} {pair.levels[0]} over their mean, leg by leg."
+    levels = f"{by} {pair.levels[1]} minus {by} {pair.levels[0]}"
+    caption = f"{called(one.name)}: {levels} over their mean, leg by leg."
     name = f"agreement-{one.name}-{by}"
     return Curves(name, caption, x, f"mean ({one.unit})", f"difference ({unit})", "", lines)
 
@@ -149,7 +164,7 @@ def _plot(one: Analysed, by: str, pair: Pair) -> Curves:
 def _effects(some: Sequence[Analysed]) -> web.WebTable:
     rows = [
         [
-            f"{one.name}: {effect.name}",
+            f"{called(one.name)}: {effect.name}",
             _difference(one, effect.value),
             _between(one, (effect.low, effect.high)),
             short_probability(effect.p_value),
@@ -160,9 +175,9 @@ def _effects(some: Sequence[Analysed]) -> web.WebTable:
     ]
     header = ["what", "difference", "95 % interval", "p", "p, Holm"]
     caption = (
-        "Differences by a linear mixed model (restricted maximum likelihood; random person and leg; each member's own "
-        "error is known and weighs it), t tests with as many degrees of freedom as people beyond the effects; Holm's "
-        "correction over all groups and parameters"
+        "Differences by a linear mixed model (restricted maximum likelihood; random effects of person and leg; members "
+        "are weighted by their own errors), with t tests whose degrees of freedom are the number of people minus the "
+        "number of effects, and with Holm's correction over all groups and parameters"
     )
     return web.WebTable(caption, header, rows)
 
@@ -176,11 +191,11 @@ def _variances(some: Sequence[Analysed]) -> web.WebTable:
             f"{_spread(one, sd)} ({_spread(one, low)} to {_spread(one, high)})" if sd > 0 else "none found"
             for sd, (low, high) in zip(one.fitted.sd, one.fitted.sd95, strict=True)
         ]
-        rows.append([one.name, f"{one.count} of {one.people}", *cells, _spread(one, one.own)])
-    header = ["what", "members of people", "people", "legs of a person", "tests of a leg", "own error"]
+        rows.append([called(one.name), f"{one.count} of {one.people}", *cells, _spread(one, one.own)])
+    header = ["what", "members, of people", "people", "legs of a person", "tests of a leg", "own error"]
     caption = (
-        "Standard deviations (95 %) by source, beyond the effects above; the last is the root mean square of each "
-        "member's own error"
+        "Standard deviations (95 %) by source, after the effects above; the last column is the root mean square of the "
+        "members' own errors"
     )
     return web.WebTable(caption, header, rows)
 
@@ -188,7 +203,7 @@ def _variances(some: Sequence[Analysed]) -> web.WebTable:
 def _needed(some: Sequence[Analysed]) -> web.WebTable:
     sizes = next(one.needed for one in some if one.needed)
     header = ["to find a difference of", *(f"{100 * size:.0f} %" for size, _ in sizes)]
-    rows = [[one.name, *(f"{count}" for _, count in one.needed)] for one in some if one.needed]
+    rows = [[called(one.name), *(f"{count}" for _, count in one.needed)] for one in some if one.needed]
     caption = (
         f"People in each of two groups that a next study needs (power {100 * POWER:.0f} %, level {100 * LEVEL:.0f} %, "
         "two-sided t test of people's means), with these spreads and as many tests a person"
@@ -209,25 +224,25 @@ def population_chapter(found: Sequence[PopulationFit]) -> web.Chapter:
     for one in found:
         low, middle, high = (math.exp(one.log_median + k * one.log_sd) for k in (-1.96, 0.0, 1.96))
         sds = [share(one.draws.sd[level]) if level in one.draws.sd else "" for level in levels]
-        rows.append([one.key, f"{middle:.3g} kPa", f"{low:.3g} to {high:.3g} kPa", *sds])
+        rows.append([called(one.key), f"{middle:.3g} kPa", f"{low:.3g} to {high:.3g} kPa", *sds])
     header = ["what", "median of people", "95 % of people", *(words.get(level, f"{level}s") for level in levels)]
-    caption = "What people are like, and how much of it differs between whom, beyond each test's own errors (95 %)"
+    caption = "The population, and its standard deviations by source, without each test's own errors (95 %)"
     blocks: list[web.Block] = [
         web.Prose(
-            "A hierarchical model in which each test's likelihood enters with its errors (NumPyro). Its file "
-            "population.json is a prior for new legs: --prior deep.C10=population.json. Its values of single tests "
-            "(shrunk) are drawn towards the others, the more the less a test says."
+            "A hierarchical model (NumPyro) was fitted to the likelihoods of all tests. Its file population.json is a "
+            "prior for new legs: --prior deep.C10=population.json. It also holds a value for each test that is drawn "
+            "towards the others; the less certain the test, the more it is drawn."
         ),
         web.WebTable(caption, header, rows),
     ]
     effects = [
-        [f"{one.key}: {name}", share(one.draws.effects[:, k]) if "exponent" not in name else _exponent(one, k)]
+        [f"{called(one.key)}: {name}", share(one.draws.effects[:, k]) if "exponent" not in name else _exponent(one, k)]
         for one in found
         for k, name in enumerate(one.given.names)
     ]
     if effects:
         blocks.append(web.WebTable("Differences, exponents of covariates and steps of rigs", ["what", "95 %"], effects))
-    doubtful = [one.key for one in found if not one.converged]
+    doubtful = [called(one.key) for one in found if not one.converged]
     if doubtful:
         blocks.append(web.Prose(f"The draws of {', '.join(doubtful)} have not settled: do not rely on them."))
     return web.Chapter("What people are like", blocks)

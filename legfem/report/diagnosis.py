@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from legfem.common.errors import doubt_lines
+from legfem.common.units import percent
 from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
@@ -32,7 +33,7 @@ from legfem.report.diagnosis_sentences import (
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import ORIGINS, capital, percent
+from legfem.report.words import ORIGINS, capital
 
 
 def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
@@ -175,16 +176,16 @@ def _where(found: Diagnosis) -> list[web.Block]:
             )
         ]
     how = (
-        "Intervals in which the repaired model differs from the base model by more than a trial's noise"
+        "The table lists intervals in which the repaired model differs from the base model by more than a trial's noise"
         if found.models
-        else "Intervals that stand out from the noise (chosen among all intervals)"
+        else "The table lists intervals that stand out from the noise (chosen among all intervals)"
     )
     more = tables.places_left_out(found)
     return [
         web.Prose(
-            f"{how}. The size is the mean of model less recorded force: below zero, the tissue pushed back harder "
-            "than the model. The noise is the standard deviation of one trial's value. The p-value is family-wise, "
-            "over all intervals; '-' means that the interval by itself is not significant."
+            f"{how}. The size is the model's force minus the recorded one, on average: where it is negative, the leg "
+            "resisted more than the model. The noise is the standard deviation of one trial's value. The p-value is "
+            "family-wise, over all intervals; '-' means that the interval by itself is not significant."
         ),
         web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
         *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
@@ -197,9 +198,10 @@ def _each_recording(base: Fit[None]) -> list[web.Block]:
     if not names:
         return []
     agreed = base.agreement
-    said = f"With the base model the recordings' own values of {symbol_of(names[0])} differ by chi-square "
-    said += f"{estimates.chance(agreed)}"
-    said += "." if agreed.p_value > _DIFFER else ": by more than usual errors of readings, gain and zero cause."
+    same = agreed.p_value > _DIFFER
+    said = f"Fitted one by one with the base model, the recordings {'agree' if same else 'disagree'} on "
+    said += f"{symbol_of(names[0])} (chi-square {estimates.chance(agreed)})"
+    said += "." if same else ": their values differ by more than usual errors of readings, gain and zero cause."
     rows = [[one.name, *(estimates.own_value(one, name) for name in names)] for one in base.tests]
     columns = ["recording", *(f"{symbol_of(name)} ± standard error" for name in names)]
     return [web.Prose(said), web.WebTable("What each recording gives by itself", columns, rows, folded=True)]
@@ -236,10 +238,10 @@ def _checks(found: Diagnosis) -> list[web.Block]:
     """Return what the base model and the first explanation leave in each phase."""
     return [
         web.Prose(
-            "The next table compares the misfit in each phase (root mean square) with what errors of gain and zero, "
-            "noise, and all that is not known exactly would cause. It gives the share of tests in which a correct "
-            "model would miss by as much. A share below 1 % means that the model's form is wrong in that phase, "
-            "however probable it is among the models that were tried."
+            "The next table compares the misfit in each phase (root mean square) with the misfit that errors of "
+            "gain and zero, noise, and numbers that are not known exactly would cause. It gives the share of tests "
+            "in which a correct model would miss by as much. A share below 1 % means that the model's form is wrong "
+            "in that phase, however probable it is among the models that were tried."
         ),
         web.WebTable("Misfit of the models in each phase", *tables.phase_cells(found), folded=True),
     ]
@@ -288,8 +290,9 @@ def _looks(found: Diagnosis) -> str:
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
         f"R2 = {r_squared_of(found.base.fit, found):.5f}. Probabilities weigh all explanations "
         "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
-        "nothing is taken to be as probable as one missing mechanism, and two half as probable. “Nothing detectable” "
-        "is nothing at all, or an effect that is too small for these recordings to detect."
+        "“nothing is missing” and “one mechanism is missing” are taken to be equally probable, “two are missing” half "
+        "as probable. “Nothing detectable” is nothing at all, or an effect that is too small for these recordings to "
+        "detect."
     )
     if found.verdict == "consistent":
         looks += (
@@ -380,13 +383,15 @@ def _alike(found: Diagnosis) -> list[str]:
 def _noise(found: Diagnosis) -> str:
     noise, posterior = found.errors.noise, found.best.posterior
     return (
-        f"Standard deviations: {noise.force_sd:.3g} N of a force reading within its trial ({noise.white_sd:.2g} N from "
-        f"reading to reading, and {noise.slow_sd:.2g} N slowly, over {noise.correlation_time:.2g} s), "
-        f"{posterior.zero_sd:.2g} N of a trial's zero, {100 * posterior.gain_sd:.2g} % of its gain, and "
-        f"{noise.wander_sd:.2g} mm of the displacement. They come from {noise.source}. The "
-        f"{len(found.observed.values)} values compared are equivalent to {found.errors.effective_samples:.0f} "
-        f"independent ones. {_solutions(found)} What is not known exactly (the geometry and the assumed tissue "
-        "parameters) may vary within its stated accuracy; the table of numbers says how far each was moved."
+        f"Standard deviations: {noise.force_sd:.3g} N of a force reading within its trial "
+        f"({noise.white_sd:.2g} N from reading to reading, and {noise.slow_sd:.2g} N slowly, over "
+        f"{noise.correlation_time:.2g} s), {posterior.zero_sd:.2g} N of a trial's zero, "
+        f"{100 * posterior.gain_sd:.2g} % of its gain, and {noise.wander_sd:.2g} mm of the displacement. They come "
+        f"from {noise.source}. The {len(found.observed.values)} values compared carry as much "
+        f"information as {found.errors.effective_samples:.0f} independent ones, because neighbours have similar "
+        f"errors. {_solutions(found)} What is not "
+        "known exactly (the geometry and the assumed tissue parameters) may vary within "
+        "its stated accuracy; the table of numbers says how far each was moved."
     )
 
 
@@ -399,6 +404,10 @@ def _solutions(found: Diagnosis) -> str:
     if math.isnan(found.emulator_error):
         return made + "a solution of the base model stopped, so the interpolation could not be checked."
     return made + (
-        f"the interpolation differed from the base model's solution by at most {found.emulator_error:.2%} of "
-        f"the largest force."
+        f"the interpolation differed from the base model's solution by at most {_share_of_force(found.emulator_error)} "
+        "of the largest force."
     )
+
+
+def _share_of_force(error: float) -> str:
+    return "0.01 %" if error < 1e-4 else f"{100 * error:.2g} %"

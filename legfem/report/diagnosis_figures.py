@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, percent
 from legfem.data.phases import HOLD
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation, Statement
@@ -28,7 +28,7 @@ from legfem.report.diagnosis_curves import (
     statement_name,
 )
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
-from legfem.report.words import number, percent, probability
+from legfem.report.words import number, probability
 
 MOST_STATEMENTS = 14
 _LEAST = 1e-4

@@ -1,6 +1,6 @@
 """Tables of a diagnosis' page."""
 
-from legfem.common.units import mpa_to_kpa
+from legfem.common.units import mpa_to_kpa, percent
 from legfem.data.recording import Origin
 from legfem.geometry.section import girth
 from legfem.inverse.averaging import sensitivities
@@ -25,7 +25,7 @@ from legfem.report.diagnosis_curves import (
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Known, Provenance
-from legfem.report.words import moduli_text, number, percent, short_probability
+from legfem.report.words import moduli_text, number, short_probability
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 

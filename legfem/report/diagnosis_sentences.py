@@ -6,7 +6,7 @@ The first screen's words were changed after readers without statistics had stumb
 
 from collections.abc import Sequence
 
-from legfem.common.units import mpa_to_kpa
+from legfem.common.units import mpa_to_kpa, percent
 from legfem.inverse.averaging import widened_by
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.explanation import Explanation
@@ -18,7 +18,7 @@ from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import determined, places_of, relative_change
 from legfem.report.estimates import high_or_low
-from legfem.report.words import capital, moduli_text, number, percent, share
+from legfem.report.words import capital, moduli_text, number, share
 
 _HOLDS_RECORDED = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
 _NO_MECHANISM = (
@@ -327,7 +327,7 @@ def _sure(found: Diagnosis) -> str:
     if found.verdict == "named":
         share = found.models[0].probability
         return (
-            f"{capital(percent(share))} sure of this cause, and {wrong}. The range in brackets "
+            f"{capital(percent(share))} sure of this cause, and {wrong}. The range "
             f"also allows for other causes, and {_NINETEEN_OF_20}"
         )
     return f"{capital(wrong)}; this test cannot determine which of these. The range {_NINETEEN_OF_20}"

@@ -63,8 +63,19 @@ def estimated(what: str, found: Estimate, recordings: int, isotropic: bool) -> K
         "estimated" if found.parameter.role == "identified" else "prior",
         f"{recordings} recording{'s' * (recordings > 1)}{prior}",
         interval_text(found),
-        f"{found.identifiability}{bound}; ± {found.shown.standard_error:.2g} (sd){moduli}",
+        f"{found.identifiability}{bound}{_standard_error(found)}{moduli}",
     )
+
+
+_WIDENED = 8.0
+"""Standard errors in a 95 % interval, of which noise alone makes some four."""
+
+
+def _standard_error(found: Estimate) -> str:
+    """Return the standard error as text; nothing beside an interval that was widened by more than noise."""
+    low, high = found.shown.ci95
+    error = found.shown.standard_error
+    return "" if high - low > _WIDENED * error else f"; ± {error:.2g} (sd)"
 
 
 def prior_text(parameter: Parameter) -> str:

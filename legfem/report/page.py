@@ -125,6 +125,11 @@ class Bars:
     """Where they may end; the greatest value's or interval's end by default."""
 
     @property
+    def rows(self) -> list[tuple[str, str]]:
+        """Names and values as a table."""
+        return [(one.name, one.text) for one in self.bars]
+
+    @property
     def drawn(self) -> list[dict[str, Any]]:
         """Return the bars as they are drawn: widths and ends of intervals are per cent of the greatest."""
         ends = [max(b.value, b.interval[1] if b.interval else b.value) for b in self.bars]

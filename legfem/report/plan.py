@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from legfem.common.errors import Doubt, doubt_lines
+from legfem.common.units import percent
 from legfem.geometry.section import girth
 from legfem.inverse.plan import DesignValue
 from legfem.legs.plan import Expected
@@ -13,7 +14,7 @@ from legfem.report.diagnosis_curves import plain
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import options_of, percent
+from legfem.report.words import options_of
 
 SCHEMA = 1
 NOTHING = "nothing"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import DEEP_C10, RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import RELAXATION
@@ -215,7 +215,7 @@ def _headline(best: SpecimenFit) -> web.Headline:
                 "Problems found",
                 thickness.text
                 if thickness
-                else "None that these recordings can show."
+                else f"None that these recordings can show.{_unused(best)}"
                 if best.goodness.fits
                 else f"The recordings show an effect that the law leaves out "
                 f"({fit_probability(best.goodness.p_value)}).",
@@ -225,6 +225,13 @@ def _headline(best: SpecimenFit) -> web.Headline:
             ("What to do", _next(best)[0]),
         ],
     )
+
+
+def _unused(best: SpecimenFit) -> str:
+    count = len(best.details.left_out)
+    if not count:
+        return ""
+    return f" {count} recording{'s were' if count > 1 else ' was'} not used: the warnings say why."
 
 
 def _stiffness(best: SpecimenFit) -> str:
@@ -308,11 +315,11 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
             "factor by which recordings differ",
             f"{100 * first.details.gain_sd:.2g} % (sd)",
             "estimated",
-            "their forces; the intervals include it",
+            "the recordings' forces; the intervals include it",
         )
     )
     rows += [
-        web.Known(f"{one.words}, {LAW_NAMES[r.law]} law", f"{100 * one.probability:.0f} %", "estimated", "their curves")
+        web.Known(f"{one.words}, {LAW_NAMES[r.law]} law", percent(one.probability), "estimated", "their curves")
         for r in results
         for one in r.details.alternatives
     ]

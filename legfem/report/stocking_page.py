@@ -219,7 +219,7 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
         web.Chapter("How it was computed", [_computed(fit)]),
     ]
     return web.WebPage(
-        title=f"What does its compression stocking do to leg {leg.id}?",
+        title=f"What does the compression stocking do to leg {leg.id}?",
         subject=leg.title,
         origin=leg.origin,
         headline=_headline(fit),

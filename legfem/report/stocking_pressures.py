@@ -15,7 +15,7 @@ from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
-from legfem.stockings.levels import PLACES, LevelPressure
+from legfem.stockings.levels import PLACES, LevelPressure, rises
 from legfem.stockings.pressures import TissuePressures, too_low_by
 
 ALONG = "Pressure along the leg"
@@ -51,7 +51,7 @@ def vein_interval(details: StockingDetails, vein: int) -> tuple[float, float]:
 def low_in_fat(details: StockingDetails) -> str:
     """Return by how much the greatest pressure in the fat is too low on the mesh."""
     least, most = (f"{100 * share:.0f}" for share in too_low_by(details.tetrahedra))
-    return f"{least} to {most} % too low on this mesh, judging by finer meshes of leg 1"
+    return f"{least} to {most} % too low on this mesh, judging by finer meshes of a leg that comes with legfem"
 
 
 def place_in_fat(bare: LegShape, point: FloatArray) -> str:
@@ -293,18 +293,22 @@ def level_blocks(details: StockingDetails) -> list[Block]:
     if missing:
         blocks.append(
             Prose(
-                f"The modelled part has no {', '.join(missing)}: state heights as [stocking.levels_mm] in "
-                f"leg.toml, within {leg.bare.levels[0]:.0f} to {leg.bare.levels[-1]:.0f} mm."
+                f"Not shown, because the height isn't known or lies outside the modelled part: {', '.join(missing)}. "
+                "State the heights in the table [stocking.levels_mm] of leg.toml, between "
+                f"{leg.bare.levels[0]:.0f} and {leg.bare.levels[-1]:.0f} mm."
             )
         )
     open_ones = [one.level for one in levels if one.level != "B" and one.limits is None]
     if makers.intended_class and open_ones:
         blocks.append(
             Prose(
-                f"For limits at {', '.join(open_ones)}, state [stocking.limits_percent] in leg.toml: the least and "
-                "greatest share of the pressure at B that your standard allows."
+                f"legfem does not come with the limits of {makers.standard} at {', '.join(open_ones)}, which are not "
+                "freely published. Copy the least and the greatest share of the pressure at B from your copy of the "
+                "standard into the table [stocking.limits_percent] of leg.toml."
             )
         )
+    if len(levels) > 1 and not makers.assumed_fabric:
+        blocks.append(Prose(_falling(levels)))
     slope = 10 * np.polyfit(along.levels, along.mean, 1)[0]
     blocks.append(
         Prose(
@@ -346,6 +350,16 @@ def level_blocks(details: StockingDetails) -> list[Block]:
         )
     )
     return blocks
+
+
+def _falling(levels: Sequence[LevelPressure]) -> str:
+    """Say whether the pressure decreases from level to level."""
+    asked = "RAL-GZ 387 requires that the pressure decreases steadily from the ankle upwards"
+    rising = rises(levels)
+    if not rising:
+        return f"{asked}: it does so at these levels."
+    told = " and ".join(f"from {a.level} to {b.level} (by {b.mean - a.mean:.1f} mmHg)" for a, b in rising)
+    return f"{asked}: it increases {told}."
 
 
 _EXACT_FABRIC = (

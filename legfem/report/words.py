@@ -8,11 +8,13 @@ The fibula, where it is named beside the tibia, is on the lateral side.
 import math
 import shlex
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
+from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 
 ORIGINS = {
@@ -84,7 +86,9 @@ def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
 def options_of(subject: Subject) -> str:
     """Options of a command that name a subject."""
     site = f" --site {shlex.quote(subject.site)}" if subject.site else ""
-    return f"--subject-dir {subject.directory}{site}"
+    if subject.id in SUBJECTS.names and SUBJECTS.find(subject.id).resolve() == Path(subject.directory).resolve():
+        return f"--subject {subject.id}{site}"
+    return f"--subject-dir {shlex.quote(str(subject.directory))}{site}"
 
 
 @dataclass(frozen=True)
@@ -126,13 +130,6 @@ def unwrapped(points: FloatArray) -> FloatArray:
     """Return the angles of closed contours' points (n, m, 2) about their middles, increasing."""
     centre = points.mean(axis=1, keepdims=True)
     return np.asarray(np.unwrap(angle_round(points, centre), axis=1, period=360.0))
-
-
-def percent(probability: float) -> str:
-    """Return a probability in whole per cent, never quite none or all."""
-    if probability > 0.99:
-        return "over 99 %"
-    return "below 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
 
 
 def share(value: float) -> str:

@@ -1,7 +1,5 @@
 """What a recording of a specimen shows after first contact, at few stations."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,12 +95,12 @@ class Course:
             return False
         return (float(self.displacement[-1]) - way) * begun < _SLOWED * way * rest
 
-    def down_to(self, depth: float) -> Course:
+    def down_to(self, depth: float) -> "Course":
         """Return what is recorded before a displacement (mm) is exceeded."""
         deeper = np.flatnonzero(self.displacement > depth)
         return self if not len(deeper) else self._first(int(deeper[0]))
 
-    def _first(self, count: int) -> Course:
+    def _first(self, count: int) -> "Course":
         end = float(self.time[count - 1])
         kept = self.samples.time <= end
         return replace(

@@ -20,7 +20,7 @@ from scipy.special import logsumexp, softmax
 from scipy.stats import norm
 
 from legfem.common.errors import doubt_lines
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
@@ -128,8 +128,8 @@ def _mixed(known: Sequence[tuple[float, Estimate]], level: float) -> float:
 def alternatives_text(every: Sequence[Weighed], to_know: str) -> str:
     """Return what the recordings say of a test's alternatives, what that costs, and how to narrow it."""
     best, *others = every
-    chances = ", ".join(f"{one.words} ({100 * one.probability:.0f} %)" for one in every)
-    text = f"What isn't stated of the test is weighed by the recordings: {chances}."
+    chances = ", ".join(f"{one.words} ({percent(one.probability)})" for one in every)
+    text = f"The folder does not state this, so the recordings were used to weigh it: {chances}."
     name = DEEP_C10 if DEEP_C10 in best.estimates else next(iter(best.estimates))
     value = best.estimates[name].value
     moves = ", ".join(

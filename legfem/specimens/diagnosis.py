@@ -1,7 +1,5 @@
 """What the model leaves out of a specimen's test: the diagnosis' mechanisms, brought to its sizes, and weighed."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence

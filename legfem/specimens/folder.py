@@ -1,7 +1,5 @@
 """A specimen folder: ``specimen.toml`` and the recordings of one kind of test of one tissue."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -64,7 +62,7 @@ class SpecimenFolder:
     sizes_sd: float = 0.0
     """The same of other sizes, relative."""
 
-    def under(self, alternative: str) -> SpecimenFolder:
+    def under(self, alternative: str) -> "SpecimenFolder":
         """Return the folder with one of its alternatives taken to be so."""
         recordings = tuple(replace(one, sizes=under(one.sizes, alternative)) for one in self.recordings)
         return replace(self, recordings=recordings, alternatives=())

@@ -10,8 +10,6 @@ law are off by. Where it isn't known whether ends stick, that density weighs eac
 evidence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The tissues of a specimen, one or layers on each other, their laws, and what is free in them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -95,7 +93,7 @@ class SpecimenTissue:
         """Bulk over shear modulus at small strain."""
         return bulk_ratio(self.poisson_ratio)
 
-    def of_law(self, name: LawName) -> SpecimenTissue:
+    def of_law(self, name: LawName) -> "SpecimenTissue":
         """Return the tissue with the law that is asked for, unless it has its own."""
         return self if self.law else replace(self, law=name)
 

@@ -24,8 +24,6 @@ are cut along fibres and across, to that of each kind, which the fibres' ratio c
 projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -95,7 +93,7 @@ class OnsetEffect:
     pressed: float = 0.0
 
     @classmethod
-    def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> OnsetEffect:
+    def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> "OnsetEffect":
         """Return that of a course, by its own force where the slope isn't given."""
         expected, sd = detected.expected
         # A tared cell is known as well as one that was read in air.

@@ -159,7 +159,7 @@ def doubts_about_differing(stiffness: Mapping[SpecimenRecording, float]) -> Iter
             yield Doubt(
                 str(one.recording.source or one.name),
                 "force_N",
-                f"asks for {ratio:.3g} times the stiffness of the specimen's other recordings",
+                f"gives {ratio:.3g} times the stiffness of the specimen's other recordings",
                 "check that units, gain and specimen are the same",
             )
 

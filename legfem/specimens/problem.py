@@ -3,8 +3,6 @@
 First contact is found along with the law.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from contextlib import suppress

@@ -4,8 +4,6 @@ A constant of a material knows no thickness. Plates that don't touch all over, a
 seem soft; friction that the model lacks makes them seem stiff.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

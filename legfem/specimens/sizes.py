@@ -1,7 +1,5 @@
 """The tests of specimens that ``specimen.toml`` describes, with the sizes of each specimen, and its recordings."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -239,7 +237,7 @@ class SpecimenRecording:
         """First contact, by the recording alone."""
         return self.found or self.course.contact
 
-    def begun(self, place: float, returns: bool) -> SpecimenRecording:
+    def begun(self, place: float, returns: bool) -> "SpecimenRecording":
         """Return the same with first contact at another displacement (mm) of the recording.
 
         Raises
@@ -250,7 +248,7 @@ class SpecimenRecording:
         course = course_of(self.trial.touching(replace(self.detected, displacement=place)), returns)
         return replace(self, course=course.down_to(self.reach), found=self.detected)
 
-    def to(self, reach: float) -> SpecimenRecording:
+    def to(self, reach: float) -> "SpecimenRecording":
         """Return what of it lies within a displacement (mm)."""
         return replace(self, course=self.course.down_to(reach), reach=reach)
 

@@ -9,8 +9,6 @@ of them, one more is solved there. An interval that reaches a bound of the searc
 which the leg can't be computed, is open.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

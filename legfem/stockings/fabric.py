@@ -20,8 +20,6 @@ pressure at the ankle in mmHg. Upwards the pressure falls; below the knee the st
 most 70 % of the ankle's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -112,7 +110,7 @@ class StockingLoad:
     curvature: FloatArray
     pressure: FloatArray
 
-    def times(self, factor: float) -> StockingLoad:
+    def times(self, factor: float) -> "StockingLoad":
         """Scale tension and pressure by a factor."""
         return replace(self, tension=factor * self.tension, pressure=factor * self.pressure)
 

@@ -12,8 +12,6 @@ before, and what the errors of the bare outlines do follows the stiffness: the c
 at each, so that its change enters the steps. What was found is the same `legfem.inverse.fit.Fit`.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace

@@ -10,8 +10,6 @@ sensor's face, the relative error :math:`t` of the fabric's tension, the same ev
 sensor's own error :math:`e_i`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -94,7 +92,7 @@ class SensorArray:
     weights: FloatArray
 
     @classmethod
-    def on(cls, shape: LegShape, sensors: Sequence[Sensor]) -> SensorArray:
+    def on(cls, shape: LegShape, sensors: Sequence[Sensor]) -> "SensorArray":
         """Place sensors on the skin of a bare leg."""
         weights = np.array([_weights(shape, sensor) for sensor in sensors])
         return cls(sensors, weights.reshape(len(sensors), *shape.contours[SKIN].shape[:2]))
@@ -107,7 +105,7 @@ class SensorArray:
         """Average pressures at the skin's points (n_levels, n_points) over the faces, (s,)."""
         return np.tensordot(self.weights, pressure, axes=2)
 
-    def compared(self, pressure: FloatArray) -> tuple[ComparedSensor, ...]:
+    def compared(self, pressure: FloatArray) -> tuple["ComparedSensor", ...]:
         """Pair each sensor with the model's pressure, given at the skin's points."""
         modelled = map(float, self.averages(pressure))
         return tuple(ComparedSensor(*pair) for pair in zip(self.sensors, modelled, strict=True))

@@ -1,7 +1,5 @@
 """Finite-element model of a leg's segment under pressure on its skin, as shapes and points of the scan."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

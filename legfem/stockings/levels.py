@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -154,6 +155,16 @@ class LevelPressure:
         if high < least:
             return "too low"
         return "too high" if low > most else "not certain"
+
+
+def rises(levels: Sequence[LevelPressure]) -> list[tuple[LevelPressure, LevelPressure]]:
+    """Return the levels next to each other of which the upper has the higher pressure, or the same.
+
+    A stocking's pressure is to decrease steadily from the ankle upwards: so says the Gütezeichengemeinschaft
+    Medizinische Kompressionsstrümpfe, which publishes RAL-GZ 387, on https://www.gzg-kompressionsstruempfe.de.
+    """
+    upwards = sorted(levels, key=lambda one: one.height)
+    return [(lower, upper) for lower, upper in pairwise(upwards) if upper.mean >= lower.mean]
 
 
 def pressures_at_levels(along: PressureAlong, makers: MakersLevels, bare: LegShape) -> list[LevelPressure]:

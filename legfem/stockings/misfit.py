@@ -14,8 +14,6 @@ the stocking's pressure responds to them; so is the motion between the scans tha
 the bones leaves: bones are nearly prisms, so that they hardly fix the scans along the leg.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -199,7 +197,9 @@ class ContourMisfit:
     offset: FloatArray | float = 0.0
 
     @classmethod
-    def between(cls, target: SliceSet, accuracy: ContourAccuracy, scanned: LegShape, meshed: LegShape) -> ContourMisfit:
+    def between(
+        cls, target: SliceSet, accuracy: ContourAccuracy, scanned: LegShape, meshed: LegShape
+    ) -> "ContourMisfit":
         """Make the misfit with the offset between the scanned and the meshed bare leg."""
         plain = cls(target, accuracy)
         return cls(target, accuracy, plain.distances(meshed) - plain.distances(scanned))

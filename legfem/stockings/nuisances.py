@@ -20,8 +20,6 @@ computed at three stiffnesses of muscle and fat, :math:`m` and :math:`f`, and in
 which is exact where both stiffnesses change by one factor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
@@ -169,7 +167,7 @@ class NuisanceSlopes:
         outlines[:, : len(skin)] += by_modes
         return self._with_tension(np.hstack([self._rigid, by_pressure, outlines]))
 
-    def mapped(self, linear: Callable[[FloatArray], FloatArray]) -> NuisanceSlopes:
+    def mapped(self, linear: Callable[[FloatArray], FloatArray]) -> "NuisanceSlopes":
         """Return the same for a linear map of the distances, (n, k) to (m, k)."""
         other = copy(self)
         other._rigid, other._direct = linear(self._rigid), linear(self._direct)

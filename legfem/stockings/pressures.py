@@ -10,8 +10,6 @@ covariance, :math:`h_s` those by the relative pressure of the stocking in each s
 :math:`\sigma_m` the mesh's relative error. All are taken as independent.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@ L. Kaufman). :math:`N` changes with the stiffness, and that enters the derivativ
 would draw the stiffness towards where the contours are least sensitive to the nuisances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The schema of ``leg.toml``: a leg with and without its stocking."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -69,7 +67,7 @@ class StockingEntry(FileTable):
     limits_percent: SharesEntry = SharesEntry()
 
     @model_validator(mode="after")
-    def _one_size(self) -> StockingEntry:
+    def _one_size(self) -> "StockingEntry":
         sizes = ("compression_class", "unstretched_mm", "unstretched")
         given = [name for name in sizes if getattr(self, name) is not None]
         if len(given) != 1:
@@ -151,7 +149,7 @@ class SensorEntry(FileTable):
     """Diameter of the face; the instrument's, or 30 mm, without it."""
 
     @model_validator(mode="after")
-    def _one_error(self) -> SensorEntry:
+    def _one_error(self) -> "SensorEntry":
         if (self.instrument is None) == (self.sd_mmHg is None):
             what = "missing" if self.sd_mmHg is None else "given beside instrument"
             raise trouble("sd_mmHg", what, f"give its standard deviation, or one of {', '.join(KINDS)}")
@@ -180,7 +178,7 @@ class LegFile(FileTable):
     elastography: list[ElastographyEntry] = Field(default_factory=list)
 
     @model_validator(mode="after")
-    def _stiffness_is_known_or_shown(self) -> LegFile:
+    def _stiffness_is_known_or_shown(self) -> "LegFile":
         known = [t.C10_kPa for t in (self.tissues.deep, self.tissues.superficial)]
         if self.compressed is None and None in known:
             raise trouble(
@@ -197,7 +195,7 @@ class LegFile(FileTable):
         return self
 
     @model_validator(mode="after")
-    def _waves_across(self) -> LegFile:
+    def _waves_across(self) -> "LegFile":
         for number, entry in enumerate(self.elastography):
             if entry.tissue == "deep" and entry.plane == "along":
                 raise trouble(

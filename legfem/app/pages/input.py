@@ -148,7 +148,7 @@ def _recordings(looking: Run, found: dict[str, Any]) -> None:
     _recording(looking, first)
     if others:
         with ui.element("details"):
-            tag("summary", f"The other {len(others)}")
+            tag("summary", f"The other {len(others)} recording{'s' * (len(others) > 1)}")
             for one in others:
                 _recording(looking, one)
 

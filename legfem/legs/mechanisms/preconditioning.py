@@ -1,7 +1,5 @@
 """The tissue softens from trial to trial."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

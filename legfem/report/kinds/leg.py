@@ -187,7 +187,7 @@ def fit_curves(
         Line(f"model, {LAW_NAMES[law]}", force, force - measured.force, LAW_COLOURS[law], _DASHES[law])
         for law, force in predicted.items()
     ]
-    against = f" Trials beneath are taken from the {LAW_NAMES[best]} law." if many else ""
+    against = f" The trials in the lower panel are compared with the {LAW_NAMES[best]} law." if many else ""
     return Curves(
         name,
         f"{where}Force over the cylinder's displacement after first contact: recorded, and of the "

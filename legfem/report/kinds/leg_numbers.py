@@ -27,8 +27,8 @@ _AT = (5.0, 15.0, 25.0)
 """Displacements at which a correction is tabled, mm."""
 _TISSUES = ("deep", "superficial", "fascia")
 _WEIGHTINGS = {
-    "paper": "every point counts alike, as in the paper",
-    "covariance": "points count by the inverse of the readings' covariance",
+    "paper": "all points have the same weight, as in the paper",
+    "covariance": "points are weighted by the inverse of the readings' covariance",
 }
 
 
@@ -135,7 +135,7 @@ def _confirmed_rows(found: SpatialEvidence, depth: float) -> list[Known]:
         Known("leg in 3D", f"{found.length:.4g} mm long", source, found.shape),
         Known(
             "full solves in 3D",
-            f"{found.full_solves} and {found.rough_solves} rougher ones",
+            f"{found.full_solves} on the chosen mesh, {found.rough_solves} on coarser ones",
             "computed",
             "; ".join(f"{100 * one.error:.2g} % from the predicted force" for one in found.confirmations),
         ),
@@ -204,10 +204,10 @@ def _procedure(fit: LegFit) -> str:
         own = f" Errors of the sites' instruments are independent: {sizes}."
     together = "All sites were fitted together by one set of tissues. " if several else ""
     return (
-        f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. The loading was brought to one mean "
-        f"curve{' a site' if several else ''} with its errors. {together}{_model(fit)} {_searcher(fit)} searched for "
-        f"{_sought(fit)} on {searched}; {_WEIGHTINGS[fit.weighting]}.{own} What was recorded in unloading or at "
-        "rest was not used."
+        f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. The loading parts were averaged to one "
+        f"curve{' for each site' if several else ''}, whose errors are known. {together}{_model(fit)} {_searcher(fit)} "
+        f"searched for {_sought(fit)} on {searched}; {_WEIGHTINGS[fit.weighting]}.{own} Unloading and holds were not "
+        "used."
     )
 
 
@@ -224,8 +224,8 @@ def _model(fit: LegFit) -> str:
     correction = f"with the 3D correction {applied.name}" if applied else "without a correction for 3D effects"
     alike = ", whose errors are taken to be alike at all sites" if applied and len(fit.tests) > 1 else ""
     return (
-        "A plane-strain finite-element model of the section gives the force per length, taken times the cylinder's "
-        f"length, {correction}{alike}."
+        "A plane-strain finite-element model of the section gives the force per length, which is multiplied by the "
+        f"cylinder's length, {correction}{alike}."
     )
 
 

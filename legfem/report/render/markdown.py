@@ -67,10 +67,8 @@ def _block(block: Block) -> str:
             return _text(block.text)
         case Bullets():
             return _bullets(block.items)
-        case Bars():
-            return _captioned(block.caption, _table(block.header, [(bar.name, bar.text) for bar in block.bars]))
-        case WebTable() | SortableTable() | Curves() | PressedSection() | TurnedLeg() | ResponseSurface():
-            return _captioned(block.caption, _table(block.header, block.rows))
+        case WebTable() | SortableTable() | Bars() | Curves() | PressedSection() | TurnedLeg() | ResponseSurface():
+            return f"{_text(block.caption)}\n\n{_table(block.header, block.rows)}"
         case Verbatim():
             return f"{_text(block.title)}:\n\n{_code(block.text)}"
     return ""
@@ -80,10 +78,6 @@ def _code(text: str) -> str:
     """Text between fences that are longer than any in it."""
     fence = "`" * max(3, *(len(run) + 1 for run in re.findall("`+", text)), 3)
     return f"{fence}\n{text.rstrip()}\n{fence}"
-
-
-def _captioned(caption: str, table: str) -> str:
-    return f"{_text(caption)}\n\n{table}"
 
 
 def _bullets(items: Sequence[str]) -> str:

@@ -108,11 +108,8 @@ def _block(block: Block) -> str:
             return fill(block.text)
         case Bullets():
             return bullets(block.items)
-        case WebTable() | SortableTable():
+        case WebTable() | SortableTable() | Bars():
             return f"{fill(block.caption)}:\n{table(block.header, block.rows)}"
-        case Bars():
-            rows = [(bar.name, bar.text) for bar in block.bars]
-            return f"{fill(block.caption)}:\n{table(block.header, rows)}"
         case ResponseSurface():
             return f"{fill(block.header[0].capitalize())}:\n{table(block.header, block.rows)}"
         case Verbatim():
