@@ -176,7 +176,7 @@ def test_report_folder_is_complete_and_can_be_written_again(tmp_path):
         report = write_report(results, out, experiment=solved)
         text = report.read_text()
         assert "*** SIMULATED DATA ***" in text
-        assert ("one full solve beyond the search's 7" in " ".join(text.split())) == (solved is not None)
+        assert ("one full solve in addition to the search's 7" in " ".join(text.split())) == (solved is not None)
         listed = [line for line in text.split("Files\n-----\n")[1].splitlines() if line]
         names = {n for line in listed if line[0] != " " for n in line.split(", ") if "." in n}
         there = {path.name for path in out.iterdir()}
