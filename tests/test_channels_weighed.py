@@ -315,7 +315,8 @@ def test_a_plan_ranks_the_channel_that_shows_the_effect() -> None:
         assert found is not None
         return found.chances["superficial-stiffness", "nothing"]
 
-    lateral, frames, *_ = given.values()
+    lateral = given["record the lateral force too, in the same test"]
+    frames = next(test for name, test in given.items() if "ultrasound frame" in name)
     assert all(test.effort for test in given.values())
     assert {one.at for one in frames.channels} == {(10.0, 20.0)}
     assert chance(frames) > chance(again) + 0.2

@@ -19,6 +19,8 @@ CELL_MM = 6.0
 """Points are taken together in cells of this size, or of more where there would be too many."""
 _FEWEST, _STEP_MM = 4, 0.5
 """Places of a frame that have a gradient, and the step that it is taken over."""
+_ALL_OFF_MM = 18.0
+"""Distance of places between which the field bends too much for any gradient."""
 
 
 def _in_tissue(points: FloatArray, site: Site, beyond: float) -> NDArray[np.bool_]:
@@ -115,6 +117,16 @@ def displaced_image(
         "shift in y": accuracy.shift * slopes[:, 1],
         "turn": np.deg2rad(accuracy.turn) * (slopes[:, 1] * x - slopes[:, 0] * y),
     }
+
+
+def gradient_error(at: FloatArray) -> float:
+    """Return the share of itself by which a gradient between places (k, 2) is off: a third at 6 mm, and as they lie."""
+    places = np.unique(at, axis=0)
+    if len(places) < 2:
+        return 1.0
+    apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    return min(1.0, float(np.median(apart.min(axis=1))) / _ALL_OFF_MM)
 
 
 def _gradient(at: FloatArray, values: FloatArray) -> FloatArray:

@@ -268,6 +268,10 @@ class ChannelFile(ABC):
         """
         return {}
 
+    def shared_is_off(self, places: FloatArray) -> float:
+        """Return the share of themselves by which effects of `shared` are off, at each of the places (k, q) alone."""
+        return 0.0
+
 
 class FramesFile(ChannelFile):
     """Kinds that a file of frames gives: several readings a time, in a table of ``time_s`` and `columns`."""

@@ -111,3 +111,12 @@ def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, F
         return {}
     found = FILE_OF[one.name].shared(one.place, one.time, one.frame, predicted, one.accuracy)
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
+
+
+def misplaced_covariance(one: ChannelReadings, predicted: FloatArray) -> FloatArray:
+    """Return the covariance (k, k) of what `errors_of_places` are off by: at each place alone, alike in all frames."""
+    if one.course is None:
+        return np.zeros((len(predicted), len(predicted)))
+    off = FILE_OF[one.name].shared_is_off(one.place)
+    effects = np.array(list(errors_of_places(one, predicted).values())).reshape(-1, len(predicted))
+    return np.asarray(off**2 * np.equal.outer(one.course, one.course) * (effects.T @ effects))

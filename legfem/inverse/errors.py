@@ -25,7 +25,13 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD
-from legfem.inverse.channel_errors import errors_of_places, model_covariance, reading_covariance, shared_errors
+from legfem.inverse.channel_errors import (
+    errors_of_places,
+    misplaced_covariance,
+    model_covariance,
+    reading_covariance,
+    shared_errors,
+)
 from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.inverse.trial_noise import Noise, Observed, trial_covariance
 
@@ -161,7 +167,8 @@ def error_model(
         here = slice(first, first + len(one.values))
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
-        blocks.append(own + model_covariance(one, float(np.ptp(predicted))))
+        model = model_covariance(one, float(np.ptp(predicted))) + misplaced_covariance(one, predicted)
+        blocks.append(own + model)
         spread.append(np.sqrt(np.diag(blocks[-1])))
         shared = shared_errors(one, predicted, one.weights @ force) | errors_of_places(one, predicted)
         for name, effect in shared.items():

@@ -14,7 +14,13 @@ from legfem.data.noise import slowest_error
 from legfem.data.phases import LOADING
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.section import layer_thicknesses
-from legfem.inverse.channel_errors import errors_of_places, model_covariance, reading_covariance, shared_errors
+from legfem.inverse.channel_errors import (
+    errors_of_places,
+    misplaced_covariance,
+    model_covariance,
+    reading_covariance,
+    shared_errors,
+)
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
 from legfem.inverse.data import Channel
 from legfem.legs.nuisances import accuracy_of_shape
@@ -143,7 +149,7 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
     alike = [np.outer(effect, effect) for effect in shared.values()]
     # Where contact is put, in each trial by itself and in all.
     contact = curve.noise.shift_sd**2 * np.equal.outer(readings.trial, readings.trial) + curve.noise.common_shift_sd**2
-    instrument = own + sum(alike) + contact * np.outer(slope, slope)
+    instrument = own + misplaced_covariance(readings, level) + sum(alike) + contact * np.outer(slope, slope)
     # An outline that is off makes a layer thicker in proportion all along the test.
     share = np.abs(level) / at_rest if at_rest else np.zeros(len(level))
     both = np.sqrt(2) * accuracy_of_shape(subject).contour_sd * share

@@ -10,7 +10,7 @@ turned by :math:`\theta` about its middle :math:`c`. To first order a reading at
 .. math:: u(X) + \nabla u\,(s + \theta\, e_z \times (X - c)) - \theta\, e_z \times u,
 
 with the gradient of a thin-plate spline through what is predicted of the frame; between cells of 6 mm it is off by a
-third of itself.
+third of itself, which is an error of each place alone (`gradient_error`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.channels.image import CELL_MM, cell_means, cells_of, displaced_image, tissue_points
+from legfem.channels.image import CELL_MM, cell_means, cells_of, displaced_image, gradient_error, tissue_points
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelKind,
@@ -128,6 +128,10 @@ class SectionDisplacements(FramesFile):
                 # e_z x u is (-uy, ux).
                 found["turn"][mine] += sign * np.deg2rad(accuracy.turn) * _beside(at[mine], at[others], values[others])
         return found
+
+    def shared_is_off(self, places: FloatArray) -> float:
+        """Return by how much the gradient is off that the image's place is weighed with."""
+        return gradient_error(places[:, :2])
 
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the cells' mean displacements, of points that lie in tissue."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.channels.image import CELL_MM, cell_means, cells_of, displaced_image, tissue_points
+from legfem.channels.image import CELL_MM, cell_means, cells_of, displaced_image, gradient_error, tissue_points
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelKind,
@@ -109,6 +109,10 @@ class SectionStrains(FramesFile):
         By where strains are read; that the beam is turned too is a share of the turn's square, and of the shear.
         """
         return displaced_image(places, values, frame, accuracy)
+
+    def shared_is_off(self, places: FloatArray) -> float:
+        """Return by how much the gradient is off that the image's place is weighed with."""
+        return gradient_error(places)
 
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the cells' mean strains, of points whose window lies in tissue."""
