@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import select
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from making_attacks import ALL, GOOD, OUT, Attack, attack
 COUNT, SEED = 600, 50_000
 LONGEST_S = 60.0
 PREVIEW = "preview"
+PROGRESS = re.compile(r"\[ *[\d.]+ s\]")
 
 
 class Answering:
@@ -71,7 +73,7 @@ def wrong_with(one: Attack, answer: dict[str, object], out: Path) -> str:
     status, told, printed = answer["status"], str(answer["told"]), str(answer["printed"])
     if status not in (0, 1, 2):
         return told[-3000:]
-    lines = [line for line in told.splitlines() if not line.startswith(("warning: ", "["))]
+    lines = [line for line in told.splitlines() if not (line.startswith("warning: ") or PROGRESS.match(line))]
     if status and not told.startswith(("Usage: ", "Error: ")) and (len(lines) != 1 or ";" not in told):
         return f"status {status}, and not one line: {told[-1500:]!r}"
     there = sorted(path for path in out.rglob("*") if path.is_file()) if out.exists() else []

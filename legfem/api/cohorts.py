@@ -194,7 +194,9 @@ def cohort(
     started = time.perf_counter()
     given = {"law": law, "identify": identify, "prior": prior, "fix": fix, "depth": depth, "correction": correction}
     given |= {"model": model, "mesh": mesh, "cells": cells, "seed": seed}
-    options = _options(do, {name: value for name, value in given.items() if value not in (None, ())}, library)
+    # A path is as good as its text, as in the command.
+    texts = {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
+    options = _options(do, {name: value for name, value in texts.items() if value not in (None, ())}, library)
     with engine_named(on, jobs, scheduler) as engine:
         if engine is not None:
             members = find_members(Path(folder), do, layout, None if table is None else Path(table))
