@@ -111,6 +111,16 @@ class LabelledBar:
 
 
 @dataclass(frozen=True)
+class DrawnBar:
+    """A bar as it is drawn: width and ends of its interval are per cent of the greatest."""
+
+    name: str
+    text: str
+    width: float
+    interval: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
 class Bars:
     """Numbers of one unit beside each other."""
 
@@ -130,8 +140,8 @@ class Bars:
         return [(one.name, one.text) for one in self.bars]
 
     @property
-    def drawn(self) -> list[dict[str, Any]]:
-        """Return the bars as they are drawn: widths and ends of intervals are per cent of the greatest."""
+    def drawn(self) -> list[DrawnBar]:
+        """Return the bars as they are drawn."""
         ends = [max(b.value, b.interval[1] if b.interval else b.value) for b in self.bars]
         greatest = max(ends, default=1.0) if self.greatest is None else self.greatest
         span = greatest - self.least
@@ -141,12 +151,7 @@ class Bars:
             return round(100 * min(max(share, 0.0), 1.0), 2)
 
         return [
-            {
-                "name": b.name,
-                "text": b.text,
-                "width": at(b.value),
-                "interval": b.interval and tuple(map(at, b.interval)),
-            }
+            DrawnBar(b.name, b.text, at(b.value), (at(b.interval[0]), at(b.interval[1])) if b.interval else None)
             for b in self.bars
         ]
 
