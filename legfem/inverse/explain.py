@@ -235,12 +235,8 @@ def _led_by(one: Explanation, found: Sequence[Explanation], every: bool) -> list
     """
     singles = singles_of(found)
     pairs = [e for e in found if len(e.names) > 1 and not e.confirmed and e is not one]
-    if not every:
-        return [pair for pair in pairs if counts_for(pair, singles) is one]
-    alone = {pair.names: [singles[n,] for n in pair.names if (n,) in singles] for pair in pairs}
-    return [
-        pair for pair in pairs if max(alone[pair.names], key=lambda e: e.posterior.log_evidence, default=None) is one
-    ]
+    led_by = better_of if every else counts_for
+    return [pair for pair in pairs if led_by(pair, singles) is one]
 
 
 def _as_confirmed(one: Explanation) -> Explanation:
