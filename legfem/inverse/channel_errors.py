@@ -5,7 +5,7 @@ Each channel has an instrument of its own: errors from reading to reading, slow 
 cell's; what isn't known of the leg (outlines, aim, stiffness of the fat) is shared with the force.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -113,10 +113,10 @@ def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, F
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
 
 
-def misplaced_covariance(one: ChannelReadings, predicted: FloatArray) -> FloatArray:
+def misplaced_covariance(one: ChannelReadings, effects: Mapping[str, FloatArray]) -> FloatArray:
     """Return the covariance (k, k) of what `errors_of_places` are off by: at each place alone, alike in all frames."""
-    if one.course is None:
-        return np.zeros((len(predicted), len(predicted)))
+    if one.course is None or not effects:
+        return np.zeros((len(one.values), len(one.values)))
+    each = np.array(list(effects.values()))
     off = FILE_OF[one.name].shared_is_off(one.place)
-    effects = np.array(list(errors_of_places(one, predicted).values())).reshape(-1, len(predicted))
-    return np.asarray(off**2 * np.equal.outer(one.course, one.course) * (effects.T @ effects))
+    return np.asarray(off**2 * np.equal.outer(one.course, one.course) * (each.T @ each))

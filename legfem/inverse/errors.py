@@ -167,10 +167,11 @@ def error_model(
         here = slice(first, first + len(one.values))
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
-        model = model_covariance(one, float(np.ptp(predicted))) + misplaced_covariance(one, predicted)
+        of_places = errors_of_places(one, predicted)
+        model = model_covariance(one, float(np.ptp(predicted))) + misplaced_covariance(one, of_places)
         blocks.append(own + model)
         spread.append(np.sqrt(np.diag(blocks[-1])))
-        shared = shared_errors(one, predicted, one.weights @ force) | errors_of_places(one, predicted)
+        shared = shared_errors(one, predicted, one.weights @ force) | of_places
         for name, effect in shared.items():
             columns[name] = np.zeros(len(prediction))
             columns[name][here] = effect

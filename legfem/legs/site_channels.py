@@ -145,11 +145,12 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
     )
     own = reading_covariance(readings, slope, slowest, [sorted({int(k) for k in readings.trial})])
     force = np.interp(readings.displacement, curve.displacement, curve.force, left=0.0)
-    shared = shared_errors(readings, level, force) | errors_of_places(readings, level)
+    of_places = errors_of_places(readings, level)
+    shared = shared_errors(readings, level, force) | of_places
     alike = [np.outer(effect, effect) for effect in shared.values()]
     # Where contact is put, in each trial by itself and in all.
     contact = curve.noise.shift_sd**2 * np.equal.outer(readings.trial, readings.trial) + curve.noise.common_shift_sd**2
-    instrument = own + misplaced_covariance(readings, level) + sum(alike) + contact * np.outer(slope, slope)
+    instrument = own + misplaced_covariance(readings, of_places) + sum(alike) + contact * np.outer(slope, slope)
     # An outline that is off makes a layer thicker in proportion all along the test.
     share = np.abs(level) / at_rest if at_rest else np.zeros(len(level))
     both = np.sqrt(2) * accuracy_of_shape(subject).contour_sd * share
