@@ -10,7 +10,7 @@ from legfem.mechanics.terms.contact import NormalContact, SkinPressure, Tangenti
 from legfem.mechanics.terms.drainage import Drainage
 from legfem.mechanics.terms.fascia import Fascia, Prestress, Sliding
 from legfem.mechanics.terms.muscle import Contraction, Fibres
-from legfem.mechanics.terms.nonuniform_stiffness import StiffnessGradient, UnevenStiffness
+from legfem.mechanics.terms.nonuniform_stiffness import StiffLump, StiffnessGradient, UnevenStiffness
 from legfem.mechanics.terms.pressure_stabilisation import PressureStabilisation
 from legfem.mechanics.terms.tissue import Tissue, VolumeLoss
 from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
@@ -29,6 +29,7 @@ __all__ = [
     "StiffnessGradient",
     "TangentialContact",
     "Tissue",
+    "StiffLump",
     "UnevenStiffness",
     "Viscoelasticity",
     "VolumeLoss",
