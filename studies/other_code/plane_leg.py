@@ -279,8 +279,8 @@ def _shared(one: Ints, other: Ints) -> Ints:
 
 _PENALTY, _BETWEEN = 2000.0, 4000.0
 """Of the cylinder on the skin, normal and tangential, and of fat on the fascia: times the shear modulus of fat or
-muscle, whichever is larger, over the cylinder's radius. A tenth of it along the skin lets a soft fat under a stiff muscle yield by 2 %
-of the force."""
+muscle, whichever is larger, over the cylinder's radius. With a tenth of it along the skin a soft fat under a stiff
+muscle yields by 2 % of the force."""
 
 
 @dataclass(frozen=True)
