@@ -63,11 +63,11 @@ def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tu
 class UnevenMuscle(TissueMechanism):
     r"""A lump, or a weak spot, somewhere under the indenter, with no edge.
 
-    A smaller one that is stiffer changes the force likewise, but moves the tissue about it less, so that the rest
-    of the muscle is told apart from it by other channels. Between places and radii of a lattice its response is
-    shared out among them; its own solution is of one lump. The force follows the excess e as :math:`g = \ln(1 + c e) / c`, less and less as that of an inclusion does (J. D. Eshelby,
-    Proc. R. Soc. A 241 (1957) 376); what that misses of a solution with a hard lump at each place
-    counts with the square of g over its own there.
+    A smaller one that is stiffer changes the force likewise, but moves the tissue about it less, so that the rest of
+    the muscle is told apart from it by other channels. Between places and radii of a lattice its response is shared
+    out among them; its own solution is of one lump. The force follows the excess e as :math:`g = \ln(1 + c e) / c`,
+    less and less as that of an inclusion does (J. D. Eshelby, Proc. R. Soc. A 241 (1957) 376); what that misses of a
+    solution with a hard lump at each place counts with the square of g over its own there.
     """
 
     name: ClassVar[str] = "uneven-muscle"
