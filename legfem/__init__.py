@@ -6,8 +6,6 @@
 >>> print(found.summary())
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import sys

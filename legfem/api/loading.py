@@ -1,7 +1,5 @@
 """What a call is about, by id or by its folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -69,7 +67,9 @@ def load_sites(leg: Given) -> SitedLeg:
     return loaded
 
 
-def opened(given: Subject | SitedLeg | SpecimenFolder | Given, site: str = "") -> Subject | SitedLeg | SpecimenFolder:
+def opened(
+    given: "Subject | SitedLeg | SpecimenFolder | Given", site: str = ""
+) -> "Subject | SitedLeg | SpecimenFolder":
     """Return what is to be identified: a leg, one of its sites, all of them, or specimens.
 
     Raises
@@ -125,7 +125,7 @@ def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
     return found
 
 
-def load_specimen(folder: Given) -> SpecimenFolder:
+def load_specimen(folder: Given) -> "SpecimenFolder":
     """Load specimens that were tested in a lab: a ball, a punch, a cup, plates, a bar ...
 
     Parameters
@@ -148,7 +148,7 @@ def load_specimen(folder: Given) -> SpecimenFolder:
     return loaded
 
 
-def load_leg(leg: Given) -> StockingLeg:
+def load_leg(leg: Given) -> "StockingLeg":
     """Load a leg that was scanned with and without a stocking.
 
     Parameters

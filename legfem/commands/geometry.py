@@ -1,7 +1,5 @@
 """``legfem geometry``: a subject folder from a scanned leg, and a picture of it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -112,7 +110,9 @@ def convert(
     print(f"picture: {picture}")
 
 
-def _source(cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str]) -> LegSource:
+def _source(
+    cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str]
+) -> "LegSource":
     from legfem.imaging.leg_source import LegSource
     from legfem.imaging.surfaces import read_surfaces
     from legfem.imaging.volume_file import read_volume

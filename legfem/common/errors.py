@@ -1,7 +1,5 @@
 """What a user is told of what was given: errors, checks that raise them, doubts about what is unlikely."""
 
-from __future__ import annotations
-
 import logging
 import math
 import sys

@@ -1,7 +1,5 @@
 """Files that users hand over, read strictly: text, comma-separated tables, and TOML against a schema."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import difflib
@@ -82,7 +80,7 @@ def read_table(
     text: Sequence[str] = (),
     optional: Sequence[str] = (),
     sparse: Sequence[str] = (),
-) -> pd.DataFrame:
+) -> "pd.DataFrame":
     """Read a CSV file whose first line is exactly ``columns``, parted by commas, or by semicolons or tabs.
 
     Parameters
@@ -196,7 +194,7 @@ def _check_width(path: Path, line: int, row: list[str], width: int, wanted: str)
     raise InputError(path, f"line {line}", problem, f"{mend}; the columns are {wanted}")
 
 
-def _numbers(path: Path, column: pd.Series[str]) -> pd.Series[float]:
+def _numbers(path: Path, column: "pd.Series[str]") -> "pd.Series[float]":
     import pandas as pd
 
     values = pd.to_numeric(column, errors="coerce").astype(np.float64)

@@ -1,7 +1,5 @@
 """What every experiment is: parameters and a load in, a force curve with its derivatives out."""
 
-from __future__ import annotations
-
 import typing
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence

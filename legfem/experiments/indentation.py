@@ -1,7 +1,5 @@
 """Indentation by a rigid body: what all tests with an indenter share, and their last solutions in memory."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -82,7 +80,7 @@ class IndentationModel(Meshed):
     reader: ChannelReader | None = None
 
     @cached_property
-    def relaxing(self) -> IndentationModel:
+    def relaxing(self) -> "IndentationModel":
         """The same model with steps that relax to another equilibrium where a path of equilibria ends."""
         return replace(self, steps=replace(self.steps, relaxes=True))
 

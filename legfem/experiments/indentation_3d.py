@@ -1,7 +1,5 @@
 """A cylinder of finite length pressed into the idealised leg, in 3D or in plane strain."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

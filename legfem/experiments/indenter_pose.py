@@ -1,7 +1,5 @@
 """Indenters of a leg in 3D, and their pose."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

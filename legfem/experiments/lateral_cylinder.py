@@ -1,7 +1,5 @@
 """A rigid cylinder that lies on a block on a rigid base and is pressed into it, in plane strain."""
 
-from __future__ import annotations
-
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
 from legfem.experiments.bodies import CylinderOnBlock
 from legfem.mechanics.contact import ContactSettings

@@ -1,7 +1,5 @@
 """A cylinder of finite length, a ball or a punch pressed into a leg as it is, in 3D."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property

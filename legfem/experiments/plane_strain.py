@@ -1,7 +1,5 @@
 """A cylinder pressed into a leg's cross-section in plane strain."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -226,22 +224,22 @@ class PlaneStrainIndentation(IndentationTest):
         return RecentSolutions()
 
     @cached_in_process
-    def _finer(self) -> PlaneStrainIndentation:
+    def _finer(self) -> "PlaneStrainIndentation":
         """The same test on a finer mesh."""
         mesh = self.settings.mesh.refined(1.5)
         return replace(self, settings=replace(self.settings, mesh=mesh, defences=False))
 
     @cached_in_process
-    def _well_integrated(self) -> PlaneStrainIndentation:
+    def _well_integrated(self) -> "PlaneStrainIndentation":
         """The same test with more quadrature points, for thin layers of tissue that are stretched far."""
         return self._on_this_mesh(quadrature_degree=max(self.settings.quadrature_degree, _RAISED_DEGREE))
 
     @cached_in_process
-    def _of_displacements(self) -> PlaneStrainIndentation:
+    def _of_displacements(self) -> "PlaneStrainIndentation":
         """The same test with displacements alone as unknowns, in which thin layers of soft fat are more stable."""
         return self._on_this_mesh(formulation="displacement")
 
-    def _on_this_mesh(self, **changed: Any) -> PlaneStrainIndentation:
+    def _on_this_mesh(self, **changed: Any) -> "PlaneStrainIndentation":
         settings = replace(self.settings, defences=False, **changed)
         return replace(self, settings=settings, meshed=self.section_mesh)
 

@@ -1,7 +1,5 @@
 """Fields of a deformed leg: displacement, stress and strain measures, pressure on the skin."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Forms of a model's body and of its skin: numbers as symbols, history variables at quadrature points."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real

@@ -11,8 +11,6 @@ the outline, and its place along the line changes by
 .. math:: a' = x' \cdot t - \frac{a_s}{c_s}\, x' \cdot n.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Points inside a section: where they lie in its mesh, and what a field is there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +32,7 @@ class PointsInside:
     comm: MPI.Intracomm
 
     @classmethod
-    def found(cls, spaces: LegSpaces, points: FloatArray) -> PointsInside:
+    def found(cls, spaces: LegSpaces, points: FloatArray) -> "PointsInside":
         """Find points (m, 2), mm, in an undeformed section; collective over its ranks."""
         space, comm = spaces.displacement_space, spaces.mesh.comm
         cells = space.dofmap.list[: spaces.mesh.topology.index_map(2).size_local]

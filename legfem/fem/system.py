@@ -1,7 +1,5 @@
 """Residual and tangent of a model on its spaces, and the state that a step starts from."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Smooth closed curves through contour points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Planes that cut a leg, with coordinates of their own, and rigid motions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,12 +38,14 @@ class CuttingPlane:
         object.__setattr__(self, "point", frozen_array(self.point))
 
     @staticmethod
-    def at_level(level: float) -> CuttingPlane:
+    def at_level(level: float) -> "CuttingPlane":
         """Return the plane z = level (mm)."""
         return CuttingPlane(level * _UP, _UP)
 
     @staticmethod
-    def of_cylinder(position: FloatArray, direction: FloatArray, axis: FloatArray | None, source: str) -> CuttingPlane:
+    def of_cylinder(
+        position: FloatArray, direction: FloatArray, axis: FloatArray | None, source: str
+    ) -> "CuttingPlane":
         """Return the plane in which a cylinder travels: through its position, across its axis.
 
         Parameters
@@ -186,7 +186,7 @@ class RigidTransform:
             raise InputError("transform", "rotation", "is not a rotation", "give an orthogonal matrix, det 1")
 
     @staticmethod
-    def of_angles(degrees: tuple[float, float, float], translation: FloatArray) -> RigidTransform:
+    def of_angles(degrees: tuple[float, float, float], translation: FloatArray) -> "RigidTransform":
         """Return turns about the fixed axes x, y and z, in this order, then a translation (mm)."""
         turn = Rotation.from_euler("xyz", degrees, degrees=True).as_matrix()
         return RigidTransform(turn, np.asarray(translation, dtype=np.float64))
@@ -196,10 +196,10 @@ class RigidTransform:
         moved: FloatArray = points @ self.rotation.T + self.translation
         return moved
 
-    def inverse(self) -> RigidTransform:
+    def inverse(self) -> "RigidTransform":
         """Return the inverse motion."""
         return RigidTransform(self.rotation.T, -self.rotation.T @ self.translation)
 
-    def after(self, first: RigidTransform) -> RigidTransform:
+    def after(self, first: "RigidTransform") -> "RigidTransform":
         """Return the motion that does ``first`` and then this one."""
         return RigidTransform(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)

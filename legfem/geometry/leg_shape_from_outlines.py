@@ -4,8 +4,6 @@ Cross-sections of surfaces (see `legfem.geometry.contours`) are read too: what t
 ``muscle_hull`` is given room.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Moving a leg's shape: its points leave their levels, and are cut by levels anew."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The leg's cross-section: four closed contours and the fascia's thickness."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

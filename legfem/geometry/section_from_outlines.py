@@ -5,8 +5,6 @@ surfaces give them. These have no fascia, and the hull may meet the tibia, leave
 shin), or be in pieces, muscle by muscle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ The second paper compares outer and inner contours of the superficial tissue (sk
 slices over 3 cm of the calf.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -46,7 +44,7 @@ class SliceSet:
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
     @staticmethod
-    def of(shape: LegShape, levels: ArrayLike) -> SliceSet:
+    def of(shape: LegShape, levels: ArrayLike) -> "SliceSet":
         """Return the slices of a shape at some levels (mm).
 
         Raises

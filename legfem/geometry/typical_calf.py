@@ -1,7 +1,5 @@
 """A typical calf's section of a few numbers that a reader can judge: girth, fat, and proportions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,7 +58,7 @@ class Calf:
             raise InputError("Calf", "fascia_thickness_mm", "is not below fat_mm", "give a thinner fascia")
 
     @classmethod
-    def with_fat_behind(cls, girth_mm: float, fat_mm: float, fascia_thickness_mm: float) -> Calf:
+    def with_fat_behind(cls, girth_mm: float, fat_mm: float, fascia_thickness_mm: float) -> "Calf":
         """A calf of usual proportions, given the thickness of its fat (mm) at the middle of the back."""
         usual = cls(girth_mm, fat_mm, fascia_thickness_mm)
         behind = float(usual.relative_fat(np.array(-np.pi / 2)))

@@ -5,8 +5,6 @@ A part has the step's number in its name, and the first rank names the last step
 are there: neither a kill nor another solution's files are ever taken for a state.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import time

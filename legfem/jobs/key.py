@@ -1,7 +1,5 @@
 """The key of finished work: a hash of all that it depends on, inputs and code."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """What the fit of a leg has beside that of any test: what corrected its force for 3D, and its own solves in 3D."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -66,7 +64,7 @@ class SpatialEvidence:
     """Greatest error of P from `legfem.legs.correction.FIRST_RATIO` on, by its cause."""
     table_P: FloatArray | None
     """What the table of idealised legs says here, (n,); None without one."""
-    pressed: PressedLeg | None = None
+    pressed: "PressedLeg | None" = None
     """The last full solve, to be looked at; None where its states were not kept."""
 
     @property

@@ -1,7 +1,5 @@
 """Writing a subject folder from a section, with or without recordings."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -71,7 +69,7 @@ displacement_accuracy_mm = 0.25"""
 
 
 def folder_of_leg(
-    source: LegSource,
+    source: "LegSource",
     level: float,
     out: Path,
     fascia_thickness: float = 0.6,

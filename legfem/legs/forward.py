@@ -1,7 +1,5 @@
 """The forward model as identification sees it: values in, a force curve or a failure out."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,20 +28,20 @@ class PlaneStrainForward:
 
     section: LegSection
     indenter: Indenter
-    tissues: Tissues
-    settings: PlaneStrainSettings
+    tissues: "Tissues"
+    settings: "PlaneStrainSettings"
     depth: float
     """mm."""
-    mechanisms: tuple[Term, ...] = ()
+    mechanisms: "tuple[Term, ...]" = ()
     """Terms added to those of tissues and contact."""
     sights: tuple[Sight, ...] = ()
     """Places at which channels are read."""
-    _experiment: PlaneStrainIndentation | None = field(default=None, init=False, repr=False)
+    _experiment: "PlaneStrainIndentation | None" = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_subject(
-        cls, subject: Subject, depth: float, settings: PlaneStrainSettings | None = None
-    ) -> PlaneStrainForward:
+        cls, subject: Subject, depth: float, settings: "PlaneStrainSettings | None" = None
+    ) -> "PlaneStrainForward":
         """Return the test of a subject pressed to a depth (mm).
 
         Raises
@@ -63,7 +61,7 @@ class PlaneStrainForward:
         return {**self.__dict__, "_experiment": None}
 
     @property
-    def experiment(self) -> PlaneStrainIndentation:
+    def experiment(self) -> "PlaneStrainIndentation":
         """The finite-element model; compiled and meshed when first asked for."""
         if self._experiment is None:
             from legfem.experiments.plane_strain import PlaneStrainIndentation
@@ -124,7 +122,7 @@ class PlaneStrainForward:
         }
 
 
-def values_of(tissues: Tissues) -> dict[str, float]:
+def values_of(tissues: "Tissues") -> dict[str, float]:
     """Return the tissues' values by full name (MPa, 1/MPa)."""
     return {
         f"{tissue}.{key}": value for tissue in _TISSUES for key, value in getattr(tissues, tissue).parameters.items()

@@ -1,7 +1,5 @@
 """Where a leg is pressed: its section and the line of travel in it, and its shape in 3D about the indenter."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,7 +42,7 @@ class Placement:
     """File and plane, where the section was cut."""
     landmark_residual: float | None = None
     """Root mean square of the distances of registered landmarks, mm; None without any."""
-    source: LegSource | None = None
+    source: "LegSource | None" = None
     """What the section was cut from; None where its contours alone are given."""
     plane: CuttingPlane | None = None
     """In which it was cut."""
@@ -171,7 +169,7 @@ class SpatialLeg:
     source: str
     extruded: bool
 
-    def trimmed(self, held: float, share: float) -> SpatialLeg:
+    def trimmed(self, held: float, share: float) -> "SpatialLeg":
         """Return the leg with a share of what lies beyond the middle ``held`` (mm) cut away."""
         half = 0.5 * held
         low, high = self.shape.levels[0], self.shape.levels[-1]

@@ -1,7 +1,5 @@
 """A leg as a problem: one or several sites, in plane strain or in 3D, with what is unknown of its tissues."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -99,7 +97,7 @@ class LegProblem:
     def refined(self, search: Search[JointComparison]) -> None:
         """Nothing: the sites' curves stay as they are."""
 
-    def corrected(self, corrections: Sequence[Correction | None]) -> LegProblem:
+    def corrected(self, corrections: Sequence[Correction | None]) -> "LegProblem":
         """The same with other corrections, one a site."""
         pairs = zip(self.tests, corrections, strict=True)
         return replace(self, tests=tuple(replace(test, correction=one) for test, one in pairs))
@@ -177,7 +175,7 @@ def leg_problem(
     request: SearchRequest,
     corrections: Sequence[TabulatedCorrection | None] | None = None,
     forward: Forward | None = None,
-    settings: PlaneStrainSettings | None = None,
+    settings: "PlaneStrainSettings | None" = None,
 ) -> LegProblem:
     """A leg's sites in plane strain, with corrections for 3D.
 
@@ -219,7 +217,7 @@ def leg_problem(
 
 
 def section_forward(
-    leg: SitedLeg, request: SearchRequest, settings: PlaneStrainSettings | None = None
+    leg: SitedLeg, request: SearchRequest, settings: "PlaneStrainSettings | None" = None
 ) -> JointForward[PlaneStrainForward]:
     """Forward model of a leg's sites in plane strain, every one pressed as deep as its recordings ask.
 

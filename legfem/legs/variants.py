@@ -1,7 +1,5 @@
 """A leg's finite-element models that show mechanisms: the base model with a few more terms each."""
 
-from __future__ import annotations
-
 import os
 import pathlib
 from collections.abc import Mapping, Sequence
@@ -35,7 +33,7 @@ class Tally:
     factorisations: int = 0
     iterations: int = 0
 
-    def add(self, report: SolveReport) -> None:
+    def add(self, report: "SolveReport") -> None:
         """Count a solution, with the attempts before it."""
         self.solutions += 1
         self.factorisations += report.factorisations
@@ -58,15 +56,15 @@ class LegVariants:
         Places at which channels are read.
     """
 
-    section: LegSection
-    indenter: Indenter
-    tissues: Tissues
-    settings: PlaneStrainSettings
-    moved: MeshMotion | None = None
+    section: "LegSection"
+    indenter: "Indenter"
+    tissues: "Tissues"
+    settings: "PlaneStrainSettings"
+    moved: "MeshMotion | None" = None
     sights: tuple[Sight, ...] = ()
     tally: Tally = field(default_factory=Tally, repr=False)
     """Shared with the leg of a moved mesh."""
-    _models: dict[str, PlaneStrainIndentation] = field(default_factory=dict, init=False, repr=False)
+    _models: "dict[str, PlaneStrainIndentation]" = field(default_factory=dict, init=False, repr=False)
     _described: dict[str, str] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -83,7 +81,7 @@ class LegVariants:
         """Geometries whose forces tell of outlines, aim and direction."""
         return tuple(displaced_geometries())
 
-    def moved_to(self, moved: MeshMotion) -> LegVariants:
+    def moved_to(self, moved: "MeshMotion") -> "LegVariants":
         """Return the leg with its mesh moved."""
         return replace(self, moved=moved)
 
@@ -93,8 +91,8 @@ class LegVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: LateralPlacement | None = None,
-    ) -> Path | Stopped:
+        placement: "LateralPlacement | None" = None,
+    ) -> "Path | Stopped":
         """Solve a protocol; say why where it isn't followed to its end.
 
         Parameters
@@ -131,7 +129,7 @@ class LegVariants:
             self._described[variant] = repr((self._terms(variant), self._settings(variant)))
         return self._described[variant]
 
-    def model(self, variant: str) -> PlaneStrainIndentation:
+    def model(self, variant: str) -> "PlaneStrainIndentation":
         """Return a model by its name."""
         if variant not in self._models:
             from legfem.experiments.plane_strain import PlaneStrainIndentation
@@ -147,7 +145,7 @@ class LegVariants:
             )
         return self._models[variant]
 
-    def _settings(self, variant: str) -> PlaneStrainSettings:
+    def _settings(self, variant: str) -> "PlaneStrainSettings":
         settings = self.settings
         for mechanism in _of_variant(variant):
             if mechanism.formulation is not None:

@@ -1,7 +1,5 @@
 """What a term of a model sees of the domain where it acts: the body, or its skin."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ A mechanism is a term: it adds to the residual of the domain where it acts, and 
 the quadrature points. What it needs is this protocol and nothing else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -119,11 +117,11 @@ class LegModel:
         """Return the term of that name."""
         return next(term for term in self.terms if term.name == name)
 
-    def with_terms(self, terms: Iterable[Term]) -> LegModel:
+    def with_terms(self, terms: Iterable[Term]) -> "LegModel":
         """Return the model with terms added, each in place of one of its name if there is."""
         return reduce(LegModel.with_term, terms, self)
 
-    def with_term(self, term: Term) -> LegModel:
+    def with_term(self, term: Term) -> "LegModel":
         """Return the model with a term swapped by name, or added."""
         if any(other.name == term.name for other in self.terms):
             swapped = tuple(term if other.name == term.name else other for other in self.terms)

@@ -1,7 +1,5 @@
 """A page in all forms that stand in a command's folder."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +19,7 @@ PAGE_FILES = (REPORT, PAGE, MARKDOWN, CSV, WORKBOOK)
 
 
 def write_page(
-    page: WebPage, folder: Path, explore: str, files: Sequence[ReportFile], estimates: pd.DataFrame | None = None
+    page: WebPage, folder: Path, explore: str, files: Sequence[ReportFile], estimates: "pd.DataFrame | None" = None
 ) -> None:
     """Write ``report.html``, ``report.txt``, ``report.md``, ``numbers.csv`` and ``numbers.xlsx``.
 

@@ -8,8 +8,6 @@ to PETSc options: with the prefix ``legfem_`` for factors, ``legfem_mixed_`` or
 ``legfem_displacement_`` for iterations on either form.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

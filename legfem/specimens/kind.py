@@ -3,8 +3,6 @@
 Everything else (identification, diagnosis, pages, the form in a browser) works with that; see `legfem.specimens.kinds`.
 """
 
-from __future__ import annotations
-
 import typing
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -118,9 +116,9 @@ class SpecimenTest(typing.Protocol):
     def solve(
         self,
         values: Mapping[str, float] | None = None,
-        protocol: Protocol | float | None = None,
+        protocol: "Protocol | float | None" = None,
         sensitivities: Sequence[str] = (),
-    ) -> Solved:
+    ) -> "Solved":
         """Return the outcome for a protocol, up to where the solution came."""
 
     def with_terms(self, terms: Sequence[Any]) -> Self:

@@ -1,7 +1,5 @@
 """What of specimens can't be (an error) or is unlikely (a doubt): units, sizes, stiffness."""
 
-from __future__ import annotations
-
 import re
 import statistics
 from collections.abc import Iterator, Mapping, Sequence

@@ -5,8 +5,6 @@ of the second, beside the same of the model, less what rigid motions and errors 
 between stocking and skin are a channel of pressures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise

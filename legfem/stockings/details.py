@@ -1,7 +1,5 @@
 """What the fit of a leg in its stocking has beside that of any test: the leg as worn, its pressures, the searches."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any

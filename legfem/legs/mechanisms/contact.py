@@ -1,7 +1,5 @@
 """The skin slips along the cylinder, or the cylinder is tilted."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -30,7 +28,7 @@ class ContactSlip(TissueMechanism):
     measured_sd: ClassVar[float | None] = 0.15
     """An estimate: marks are read to 0.5 mm beside ways of some mm."""
     variant: ClassVar[str] = "frictionless"
-    tangential: ClassVar[TangentialName | None] = "frictionless"
+    tangential: "ClassVar[TangentialName | None]" = "frictionless"
     null_variant: ClassVar[str] = "sticking"
     # Fat that slides folds more often under a contact as stiff and as sharp as the tape's. Compared
     # with a skin that sticks to this one, the change is the same within 0.1 % of the greatest

@@ -1,7 +1,5 @@
 """The deep tissue's compressibility isn't the one given, it stiffens more than its law, or the muscle tenses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -53,7 +51,7 @@ class StrainStiffening(TissueMechanism):
         """Return the tissue with a third coefficient of its energy."""
         return self.terms_of(leg.tissues.deep)
 
-    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+    def terms_of(self, law: "Hyperelastic") -> Sequence[Any]:
         """Return the same of a body of one tissue."""
         from legfem.mechanics.materials import Yeoh
         from legfem.mechanics.terms import Tissue

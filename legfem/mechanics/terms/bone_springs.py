@@ -1,7 +1,5 @@
 """A bone that is a rigid body on springs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

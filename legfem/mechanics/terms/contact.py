@@ -1,7 +1,5 @@
 """What presses on the skin: a rigid indenter, and a given pressure as a stocking's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """The dermis, as a thin sheet on the skin."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

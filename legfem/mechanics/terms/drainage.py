@@ -1,7 +1,5 @@
 """Drainage of the fluid in a tissue."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial

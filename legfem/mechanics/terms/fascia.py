@@ -1,7 +1,5 @@
 """The fascia: a thin sheet round the deep tissue, its tension in the imaged state, and what slides on it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

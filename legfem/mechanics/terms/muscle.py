@@ -1,7 +1,5 @@
 """Muscle: its fibres, and its contraction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -66,7 +64,7 @@ class Fibres(EnergyTerm):
     @classmethod
     def of_ratio(
         cls, region: str, C10: float, ratio: float, axis: tuple[float, float, float] = ALONG_THE_LEG
-    ) -> Fibres:
+    ) -> "Fibres":
         r"""Return fibres of a ratio of shear moduli, with :math:`E_L = 4 \mu_L - \mu_T`.
 
         See `USUAL_EXTENSION`.

@@ -1,7 +1,5 @@
 """Tissues whose stiffness varies: along the leg, or from place to place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

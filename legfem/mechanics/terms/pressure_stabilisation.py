@@ -1,7 +1,5 @@
 """What keeps a pressure of the displacement's degree from oscillating."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

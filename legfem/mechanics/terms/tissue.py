@@ -1,7 +1,5 @@
 """The energy of a tissue, and volume that it loses when it is squeezed: blood that drains."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass

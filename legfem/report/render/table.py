@@ -1,7 +1,5 @@
 """Numbers of a page as tables for a spreadsheet: ``numbers.csv`` and ``numbers.xlsx``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 CSV, WORKBOOK = "numbers.csv", "numbers.xlsx"
 
 
-def estimates_frame(fits: Sequence[Fit[Any]]) -> pd.DataFrame:
+def estimates_frame(fits: Sequence[Fit[Any]]) -> "pd.DataFrame":
     """A row a parameter, or what was computed with them, and law: value, 95 % interval, unit and verdict."""
     import pandas as pd
 
@@ -32,7 +30,7 @@ def estimates_frame(fits: Sequence[Fit[Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["law", "parameter", "value", "low", "high", "unit", "identifiability"])
 
 
-def write_tables(page: WebPage, folder: Path, estimates: pd.DataFrame | None = None) -> ReportFile:
+def write_tables(page: WebPage, folder: Path, estimates: "pd.DataFrame | None" = None) -> ReportFile:
     """Write a page's numbers as CSV and as a workbook.
 
     Parameters
@@ -59,7 +57,7 @@ def write_tables(page: WebPage, folder: Path, estimates: pd.DataFrame | None = N
     return ReportFile([csv, workbook], shows)
 
 
-def _frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+def _frame(rows: Iterable[Mapping[str, Any]]) -> "pd.DataFrame":
     import pandas as pd
 
     return pd.DataFrame([{name: literal(value) for name, value in row.items()} for row in rows])
