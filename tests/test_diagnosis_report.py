@@ -24,9 +24,8 @@ from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_o
 from legfem.report.diagnosis_document import document
 from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
 from legfem.report.diagnosis_sentences import next_experiments, verdict_sentence
-from legfem.report.render.text import plain_page
+from legfem.report.render import PAGE_FILES, plain_page
 from legfem.report.words import number, probability
-from legfem.report.write import PAGE_FILES
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")
 TWINS = ("fascia-stiffness", "prestress", "force-drift")

@@ -7,8 +7,7 @@ import numpy as np
 
 from legfem.channels.site import Sight, TravelLine
 from legfem.common.units import FloatArray
-from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
-from legfem.fem.points import PointsInside
+from legfem.fem.outlines import Crossing, Outline, PointsInside, first_crossing, outline_between, outline_of_facets
 from legfem.fem.system import System
 from legfem.geometry.section import across
 from legfem.mechanics.terms.contact import NormalContact

@@ -55,7 +55,7 @@ def convert(
     """
     with command_context("run the same command again", quiet):
         from legfem.geometry.contours import write_outlines
-        from legfem.geometry.frames import CuttingPlane
+        from legfem.geometry.motion import CuttingPlane
         from legfem.legs.folder import folder_of_leg
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about

@@ -121,7 +121,7 @@ def stocking_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
 
 def idealised_mesh(finer: float = 1.0) -> MadeMesh:
     """Mesh a quarter of the reference leg of the 3D correction."""
-    from legfem.experiments.indentation_3d import Cylinder
+    from legfem.experiments.indenter_pose import Cylinder
     from legfem.meshing.exchange import named_mesh
     from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
 

@@ -15,8 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from legfem.common.errors import InputError
-from legfem.common.missing_files import remedy_for_missing
+from legfem.common.errors import InputError, remedy_for_missing
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,7 +11,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
-from legfem.jobs.key import code_fingerprint, key_of
+from legfem.jobs.store import code_fingerprint, key_of
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve, Path, SolveReport
 from legfem.solve.protocol import Protocol

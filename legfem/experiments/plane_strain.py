@@ -1,4 +1,4 @@
-"""A cylinder pressed into a leg's cross-section in plane strain."""
+"""A cylinder pressed, in plane strain, into a leg's cross-section, and into a block on a rigid base."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +16,8 @@ from legfem.channels.registry import files_of
 from legfem.channels.site import Sight, TravelLine
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
+from legfem.experiments.bodies import CylinderOnBlock
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
 from legfem.experiments.indentation import (
     SOFTER,
@@ -37,6 +39,7 @@ from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import BoneSprings
+from legfem.meshing.meridian import MeridianMeshSettings, supports
 from legfem.meshing.section import (
     BONE_REGIONS,
     REGIONS,
@@ -358,3 +361,26 @@ def _relative_difference(first: ForceCurve, other: ForceCurve) -> float:
         return math.inf
     at = np.linspace(0.5, 1.0, 11) * depth
     return float(np.abs(other(at) / first(at) - 1).max())
+
+
+class LateralCylinder(AxisymmetricTest[CylinderOnBlock]):
+    """The cylinder's test; half of the block is meshed, and the plane through the axis is a mirror."""
+
+    @property
+    def arrangement(self) -> Arrangement:
+        """A cylinder above half of the block."""
+        test = self.test
+        radius = test.cylinder_radius
+        return Arrangement(
+            RigidCylinder(radius),
+            test.thickness + radius,
+            self.settings.contact or ContactSettings(tangential=test.cylinder, stiffness=4000.0),
+            radius,
+            supports(test.base),
+            test.width / 2,
+            test.thickness,
+            (0.0, min(1.2 * radius, 0.5 * test.width)),
+            self.settings.mesh or MeridianMeshSettings(radius / 16),
+            symmetry="plane",
+            whole=2 * test.length,
+        )

@@ -15,9 +15,8 @@ from legfem.common.units import FloatArray
 from legfem.fem.compat import evaluate
 from legfem.fem.compiled import compiled, expression
 from legfem.fem.spaces import POROUS, LegSpaces
-from legfem.mechanics.integration_domain import Body, IntegrationDomain, Skin, Swept
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import LegModel
+from legfem.mechanics.model import Body, IntegrationDomain, LegModel, Skin, Swept
 from legfem.meshing.section import HULL
 
 

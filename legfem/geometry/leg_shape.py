@@ -22,7 +22,7 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.contours import check_girth, check_levels
-from legfem.geometry.curve import area_and_centroid, at_own_places, closed_lengths, smooth_closed_curve
+from legfem.geometry.section import area_and_centroid, at_own_places, closed_lengths, smooth_closed_curve
 
 SKIN, HULL = "skin", "hull"
 
@@ -157,7 +157,7 @@ def corresponding(contour: ArrayLike, n_points: int) -> FloatArray:
     Raises
     ------
     ValueError
-        If it is no closed curve (see `legfem.geometry.curve.smooth_closed_curve`).
+        If it is no closed curve (see `legfem.geometry.section.smooth_closed_curve`).
     """
     curve = smooth_closed_curve(contour)
     turns = _fine(n_points)

@@ -15,8 +15,8 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
-from legfem.geometry.curve import closed_lengths
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, corresponding_loops, shape_of_contours
+from legfem.geometry.section import closed_lengths
 from legfem.geometry.section_from_outlines import Clearances, nested_outlines, polygons_of
 
 

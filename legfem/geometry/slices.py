@@ -14,8 +14,8 @@ from scipy.interpolate import make_interp_spline
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.geometry.curve import outward_normals, smooth_closed_curve
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, largest_girth
+from legfem.geometry.section import outward_normals, smooth_closed_curve
 
 CONTOURS = ("outer", "inner")
 _PART = {"outer": SKIN, "inner": HULL}

@@ -19,8 +19,7 @@ from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import Stations
-from legfem.jobs.key import key_of
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, key_of
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from legfem.common.documents import write_document
 from legfem.common.errors import naming
-from legfem.jobs.key import key_of
+from legfem.jobs.store import key_of
 
 type Arrays = dict[str, NDArray[Any]]
 

@@ -14,7 +14,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, write_recording
 from legfem.geometry.contours import write_contours
-from legfem.geometry.frames import CuttingPlane
+from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import LegSection
 from legfem.geometry.section_from_outlines import facing_point, section_from_outlines
 

@@ -24,8 +24,7 @@ from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import Correction
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
-from legfem.legs.forward import PlaneStrainForward
-from legfem.legs.laws import laws_of
+from legfem.legs.forward import PlaneStrainForward, laws_of
 from legfem.legs.notices import doubts_of, warnings_about
 from legfem.legs.site_channels import site_channels
 from legfem.legs.site_test import SiteTest, beyond_of, measured_curve, source_of_mode, with_instrument_errors

@@ -16,9 +16,8 @@ from scipy.spatial import cKDTree
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.curve import ClosedCurve, smooth_closed_curve
 from legfem.geometry.indenter import first_touch
-from legfem.geometry.section import BONES, LegSection, across
+from legfem.geometry.section import BONES, ClosedCurve, LegSection, across, smooth_closed_curve
 from legfem.meshing.gmsh_mesh import (
     MeshQuality,
     element_quality,

@@ -1,19 +1,31 @@
-"""What was recorded beside the force, beside the fit: figure, panels of the page, and what each channel says."""
+"""Channels beside the force: figure and panels, what they say in a diagnosis, and where the misfit lies."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelKind
-from legfem.channels.registry import CHANNELS
+from legfem.channels.registry import CHANNELS, FILE_OF
+from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
-from legfem.report.curves import Curves, Line
-from legfem.report.render.figure import curves_figure
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.mechanisms.muscle import RADIUS_MM, UnevenMuscle, place_in_section
+from legfem.legs.subject import Subject
+from legfem.report import page as web
+from legfem.report.curves import Curves, Dash, Line, curves_figure
+from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
+from legfem.report.diagnosis_figures import matched
+from legfem.report.page import Arrow, Mark, StillSection
+from legfem.report.section import still_section
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 
 SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"
@@ -126,3 +138,216 @@ def channels_figure(fits: Sequence[Fit[Any]]) -> Figure:
     """Draw every channel beside the force over displacement, and the laws' differences from it beneath."""
     blocks = [channel_curves(fits, number, k) for number, k in beside_force(fits[0])]
     return curves_figure(blocks, "Recorded beside the force", fits[0].subject.title, fits[0].subject.origin)
+
+
+_LEAST = 1.0
+"""A misfit is stated where it is more than this share of a reading's error."""
+
+
+@dataclass(frozen=True)
+class ChannelMisfit:
+    """How well a channel is met, all in its unit."""
+
+    name: str
+    unit: str
+    readings: int
+    rms_before: float
+    """Left by the base model, with what isn't known of the leg and of the instruments as fitted."""
+    rms_after: float | None
+    """Left likewise by the first model that is shown beside it."""
+    error: float
+    """Standard deviation of one reading within its trial, in the mean."""
+
+
+def channel_misfits(found: Diagnosis) -> list[ChannelMisfit]:
+    """Return how well every channel is met, the force first."""
+    models = shown_models(found)[:1]
+    return [
+        ChannelMisfit(
+            channel.name,
+            channel.unit,
+            len(channel),
+            _rms(found.weighted_base, span),
+            _rms(models[0].model, span) if models else None,
+            float(np.sqrt(np.mean(found.errors.trial_sd[span] ** 2))),
+        )
+        for channel, span in zip(found.observed.data.channels, found.observed.data.spans, strict=True)
+    ]
+
+
+def left_of(model: Explanation) -> FloatArray:
+    """Return what a model leaves of the readings (N,): with outlines, boundaries, gains and the like as fitted."""
+    return np.asarray(model.fit.residual - model.problem.errors.known @ model.posterior.effects)
+
+
+def _rms(model: Explanation, span: slice) -> float:
+    return float(np.sqrt(np.mean(left_of(model)[span] ** 2)))
+
+
+def channel_sentences(found: Diagnosis) -> Iterator[str]:
+    """Yield where a channel departs from the base model, beyond what isn't known of the leg and the instruments."""
+    left = left_of(found.weighted_base)
+    words = {one.name: one.kind for one in found.observed.channels}
+    for window in found.assessment.windows:
+        if window.channel not in words:
+            continue
+        size = float(left[list(window.stations)].mean())
+        error = float(np.mean(found.errors.trial_sd[list(window.stations)]))
+        if abs(size) < _LEAST * error / np.sqrt(len(window.stations)):
+            continue
+        kind, (low, high) = words[window.channel], window.displacement
+        at = f"at {low:.0f} mm" if high - low < 1.0 else f"from {low:.0f} to {high:.0f} mm"
+        phase = "" if window.phase == "loading" else f" in {window.phase}"
+        yield (
+            f"The {kind.words.partition(',')[0]} is {abs(size):.2g} {kind.unit} {'more' if size > 0 else 'less'} than "
+            f"the model's {at}{phase} (p = {window.p_value:.2g} over all intervals)."
+        )
+
+
+def channel_chapter(found: Diagnosis) -> list[web.Chapter]:
+    """Return the chapter on channels beside the force; none where nothing else was recorded."""
+    observed = found.observed
+    if not observed.channels:
+        return []
+    rows = [
+        [
+            one.name.replace("_", " "),
+            f"{one.readings}",
+            f"{one.rms_before:.3f} {one.unit}",
+            "-" if one.rms_after is None else f"{one.rms_after:.3f} {one.unit}",
+            f"{one.error:.3f} {one.unit}",
+        ]
+        for one in channel_misfits(found)
+    ]
+    models = shown_models(found)[:1]
+    after = f"left by {models[0].name}" if models else "left by a repaired model"
+    said = list(channel_sentences(found))
+    blocks: list[web.Block] = [
+        web.Bullets(said) if said else web.Prose("No interval of these channels stands out from their errors."),
+        web.WebTable(
+            "How well every channel is met (root mean square)",
+            ["channel", "readings", f"left by the {BASE_NAME}", after, "error of a reading"],
+            rows,
+        ),
+    ]
+    protocols = range(len(observed.protocols))
+    return [web.Chapter("Beside the force", [*blocks, *(c for k in protocols for c in _channel_curves(found, k))])]
+
+
+def _channel_curves(found: Diagnosis, protocol: int) -> Iterator[Curves]:
+    """Yield every channel of a protocol's trials over displacement, in the order of time, as the trials' mean."""
+    observed, models = found.observed, shown_models(found)[:1]
+    for one, span in zip(observed.channels, observed.data.spans[1:], strict=True):
+        mine = np.flatnonzero(observed.protocol[one.nearest] == protocol)
+        if not len(mine):
+            continue
+        rows = _by_trial(mine, one.trial[mine])
+        at = span.start + rows
+        lines = [
+            Line("recorded" if len(at) == 1 else "recorded, mean", observed.values[at].mean(axis=0), None, points=True),
+            _line(BASE_NAME, found.weighted_base, at, BASE_COLOUR, bool(one.places)),
+            *(_line(shown.name, shown.model, at, REPAIRED_COLOUR, bool(one.places)) for shown in models),
+        ]
+        here = set(at.ravel().tolist())
+        yield beside_curves(
+            f"channel{protocol}-{one.name}",
+            f"{one.kind.words.capitalize()}, {observed.protocols[protocol].label}: recorded, and of the models, "
+            "with what isn't known of the leg and of the instruments as fitted; beneath, model less recorded.",
+            one.kind,
+            one.displacement[rows].mean(axis=0),
+            lines,
+            np.sqrt(np.mean(found.errors.trial_sd[at] ** 2, axis=0)),
+            [w.displacement for w in found.assessment.windows if w.channel == one.name and set(w.stations) & here],
+        )
+
+
+def _line(name: str, model: Explanation, at: NDArray[np.int_], colour: str, points: bool) -> Line:
+    """Return what a model makes of readings in rows; as points where they are of many places."""
+    left = left_of(model)
+    met = model.fit.prediction + model.fit.residual - left
+    dash: Dash = "dashed" if name == BASE_NAME else "solid"
+    return Line(name, met[at].mean(axis=0), -left[at].mean(axis=0), colour, dash, points)
+
+
+def _by_trial(readings: NDArray[np.int_], trial: NDArray[np.int_]) -> NDArray[np.int_]:
+    """Return readings in rows, one a trial; in one row where trials have different numbers of them."""
+    rows = [readings[trial == k] for k in np.unique(trial)]
+    return np.array(rows) if len({len(row) for row in rows}) == 1 else np.concatenate(rows)[None]
+
+
+_SHARE = 0.3
+"""Of the misfit: a place that would explain less isn't marked."""
+_CHANNEL_MM, _ARROW_MM = 3.0, 14.0
+"""Of a circle's radius, and of the longest arrow."""
+_DEEP = 0.7
+"""Of the loading's depth: readings from there on make an arrow."""
+
+
+def misfit_in_section(found: Diagnosis, subject: Subject) -> list[StillSection]:
+    """Return the section with marks where the misfit lies; nothing without channels, or where none stands out."""
+    departs = [one for one in found.observed.channels if any(w.channel == one.name for w in found.assessment.windows)]
+    site, left = Site(subject.section, subject.indenter), left_of(found.weighted_base)
+    spans = dict(zip((one.name for one in found.observed.channels), found.observed.data.spans[1:], strict=True))
+    arrows = [arrow for one in departs if one.places for arrow in channel_arrows(one, left[spans[one.name]], site)]
+    marks = [*_channel_marks([one for one in departs if not one.places], site), *_stiffness_marks(found, subject)]
+    if not found.observed.channels or not (marks or arrows):
+        return []
+    caption = (
+        "Where the misfit lies. Small circles: where a channel departs from the base model; arrows: by how much, at "
+        "each place. Large circles: where a stiffer or softer region of the muscle would match the misfit, and how "
+        "much of it; other causes may match it, too."
+    )
+    return [replace(still_section(subject), caption=caption, marks=marks, arrows=arrows)]
+
+
+def channel_arrows(one: StationChannel, left: FloatArray, site: Site) -> list[Arrow]:
+    """Return what is left of a channel's readings at its places, at the deepest of the loading, as arrows.
+
+    Parameters
+    ----------
+    one
+        The channel.
+    left
+        Recorded less predicted of its readings, (k,), in its unit.
+    site
+        Where it was read.
+    """
+    points, ways = FILE_OF[one.name].arrows(np.array(one.places), site)
+    loading = one.speed > 0
+    if not len(points) or one.course is None or not loading.any():
+        return []
+    deep = loading & (one.displacement > _DEEP * one.displacement[loading].max())
+    by_point: dict[tuple[float, ...], FloatArray] = {}
+    for number, (point, way) in enumerate(zip(points, ways, strict=True)):
+        mine = deep & (one.course == number)
+        if mine.any():
+            key = tuple(point.tolist())
+            by_point[key] = by_point.get(key, np.zeros(2)) + float(left[mine].mean()) * way
+    most = max((float(np.linalg.norm(away)) for away in by_point.values()), default=0.0)
+    if most == 0.0:
+        return []
+    name = f"{one.kind.title}: recorded less the base model's, {most:.2g} {one.kind.unit} at most"
+    scale = _ARROW_MM / most
+    return [
+        Arrow(name, x, -y, scale * float(away[0]), -scale * float(away[1]), BASE_COLOUR)
+        for (x, y), away in by_point.items()
+    ]
+
+
+def _channel_marks(departs: Sequence[StationChannel], site: Site) -> Iterator[Mark]:
+    for one in departs:
+        x, y = FILE_OF[one.name].place(one.kind, site)
+        yield Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR)
+
+
+def _stiffness_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:
+    fitted = found.weighted_base.fit
+    for one in found.assessment.signatures:
+        if one.mechanism.name != UnevenMuscle.name:
+            continue
+        share = matched(found, one)[1]
+        if share is None or share < _SHARE:
+            continue
+        x, y = place_in_section(subject, one.shape["depth"], one.shape["side"])
+        how = "stiffer" if float(one.direction @ fitted.augmented_residual) > 0 else "softer"
+        yield Mark(f"a {how} region here matches {100 * share:.0f} %", x, -y, RADIUS_MM, REPAIRED_COLOUR)

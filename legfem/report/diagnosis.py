@@ -12,13 +12,12 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
 from legfem.legs.diagnosis import doubts_of
-from legfem.legs.elastography import elastography_priors
 from legfem.legs.notices import disagreement
-from legfem.legs.subject import Subject
+from legfem.legs.subject import Subject, elastography_priors
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.diagnosis_channels import channel_chapter, misfit_in_section
+from legfem.report.channels import channel_chapter, misfit_in_section
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_numbers import known_of

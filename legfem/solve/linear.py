@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from legfem.fem.compiled import compiled
 from legfem.fem.spaces import LegSpaces
 from legfem.fem.system import System
-from legfem.mechanics.integration_domain import Body
+from legfem.mechanics.model import Body
 from legfem.mechanics.terms.tissue import Tissue
 
 

@@ -4,7 +4,7 @@ Alternatives are as probable beforehand. Intervals are those of the mixture, eac
 smooth error of unknown form (`legfem.specimens.misfit`), alike in all recordings, and summed over the laws that are
 fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence counts the
 less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video shows the
-specimen's side, weigh the alternatives beside the forces (`legfem.specimens.lateral_stretch`).
+specimen's side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,14 +25,13 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit, r_squared
 from legfem.inverse.intervals import identifiability, verdict_on
 from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
+from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
-from legfem.specimens.lateral_stretch import LateralFit
 from legfem.specimens.misfit import LawMisfit
-from legfem.specimens.size_dependence import SizeDependence
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of, resized
 
 type _Fit = Fit[SpecimenDetails]

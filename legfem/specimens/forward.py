@@ -14,7 +14,7 @@ from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.responses import PLAIN, Displaced, Stopped
-from legfem.jobs.key import code_fingerprint
+from legfem.jobs.store import code_fingerprint
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.legs.mechanisms.viscoelasticity import TIMES_S
 from legfem.legs.nuisances import SIZE

@@ -24,7 +24,7 @@ from legfem.inverse.problem import prior_document
 from legfem.inverse.trial import SearchLog
 from legfem.legs.notices import disagreement
 from legfem.stockings.details import StockingDetails, StockingFit
-from legfem.stockings.equilibrium import EquilibriumSettings
+from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
 from legfem.stockings.estimates import (
     MISSED_BEYOND,
     StiffnessFit,
@@ -35,7 +35,6 @@ from legfem.stockings.estimates import (
     stiffness_estimates,
 )
 from legfem.stockings.leg import ComparedSensor
-from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.scan_fit import BOUNDS, by_name, stiffness_priors
 
 KIND = "stocking"

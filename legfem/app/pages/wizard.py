@@ -35,7 +35,7 @@ from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 from legfem.data.recording import OWN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
-from legfem.geometry.frames import CuttingPlane
+from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import PARTS, LegSection, line_of_travel
 from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.legs.schema import SectionEntry
@@ -256,8 +256,7 @@ def _section(folder: Path, source: str, level: float | None) -> LegSection:
     """Contours of a file, or of a scan cut at a level (mm)."""
     if level is None:
         return read_contours(folder / source, _FASCIA_MM)
-    from legfem.imaging.leg_source import LegSource
-    from legfem.imaging.shape_schema import LabelsEntry
+    from legfem.imaging.leg_source import LabelsEntry, LegSource
 
     entry = SectionEntry(scan=source, level_mm=level, fascia_thickness_mm=_FASCIA_MM)
     scan = LegSource.opened(folder, folder / "subject.toml", "section", entry, LabelsEntry())

@@ -1,14 +1,31 @@
-"""The deep tissue's compressibility isn't the one given, it stiffens more than its law, or the muscle tenses."""
+"""The deep tissue is compressible, stiffens, is fibrous along the leg, tenses, or has a stiffer or softer region."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from functools import cache
+from itertools import product
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.inverse.mechanism import IndentedLeg, Mechanism, Solution, TissueMechanism, Values, factor, strength
+from legfem.geometry.indenter import Indenter, first_touch
+from legfem.geometry.section import LegSection, across, first_crossing
+from legfem.inverse.mechanism import (
+    IndentedLeg,
+    Mechanism,
+    Solution,
+    TissueMechanism,
+    Values,
+    factor,
+    null_of,
+    strength,
+)
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.mechanisms.timing import moments, shortest_programme, smooth_switch
+from legfem.legs.correction_of_leg import read_fibres
+from legfem.legs.mechanisms import moments, shortest_programme, smooth_switch
+from legfem.legs.subject import HIGHEST_RATIO
 
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic
@@ -109,3 +126,201 @@ class MuscleContraction(Mechanism):
         """Return the stiffness over that at rest."""
         since = observed.time / shortest_programme(observed) - values["onset"]
         return 1.0 + values["stiffening"] * smooth_switch(since / max(values["rise"], 1e-6))
+
+
+def _error(name: str, statement: str) -> Parameter:
+    prior = Prior(0.0, 1.0, "linear", "the table of fibres' own errors")
+    return Parameter(name, "sd", (-3.0, 3.0), prior, statement=statement)
+
+
+@dataclass(frozen=True)
+class MuscleFibres(Mechanism):
+    r"""Force times :math:`f(d; r)^{1 + \sum_k a_k e_k(d)}`, see `legfem.legs.correction_of_leg`.
+
+    The two :math:`e_k` are the modes that the table's errors are mostly made of, as shares of
+    :math:`\ln f` and in standard deviations. Only a cylinder that ends bends fibres, so that it
+    shows where the base model has ends.
+    """
+
+    name: ClassVar[str] = "muscle-fibres"
+    statement: ClassVar[str] = "muscle is fibrous along the leg: its fibres bend at the cylinder's ends, and resist"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        factor(
+            "ratio",
+            "of the muscle's shear moduli along the leg and across",
+            (1.0, HIGHEST_RATIO),
+            0.8,
+            "shear waves in vivo: about 3 in the vastus lateralis (PMC8754054)",
+        ),
+        _error("size", "error of the table that is mostly alike at all depths"),
+        _error("course", "error of the table that changes along the depth"),
+    )
+    next_experiment: ClassVar[str] = (
+        "press with the cylinder across the leg or with an end-on punch, or measure the muscle by "
+        "shear-wave elastography along its fibres and across"
+    )
+    measured_sd: ClassVar[float | None] = 0.15
+    """An estimate: moduli to 10 % each."""
+
+    expected: ClassVar[float] = 5.0
+    """All skeletal muscle is fibrous; its part that presses on a cylinder may lie otherwise."""
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return fibres of usual ratios."""
+        others = {one.name: null_of(one) for one in self.parameters[1:]}
+        return tuple({"ratio": ratio, **others} for ratio in (1.6, 3.0))
+
+    def for_length(self, values: Values, factor: float) -> Values:
+        """Return fibres of a ratio nearer to one: a longer cylinder's ends count less."""
+        return {**values, "ratio": values["ratio"] ** (1 / factor)}
+
+    def force_factor(self, values: Values, observed: Observations) -> FloatArray:
+        """Return the factor by fibres under the cylinder's ends."""
+        d = observed.displacement
+        grid, modes = _modes()
+        share = 1.0 + values["size"] * np.interp(d, grid, modes[0])
+        share += values["course"] * np.interp(d, grid, modes[1])
+        return np.asarray(np.exp(share * read_fibres().log_at(values["ratio"], d)))
+
+
+@cache
+def _modes() -> tuple[FloatArray, FloatArray]:
+    """Return the table's displacements (n,), mm, and the two greatest modes of its errors."""
+    table = read_fibres()
+    _, sizes, modes = np.linalg.svd(np.array(list(table.errors.values())), full_matrices=False)
+    return table.displacement, sizes[:2, None] * modes[:2]
+
+
+_DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
+RADIUS_MM = 8.0
+_PLACES = tuple(product(_DEPTHS_MM, _SIDES_MM))
+_SATURATION = 0.2
+"""Of solutions on a leg of 0.75 kPa: right within 2 % from a quarter to three times as stiff."""
+_HARD = 10.0
+"""Factor at which it is solved, too: from there on a lump is as good as rigid."""
+
+
+class SectionUnderIndenter(Protocol):
+    """A section, and what it is pressed by."""
+
+    @property
+    def section(self) -> LegSection:
+        """Across the leg."""
+        ...
+
+    @property
+    def indenter(self) -> Indenter:
+        """Its size, aim and direction."""
+        ...
+
+
+def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tuple[float, float]:
+    """Return a place in the section's coordinates, mm.
+
+    Parameters
+    ----------
+    leg
+        The leg.
+    depth
+        Below the fascia along the travel (mm).
+    side
+        To the left of the line of travel (mm).
+    """
+    travel, radius = leg.indenter.direction, leg.indenter.radius
+    centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
+    fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
+    x, y = centre + (fascia + depth) * travel + side * across(travel)
+    return float(x), float(y)
+
+
+@dataclass(frozen=True)
+class UnevenMuscle(TissueMechanism):
+    r"""A lump, or a weak spot, somewhere under the indenter; of one size, with no edge.
+
+    A smaller one that is stiffer looks the same, so its size isn't asked for: as much as a disk of
+    11 mm radius. Between the places of a lattice it is shared out among them. The force follows the
+    excess e as :math:`g = \ln(1 + c e) / c`, less and less as that of an inclusion does (J. D. Eshelby,
+    Proc. R. Soc. A 241 (1957) 376); what that misses of a solution with a hard lump at each place
+    counts with the square of g over its own there.
+    """
+
+    name: ClassVar[str] = "uneven-muscle"
+    statement: ClassVar[str] = "a region of the muscle is stiffer or softer than the rest of it"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        factor(
+            "factor",
+            "on the stiffness there",
+            (0.1, 10.0),
+            0.7,
+            "the calf's muscles differ by up to a factor of two in shear-wave elastography",
+        ),
+        Parameter(
+            "depth",
+            "mm",
+            (0.0, 36.0),
+            Prior(18.0, 9.0, "linear", "anywhere under the indenter"),
+            statement="of its middle below the fascia, along the travel",
+        ),
+        Parameter(
+            "side",
+            "mm",
+            (-20.0, 20.0),
+            Prior(0.0, 10.0, "linear", "anywhere under the indenter"),
+            statement="of its middle from the line of travel, counter-clockwise positive",
+        ),
+    )
+    would_be: ClassVar[str] = "a region of the muscle of {} times the stiffness of the rest"
+    next_experiment: ClassVar[str] = "press at a second place of the calf, or map the muscle by shear-wave elastography"
+    expected: ClassVar[float] = 3.0
+    """Aponeuroses and tendons run through every calf, and vessels: what isn't known is whether they matter."""
+    variant: ClassVar[str] = "uneven"
+
+    @property
+    def derivatives(self) -> tuple[str, ...]:
+        """Excesses at the lattice's places."""
+        return tuple(f"deep.uneven_stiffness.excess{k + 1}" for k in range(len(_PLACES)))
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return stiffer and softer ones, near the fascia, deep, and at the sides."""
+        return tuple(
+            {"factor": size, "depth": depth, "side": side}
+            for size in (0.6, 1.7)
+            for depth, side in ((8.0, 0.0), (26.0, 0.0), (14.0, -12.0), (14.0, 12.0))
+        )
+
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
+        """Return the muscle's excess of stiffness at the lattice's places."""
+        from legfem.mechanics.terms.tissue import UnevenStiffness
+
+        places = tuple(place_in_section(leg, depth, side) for depth, side in _PLACES)
+        return [UnevenStiffness("deep", leg.tissues.deep, places, RADIUS_MM)]
+
+    @property
+    def nodes(self) -> tuple[Values, ...]:
+        """A hard lump at each of the lattice's places."""
+        return tuple({"factor": _HARD, "depth": depth, "side": side} for depth, side in _PLACES)
+
+    def shares(self, values: Values) -> FloatArray:
+        """Return what the derivative by every place's excess is multiplied by, and what a hard lump's rest there."""
+        at, weights = _saturating(values["factor"]), _weights(values["depth"], values["side"])
+        return np.concatenate([at * weights, (max(at, 0.0) / _saturating(_HARD)) ** 2 * weights])
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model with that excess."""
+        excess = (values["factor"] - 1) * _weights(values["depth"], values["side"])
+        return Solution(self.variant, dict(zip(self.derivatives, map(float, excess), strict=True)))
+
+
+def _saturating(factor: float) -> float:
+    return float(np.log1p(_SATURATION * (factor - 1)) / _SATURATION)
+
+
+def _weights(depth: float, side: float) -> FloatArray:
+    """Return the shares of the lattice's places in one between them; their sum is one."""
+    return np.outer(_near(depth, _DEPTHS_MM), _near(side, _SIDES_MM)).ravel()
+
+
+def _near(at: float, nodes: Sequence[float]) -> FloatArray:
+    away = (at - np.array(nodes)) / (0.5 * (nodes[1] - nodes[0]))
+    each = np.exp(-0.5 * (away**2 - np.min(away**2)))
+    return np.asarray(each / each.sum())

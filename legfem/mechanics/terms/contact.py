@@ -8,9 +8,8 @@ import ufl
 
 from legfem.mechanics.contact import PressureLaw, TangentialLaw
 from legfem.mechanics.indenters import RigidIndenter
-from legfem.mechanics.integration_domain import Skin, named_parameters
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import Memoryless
+from legfem.mechanics.model import Memoryless, Skin, named_parameters
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import ufl
 
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr, isochoric_first_invariant
+from legfem.mechanics.model import Body
 from legfem.mechanics.terms.tissue import EnergyTerm
 
 ALONG_THE_LEG = (0.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The energy of a tissue, and volume that it loses when it is squeezed: blood that drains."""
+"""The energy of a tissue, uniform or not; volume that it loses when squeezed; its pressure's stabilisation."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -8,11 +8,10 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.common.errors import InputError
-from legfem.mechanics.integration_domain import Body
+from legfem.common.errors import InputError, check_positive
 from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import Memoryless, RegionTerm
+from legfem.mechanics.model import Body, Memoryless, RegionTerm
 
 
 class EnergyTerm(RegionTerm, Memoryless, ABC):
@@ -106,3 +105,161 @@ class VolumeLoss(RegionTerm, Memoryless):
     def nominal_stress(self, body: Body) -> Expr:
         """Return zero: what is lost acts through the pressure, which is the tissue's."""
         return ufl.zero(3, 3)
+
+
+@dataclass(frozen=True)
+class StiffnessGradient(EnergyTerm):
+    r"""What of the distortion energy is more above a level, and less below it.
+
+    .. math:: g\, \frac{z - z_0}{\ell}\, U_\text{distortion}
+
+    is added to the region's energy; nothing happens at ``gradient = 0``. At the ankle tendons make
+    the deep tissue stiffer than at the calf.
+
+    Parameters
+    ----------
+    region : str
+        Region of the body; parameters are named ``<region>.stiffness_gradient.gradient`` and so on.
+    law : Hyperelastic
+        The region's, whose symbols are shared.
+    level : float
+        :math:`z_0` (mm).
+    gradient : float
+        :math:`g`, relative change over the length.
+    length : float
+        :math:`\ell` (mm).
+    """
+
+    region: str
+    law: Hyperelastic
+    level: float
+    gradient: float = 0.0
+    length: float = 100.0
+    domain: Literal["body"] = "body"
+    effect = "stiffness_gradient"
+    numbers = ("gradient", "level", "length")
+
+    def __post_init__(self) -> None:
+        """Check the length."""
+        check_positive(self, "length")
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return what is added to the energy (MPa) at a deformation gradient."""
+        law = body.symbols.of(self.region, self.law)
+        gradient, level, length = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
+        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
+        z = position[body.displacement.ufl_shape[0] - 1]
+        return gradient * (z - level) / length * law.distortion_energy(F)
+
+
+@dataclass(frozen=True)
+class UnevenStiffness(EnergyTerm):
+    r"""What of the distortion energy is more about some points of a region.
+
+    .. math:: \sum_k e_k \exp\!\left(-\frac{|X - X_k|^2}{2 r^2}\right) U_\text{distortion}
+
+    is added to the region's energy; nothing happens where all excesses :math:`e_k` are zero. One
+    point is a lump with no edge, as much as a disk of radius :math:`\sqrt 2 r` in section.
+
+    Parameters
+    ----------
+    region : str
+        Region of the body; parameters are named ``<region>.uneven_stiffness.excess1`` and so on.
+    law : Hyperelastic
+        The region's, whose symbols are shared.
+    points : tuple of tuples of float
+        Reference positions :math:`X_k` (mm), two or three coordinates each.
+    radius : float
+        :math:`r` (mm).
+    """
+
+    region: str
+    law: Hyperelastic
+    points: tuple[tuple[float, ...], ...]
+    radius: float
+    domain: Literal["body"] = "body"
+    effect = "uneven_stiffness"
+
+    def __post_init__(self) -> None:
+        """Check the radius."""
+        check_positive(self, "radius")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The excesses, all zero."""
+        return {f"{self.name}.excess{k + 1}": 0.0 for k in range(len(self.points))}
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return what is added to the energy (MPa) at a deformation gradient."""
+        law = body.symbols.of(self.region, self.law)
+        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
+        excess = 0.0
+        for point, (name, value) in zip(self.points, self.parameters.items(), strict=True):
+            away = position - ufl.as_vector(point)
+            near = ufl.exp(-ufl.dot(away, away) / (2 * self.radius**2))
+            excess = excess + body.symbols.scalar(name, value) * near
+        return excess * law.distortion_energy(F)
+
+
+@dataclass(frozen=True)
+class PressureStabilisation(RegionTerm, Memoryless):
+    r"""Polynomial pressure projection for linear displacements and pressures on simplices.
+
+    Equal degrees fail the inf-sup condition. What of the pressure the constants :math:`\Pi p` of an
+    element don't hold is penalised, with the shear modulus :math:`\mu = 2 C_{10}`:
+
+    .. math:: -\frac{1}{2 \mu} \int (p - \Pi p)^2\, dV.
+
+    It vanishes with the square of the element's size. P. B. Bochev, C. R. Dohrmann, M. D.
+    Gunzburger, SIAM J. Numer. Anal. 44 (2006) 82-101; at finite strain J. A. White, R. I. Borja,
+    Comput. Methods Appl. Mech. Eng. 197 (2008) 4353-4366.
+
+    Parameters
+    ----------
+    region : str
+        Region of the body.
+    law : Hyperelastic
+        The region's, whose symbol ``<region>.C10`` is shared.
+    strength : float
+        Factor on it, 1 in the source.
+    """
+
+    region: str
+    law: Hyperelastic
+    strength: float = 1.0
+    domain: Literal["body"] = "body"
+    effect = "stabilisation"
+    numbers = ("strength",)
+
+    def __post_init__(self) -> None:
+        """Check the factor."""
+        check_positive(self, "strength", zero_allowed=True)
+
+    def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
+        """Return the variation of the penalty."""
+        if self.region not in body.pressures:
+            raise InputError(
+                "formulation", self.name, "there is no pressure to stabilise", 'choose the formulation "continuous"'
+            )
+        law = body.symbols.of(self.region, self.law)
+        strength = body.symbols.scalar(f"{self.name}.strength", self.strength)
+        rest = _variance(body.pressures[self.region])
+        penalty = -strength / (4 * law.C10) * rest * body.regions[self.region]
+        return ufl.derivative(penalty, body.unknown, body.test)
+
+    def nominal_stress(self, body: Body) -> Expr:
+        """Return zero: only the pressures' equation is changed."""
+        return ufl.zero(3, 3)
+
+
+def _variance(p: Expr) -> Expr:
+    r"""Return the mean of :math:`(p - \Pi p)^2` over an element, for a linear :math:`p`.
+
+    The barycentric coordinates of a simplex of dimension d have the variance
+    :math:`d / ((d + 1)^2 (d + 2))` and, two of them, minus the d-th part of it.
+    """
+    domain = ufl.domain.extract_unique_domain(p)
+    slope = ufl.dot(ufl.grad(p), ufl.Jacobian(domain))
+    d = slope.ufl_shape[0]
+    total = sum(slope[i] for i in range(d))
+    return ((d + 1) * ufl.dot(slope, slope) - total**2) / ((d + 1) ** 2 * (d + 2))

@@ -12,11 +12,10 @@ import pandas as pd
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.jobs.key import code_fingerprint
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store, finish
-from legfem.legs.experiments import tissues_of
+from legfem.jobs.store import Store, code_fingerprint, finish
 from legfem.legs.subject import Subject
+from legfem.legs.variants import tissues_of
 from legfem.solve.path import ForceCurve
 from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.study.doe.design import Definition
