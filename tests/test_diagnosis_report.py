@@ -17,8 +17,8 @@ from legfem.common.units import percent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.location import runs
 from legfem.legs.loading import load_subject
-from legfem.report import diagnosis_folder as report
 from legfem.report import diagnosis_numbers as tables
+from legfem.report import results as report
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_of
 from legfem.report.diagnosis_document import document

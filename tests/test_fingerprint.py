@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from legfem.jobs import key as fingerprint
+from legfem.jobs import store as fingerprint
 from legfem.jobs.store import code_fingerprint
 
 MAIN = '''"""Words."""

@@ -22,9 +22,9 @@ from legfem.inverse.parameter import Parameter
 from legfem.mechanics.materials import NeoHookean
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import Weighed, alternatives_text
-from legfem.specimens.kind import settings_to
 from legfem.specimens.kinds.plates import PartlyHeld, PlatesEntry, PlatesKind
 from legfem.specimens.laws import bulk_ratio
+from legfem.specimens.shallow_tests import settings_to
 
 C10 = 4e-3
 PLATES = """\

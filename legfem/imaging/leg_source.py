@@ -1,17 +1,15 @@
-"""What a leg's shape is taken from, a label volume, contours, or surfaces, and how a folder's file says so."""
+"""What a leg's shape is taken from: a label volume, contours, or surfaces."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-from pydantic import model_validator
 from shapely import Polygon
 
-from legfem.common.errors import InputError, remedy_for_missing
-from legfem.common.input_files import FileTable, Text, trouble
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
 from legfem.geometry.leg_shape import HULL, LegShape
@@ -20,70 +18,9 @@ from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section_from_outlines import SURFACES, Clearances, polygons_of
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
+from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry, existing
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
 from legfem.imaging.volume_file import read_volume
-
-type Labels = int | list[int]
-
-
-class LabelsEntry(FileTable):
-    """``[labels]``: which labels a scan has for a tissue."""
-
-    superficial: Labels = 1
-    deep: Labels = 2
-    bone: Labels = 3
-
-
-class ShapeEntry(FileTable):
-    """A leg's shape: one of a label volume, contours, or closed surfaces."""
-
-    scan: Text | None = None
-    """Label volume in the folder: NIfTI, NRRD or DICOM-SEG."""
-    series: Text | None = None
-    """Folder of the DICOM series that a scan was labelled on, where its file doesn't say where it lies."""
-    contours: Text | None = None
-    """CSV file of the outlines of skin, fascia and bones."""
-    surfaces: dict[str, Text | list[Text]] | None = None
-
-    sources: ClassVar[dict[str, str]] = {
-        "scan": "scan (label volume)",
-        "contours": "contours (CSV)",
-        "surfaces": "surfaces (STL files by part)",
-    }
-    """Keys of which one says what the shape is taken from, in words."""
-
-    @model_validator(mode="after")
-    def _one_source(self) -> "ShapeEntry":
-        given = [name for name in self.sources if getattr(self, name)]
-        if len(given) != 1:
-            *others, last = self.sources.values()
-            raise trouble(
-                "scan",
-                f"{len(given)} sources of the leg's shape are given",
-                f"give one of {', '.join(others)} and {last}",
-            )
-        if self.series is not None and self.scan is None:
-            raise trouble("series", "is given without a scan", "give the scan, or leave it out")
-        return self
-
-
-def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
-    """Return the path of a file that a folder's file names.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    found = directory / name
-    try:
-        there = found.exists()
-    except OSError as error:
-        raise InputError(toml, field, f"can't be a file ({error.strerror})", "name it") from None
-    if not there:
-        raise InputError(toml, field, f"there is no file '{name}'", remedy_for_missing(found, f"put it at {found}"))
-    return found
-
 
 _STEP = 0.25  # mm along the leg
 

@@ -14,8 +14,8 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.motion import CuttingPlane, RigidTransform, rigidly_moved, turn_about_travel
 from legfem.geometry.section import BONES, LegSection, closed_lengths, girth, outward_normals
 from legfem.geometry.section_from_outlines import section_from_outlines
-from legfem.imaging.leg_source import existing
 from legfem.imaging.registration import register_points
+from legfem.imaging.shape_schema import existing
 from legfem.legs.schema import SUBJECTS, IndenterEntry, SectionEntry, SubjectFile, subject_entry
 from legfem.legs.subject import Subject
 

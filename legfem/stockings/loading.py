@@ -19,10 +19,11 @@ from legfem.geometry.motion import rigidly_moved
 from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.label_volume import check_same_spacing
-from legfem.imaging.leg_source import LegSource, ShapeEntry, existing
+from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration
 from legfem.imaging.same_leg import check_scans_differ, doubts_about_registration, doubts_about_second_scan, registered
+from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.plausibility import doubts_about_size
 from legfem.legs.subject import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean

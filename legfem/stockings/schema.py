@@ -16,7 +16,7 @@ from legfem.common.input_files import (
     parse_toml,
     trouble,
 )
-from legfem.imaging.leg_source import LabelsEntry, ShapeEntry
+from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.legs.subject import ElastographyEntry, check_once
 from legfem.stockings.leg import KINDS
 

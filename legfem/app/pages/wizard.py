@@ -256,7 +256,8 @@ def _section(folder: Path, source: str, level: float | None) -> LegSection:
     """Contours of a file, or of a scan cut at a level (mm)."""
     if level is None:
         return read_contours(folder / source, _FASCIA_MM)
-    from legfem.imaging.leg_source import LabelsEntry, LegSource
+    from legfem.imaging.leg_source import LegSource
+    from legfem.imaging.shape_schema import LabelsEntry
 
     entry = SectionEntry(scan=source, level_mm=level, fascia_thickness_mm=_FASCIA_MM)
     scan = LegSource.opened(folder, folder / "subject.toml", "section", entry, LabelsEntry())
