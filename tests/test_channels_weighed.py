@@ -30,14 +30,14 @@ from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
-from legfem.report.channels import (
+from legfem.report.curves import Curves
+from legfem.report.further_channels import (
     channel_arrows,
     channel_chapter,
     channel_misfits,
     channel_sentences,
     misfit_in_section,
 )
-from legfem.report.curves import Curves
 from legfem.solve.protocol import Protocol
 
 FAT_MM, MUSCLE_MM = 10.0, 30.0

@@ -11,7 +11,7 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.library_build import build_library, rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.legs.mechanisms import Solution, mechanism_named
-from legfem.mechanics.terms.tissue import UnevenStiffness
+from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
 
 DEPTH = 6.0
 MUSCLE = (0.8, 0.9)

@@ -17,7 +17,6 @@ from legfem.legs.subject import Subject, elastography_priors
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.channels import channel_chapter, misfit_in_section
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_numbers import known_of
@@ -29,6 +28,7 @@ from legfem.report.diagnosis_sentences import (
     to_do,
     verdict_sentence,
 )
+from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES

@@ -10,7 +10,8 @@ from legfem.mechanics.terms.contact import NormalContact, SkinPressure, Tangenti
 from legfem.mechanics.terms.drainage import Drainage
 from legfem.mechanics.terms.membranes import Fascia, Prestress, Sliding
 from legfem.mechanics.terms.muscle import Contraction, Fibres
-from legfem.mechanics.terms.tissue import PressureStabilisation, StiffnessGradient, Tissue, UnevenStiffness, VolumeLoss
+from legfem.mechanics.terms.nonuniform_stiffness import StiffnessGradient, UnevenStiffness
+from legfem.mechanics.terms.tissue import PressureStabilisation, Tissue, VolumeLoss
 from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
 
 __all__ = [

@@ -17,10 +17,10 @@ from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
 from legfem.report.cost_figure import cost_figure
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.folder import ReportFile
+from legfem.report.further_channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure

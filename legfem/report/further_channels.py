@@ -18,7 +18,7 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.mechanisms.muscle import RADIUS_MM, UnevenMuscle, place_in_section
+from legfem.legs.mechanisms.uneven_muscle import RADIUS_MM, UnevenMuscle, place_in_section
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure

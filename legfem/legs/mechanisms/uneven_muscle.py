@@ -1,0 +1,149 @@
+"""A region of the muscle is stiffer or softer than the rest."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Indenter, first_touch
+from legfem.geometry.section import LegSection, across, first_crossing
+from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, factor
+from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Parameter, Prior
+
+_DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
+RADIUS_MM = 8.0
+_PLACES = tuple(product(_DEPTHS_MM, _SIDES_MM))
+_SATURATION = 0.2
+"""Of solutions on a leg of 0.75 kPa: right within 2 % from a quarter to three times as stiff."""
+_HARD = 10.0
+"""Factor at which it is solved, too: from there on a lump is as good as rigid."""
+
+
+class SectionUnderIndenter(Protocol):
+    """A section, and what it is pressed by."""
+
+    @property
+    def section(self) -> LegSection:
+        """Across the leg."""
+        ...
+
+    @property
+    def indenter(self) -> Indenter:
+        """Its size, aim and direction."""
+        ...
+
+
+def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tuple[float, float]:
+    """Return a place in the section's coordinates, mm.
+
+    Parameters
+    ----------
+    leg
+        The leg.
+    depth
+        Below the fascia along the travel (mm).
+    side
+        To the left of the line of travel (mm).
+    """
+    travel, radius = leg.indenter.direction, leg.indenter.radius
+    centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
+    fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
+    x, y = centre + (fascia + depth) * travel + side * across(travel)
+    return float(x), float(y)
+
+
+@dataclass(frozen=True)
+class UnevenMuscle(TissueMechanism):
+    r"""A lump, or a weak spot, somewhere under the indenter; of one size, with no edge.
+
+    A smaller one that is stiffer looks the same, so its size isn't asked for: as much as a disk of
+    11 mm radius. Between the places of a lattice it is shared out among them. The force follows the
+    excess e as :math:`g = \ln(1 + c e) / c`, less and less as that of an inclusion does (J. D. Eshelby,
+    Proc. R. Soc. A 241 (1957) 376); what that misses of a solution with a hard lump at each place
+    counts with the square of g over its own there.
+    """
+
+    name: ClassVar[str] = "uneven-muscle"
+    statement: ClassVar[str] = "a region of the muscle is stiffer or softer than the rest of it"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        factor(
+            "factor",
+            "on the stiffness there",
+            (0.1, 10.0),
+            0.7,
+            "the calf's muscles differ by up to a factor of two in shear-wave elastography",
+        ),
+        Parameter(
+            "depth",
+            "mm",
+            (0.0, 36.0),
+            Prior(18.0, 9.0, "linear", "anywhere under the indenter"),
+            statement="of its middle below the fascia, along the travel",
+        ),
+        Parameter(
+            "side",
+            "mm",
+            (-20.0, 20.0),
+            Prior(0.0, 10.0, "linear", "anywhere under the indenter"),
+            statement="of its middle from the line of travel, counter-clockwise positive",
+        ),
+    )
+    would_be: ClassVar[str] = "a region of the muscle of {} times the stiffness of the rest"
+    next_experiment: ClassVar[str] = "press at a second place of the calf, or map the muscle by shear-wave elastography"
+    expected: ClassVar[float] = 3.0
+    """Aponeuroses and tendons run through every calf, and vessels: what isn't known is whether they matter."""
+    variant: ClassVar[str] = "uneven"
+
+    @property
+    def derivatives(self) -> tuple[str, ...]:
+        """Excesses at the lattice's places."""
+        return tuple(f"deep.uneven_stiffness.excess{k + 1}" for k in range(len(_PLACES)))
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return stiffer and softer ones, near the fascia, deep, and at the sides."""
+        return tuple(
+            {"factor": size, "depth": depth, "side": side}
+            for size in (0.6, 1.7)
+            for depth, side in ((8.0, 0.0), (26.0, 0.0), (14.0, -12.0), (14.0, 12.0))
+        )
+
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
+        """Return the muscle's excess of stiffness at the lattice's places."""
+        from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
+
+        places = tuple(place_in_section(leg, depth, side) for depth, side in _PLACES)
+        return [UnevenStiffness("deep", leg.tissues.deep, places, RADIUS_MM)]
+
+    @property
+    def nodes(self) -> tuple[Values, ...]:
+        """A hard lump at each of the lattice's places."""
+        return tuple({"factor": _HARD, "depth": depth, "side": side} for depth, side in _PLACES)
+
+    def shares(self, values: Values) -> FloatArray:
+        """Return what the derivative by every place's excess is multiplied by, and what a hard lump's rest there."""
+        at, weights = _saturating(values["factor"]), _weights(values["depth"], values["side"])
+        return np.concatenate([at * weights, (max(at, 0.0) / _saturating(_HARD)) ** 2 * weights])
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model with that excess."""
+        excess = (values["factor"] - 1) * _weights(values["depth"], values["side"])
+        return Solution(self.variant, dict(zip(self.derivatives, map(float, excess), strict=True)))
+
+
+def _saturating(factor: float) -> float:
+    return float(np.log1p(_SATURATION * (factor - 1)) / _SATURATION)
+
+
+def _weights(depth: float, side: float) -> FloatArray:
+    """Return the shares of the lattice's places in one between them; their sum is one."""
+    return np.outer(_near(depth, _DEPTHS_MM), _near(side, _SIDES_MM)).ravel()
+
+
+def _near(at: float, nodes: Sequence[float]) -> FloatArray:
+    away = (at - np.array(nodes)) / (0.5 * (nodes[1] - nodes[0]))
+    each = np.exp(-0.5 * (away**2 - np.min(away**2)))
+    return np.asarray(each / each.sum())

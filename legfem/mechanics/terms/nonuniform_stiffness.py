@@ -1,0 +1,106 @@
+"""Tissues whose stiffness varies: along the leg, or from place to place."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import ufl
+
+from legfem.common.errors import check_positive
+from legfem.mechanics.kinematics import Expr
+from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.model import Body
+from legfem.mechanics.terms.tissue import EnergyTerm
+
+
+@dataclass(frozen=True)
+class StiffnessGradient(EnergyTerm):
+    r"""What of the distortion energy is more above a level, and less below it.
+
+    .. math:: g\, \frac{z - z_0}{\ell}\, U_\text{distortion}
+
+    is added to the region's energy; nothing happens at ``gradient = 0``. At the ankle tendons make
+    the deep tissue stiffer than at the calf.
+
+    Parameters
+    ----------
+    region : str
+        Region of the body; parameters are named ``<region>.stiffness_gradient.gradient`` and so on.
+    law : Hyperelastic
+        The region's, whose symbols are shared.
+    level : float
+        :math:`z_0` (mm).
+    gradient : float
+        :math:`g`, relative change over the length.
+    length : float
+        :math:`\ell` (mm).
+    """
+
+    region: str
+    law: Hyperelastic
+    level: float
+    gradient: float = 0.0
+    length: float = 100.0
+    domain: Literal["body"] = "body"
+    effect = "stiffness_gradient"
+    numbers = ("gradient", "level", "length")
+
+    def __post_init__(self) -> None:
+        """Check the length."""
+        check_positive(self, "length")
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return what is added to the energy (MPa) at a deformation gradient."""
+        law = body.symbols.of(self.region, self.law)
+        gradient, level, length = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
+        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
+        z = position[body.displacement.ufl_shape[0] - 1]
+        return gradient * (z - level) / length * law.distortion_energy(F)
+
+
+@dataclass(frozen=True)
+class UnevenStiffness(EnergyTerm):
+    r"""What of the distortion energy is more about some points of a region.
+
+    .. math:: \sum_k e_k \exp\!\left(-\frac{|X - X_k|^2}{2 r^2}\right) U_\text{distortion}
+
+    is added to the region's energy; nothing happens where all excesses :math:`e_k` are zero. One
+    point is a lump with no edge, as much as a disk of radius :math:`\sqrt 2 r` in section.
+
+    Parameters
+    ----------
+    region : str
+        Region of the body; parameters are named ``<region>.uneven_stiffness.excess1`` and so on.
+    law : Hyperelastic
+        The region's, whose symbols are shared.
+    points : tuple of tuples of float
+        Reference positions :math:`X_k` (mm), two or three coordinates each.
+    radius : float
+        :math:`r` (mm).
+    """
+
+    region: str
+    law: Hyperelastic
+    points: tuple[tuple[float, ...], ...]
+    radius: float
+    domain: Literal["body"] = "body"
+    effect = "uneven_stiffness"
+
+    def __post_init__(self) -> None:
+        """Check the radius."""
+        check_positive(self, "radius")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The excesses, all zero."""
+        return {f"{self.name}.excess{k + 1}": 0.0 for k in range(len(self.points))}
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return what is added to the energy (MPa) at a deformation gradient."""
+        law = body.symbols.of(self.region, self.law)
+        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
+        excess = 0.0
+        for point, (name, value) in zip(self.points, self.parameters.items(), strict=True):
+            away = position - ufl.as_vector(point)
+            near = ufl.exp(-ufl.dot(away, away) / (2 * self.radius**2))
+            excess = excess + body.symbols.scalar(name, value) * near
+        return excess * law.distortion_energy(F)
