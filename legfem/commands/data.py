@@ -72,7 +72,7 @@ def look(
             recordings_toml,
         )
         from legfem.report.page import PAGE, command_line
-        from legfem.report.render.html import rendered
+        from legfem.report.render import rendered
 
         # A required argument's help would end in a backslash and [required].
         if not files:

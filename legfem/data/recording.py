@@ -1,7 +1,5 @@
 """One trial as it was recorded: read from named columns of a file or from legfem's own CSV, and written as that."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -64,7 +62,7 @@ class RecordedChannel:
         """Of each reading (k, q); q = 0 of a channel that has no places."""
         return np.zeros((len(self.time), 0)) if self.course is None else np.array(self.places)[self.course]
 
-    def at_each_place(self) -> Iterator[tuple[int, RecordedChannel]]:
+    def at_each_place(self) -> "Iterator[tuple[int, RecordedChannel]]":
         """Yield the number of every place and what was read there; of a channel without places 0 and itself."""
         if self.course is None:
             yield 0, self
@@ -346,7 +344,7 @@ def _channel_columns(path: Path) -> dict[str, ChannelKind]:
     return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
 
 
-def _sparse(kind: ChannelKind, time: FloatArray, values: pd.Series[float]) -> RecordedChannel:
+def _sparse(kind: ChannelKind, time: FloatArray, values: "pd.Series[float]") -> RecordedChannel:
     read = values.notna().to_numpy()
     return RecordedChannel(kind.name, time[read], values.to_numpy()[read], kind.usual)
 
