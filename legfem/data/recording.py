@@ -13,7 +13,8 @@ from legfem.channels.registry import CHANNELS, IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
-from legfem.data.formats.sheet import OWN, Column, Quantity, Sheet, Unit, measures, unit_named
+from legfem.data.formats.labels import OWN, Quantity, Unit, unit_named
+from legfem.data.formats.sheet import Column, Sheet, measures
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -220,7 +221,9 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColu
             f"give {OWN[measured]} or a multiple of it",
         )
     columns = [c for c in sheet.columns if c.name == channel.column]
-    if len(columns) != 1:
+    # Of two that are called alike one is in volts, perhaps, or both are one signal.
+    columns = [c for c in columns if unit_named(c.unit or "") == unit] or columns
+    if len(columns) != 1 and not (columns and all(np.array_equal(c.values, columns[0].values) for c in columns)):
         names = ", ".join(f"'{c.name}'" for c in sheet.columns)
         many = f"{len(columns)} columns '{channel.column}'" if columns else "there is no column "
         raise InputError(
