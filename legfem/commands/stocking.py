@@ -36,7 +36,7 @@ def stocking(
     with command_context("run the same command again to go on; equilibria are kept", quiet):
         from mpi4py import MPI
 
-        from legfem.api.leg_in_stocking import stocking as stocking_in_full
+        from legfem.api.identification import stocking as stocking_in_full
         from legfem.stockings.loading import LEGS, load_leg
 
         leg, first = load_leg(LEGS.named(subject, subject_dir)), MPI.COMM_WORLD.rank == 0
