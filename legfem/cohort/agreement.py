@@ -116,16 +116,16 @@ class MixedModel:
         inner = both.T @ weighted
         log_det = float(np.sum(np.log(variance)))
         slips = self.alike / variance
-        grown = 1 + by_group(self.leg, self.alike * slips)
-        slipped = by_group(self.leg, self.alike[:, None] * weighted)
+        grown = 1 + _by_group(self.leg, self.alike * slips)
+        slipped = _by_group(self.leg, self.alike[:, None] * weighted)
         inner -= (slipped / grown[:, None]).T @ slipped
         log_det += float(np.sum(np.log(grown)))
         # What the other levels see of a leg: its sums less those along what its tests err by alike.
-        along = by_group(self.leg, slips) / grown
-        precision = by_group(self.leg, 1 / variance) - along * by_group(self.leg, slips)
-        sums = by_group(self.leg, weighted) - along[:, None] * slipped
+        along = _by_group(self.leg, slips) / grown
+        precision = _by_group(self.leg, 1 / variance) - along * _by_group(self.leg, slips)
+        sums = _by_group(self.leg, weighted) - along[:, None] * slipped
         for level, of in ((1, np.arange(len(owner))), (0, owner)):
-            total, summed = by_group(of, precision), by_group(of, sums)
+            total, summed = _by_group(of, precision), _by_group(of, sums)
             grown = 1 + sd[level] ** 2 * total
             inner -= (summed * (sd[level] ** 2 / grown)[:, None]).T @ summed
             log_det += float(np.sum(np.log(grown)))
@@ -137,11 +137,11 @@ class MixedModel:
         return log_det + left + float(np.linalg.slogdet(information)[1]), effects, covariance
 
 
-def by_group(of: Numbers, values: FloatArray) -> FloatArray:
+def _by_group(of: Numbers, values: FloatArray) -> FloatArray:
     """Return the sums (g, ...) of values (n, ...) by numbers (n,) from 0."""
     size = int(of.max()) + 1
     if values.ndim == 1:
-        return np.bincount(of, values, size)
+        return np.bincount(of, values, size).astype(np.float64)
     return np.column_stack([np.bincount(of, column, size) for column in values.T])
 
 
