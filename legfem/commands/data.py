@@ -155,6 +155,7 @@ def preview(
     Example: legfem data preview path/to/folder --out seen
     """
     with command_context(quiet=quiet):
+        from legfem.common.progress import progress_on
         from legfem.report.preview import PREVIEW, preview_of
 
         target = out or Path("results") / "preview"
@@ -162,7 +163,8 @@ def preview(
         if not folder.is_dir():
             raise InputError(folder, "folder", "not found", "give the path of one")
         target.mkdir(parents=True, exist_ok=True)
-        seen = preview_of(folder, target)
+        with progress_on(quiet=quiet) as progress:
+            seen = preview_of(folder, target, progress)
         seen.write(target)
         with brief_output(quiet, as_json) as written:
             written.append(target / PREVIEW)

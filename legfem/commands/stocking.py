@@ -37,9 +37,12 @@ def stocking(
         from mpi4py import MPI
 
         from legfem.api.leg_in_stocking import stocking as stocking_in_full
+        from legfem.common.progress import progress_on
         from legfem.stockings.loading import LEGS, load_leg
 
-        leg, first = load_leg(LEGS.named(subject, subject_dir)), MPI.COMM_WORLD.rank == 0
+        first = MPI.COMM_WORLD.rank == 0
+        with progress_on(quiet=quiet or not first) as progress:
+            leg = load_leg(LEGS.named(subject, subject_dir), progress)
         folder = results_folder(out, "stocking", leg.id)
         if first:
             log_doubts(leg.doubts)

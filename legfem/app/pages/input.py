@@ -196,7 +196,7 @@ def _picture(looking: Run, file: str, shown: str) -> None:
         tag("figcaption", f"{shown[0].upper()}{shown[1:]}")
 
 
-_EVERY = 0.5
+_EVERY, _LOOKING = 0.5, "looking at the files ..."
 
 
 def input_page(workspace: Workspace, name: str, questions: Questions) -> None:
@@ -238,10 +238,12 @@ def _when_seen(looking: Run, put: Callable[[], None]) -> None:
     place = ui.element("div")
     with place, ui.element("div").classes("inrow").props("role=status"):
         ui.spinner()
-        tag("span", "looking at the files ...")
+        stage = tag("span", _LOOKING)
 
     def check() -> None:
         if looking.alive:
+            reached = looking.reached()
+            stage.text = f"{_LOOKING} {reached.stage}" if reached else _LOOKING
             return
         timer.cancel()
         place.clear()
