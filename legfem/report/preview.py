@@ -1,6 +1,6 @@
 """What is seen in a folder before anything is solved: of a leg, of specimens, of recordings."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -90,7 +90,11 @@ class Preview:
 
 def preview_of(folder: Path, out: Path, progress: Progress | None = None) -> Preview:
     """Look at a folder, and draw what is seen into another; nothing is solved."""
-    kinds = {SUBJECTS.file: _leg, LEGS.file: partial(_stocking, progress=progress), FILE: _specimen}
+    kinds: dict[str, Callable[[Path, Path], Preview]] = {
+        SUBJECTS.file: _leg,
+        LEGS.file: partial(_stocking, progress=progress),
+        FILE: _specimen,
+    }
     kind = next((look for file, look in kinds.items() if (folder / file).is_file()), None)
     if kind is not None:
         return kind(folder, out)
