@@ -81,7 +81,7 @@ def test_two_tabs_change_one_file_and_nothing_is_lost(served, page):
         page.click("Run identify")
         page.until("location.pathname.startsWith('/run/')")
         page.click("End at once", "button")
-        page.sees("goes on from what is finished", MINUTES)
+        page.sees("goes on from the finished part", MINUTES)
     runs = [run for run in workspace.runs if run.startswith(f"identify-{name}")]
     assert len(runs) == 2
     assert {Run(workspace.run(run)).state for run in runs} == {RunState.LOST}

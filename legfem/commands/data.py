@@ -25,17 +25,17 @@ def look(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or one of them zipped; one trial each.",
+            help="Recordings, one trial a file: CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or zip files of these.",
             show_default=False,
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/look by default.")] = None,
-    time: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT of the column.")] = None,
-    displacement: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT.")] = None,
-    force: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT.")] = None,
-    sheet: Annotated[str | None, typer.Option(help="Sheet or group, where several hold one.")] = None,
+    time: Annotated[str | None, typer.Option(help="Column of the time: NAME or NAME:UNIT.")] = None,
+    displacement: Annotated[str | None, typer.Option(help="Column of the displacement, likewise.")] = None,
+    force: Annotated[str | None, typer.Option(help="Column of the force, likewise.")] = None,
+    sheet: Annotated[str | None, typer.Option(help="Sheet or group, if several have recordings.")] = None,
     specimens: Annotated[
-        bool, typer.Option("--specimens", help="Of specimens, not of a leg: any depth will do.")
+        bool, typer.Option("--specimens", help="The recordings are of specimens, so any depth will do.")
     ] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -141,7 +141,7 @@ def look(
 
 @app.command()
 def preview(
-    folder: Annotated[Path, typer.Argument(help="Of a leg, a leg in a stocking, or specimens.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of a leg, of a leg in a stocking, or of specimens.")],
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/preview by default.")] = None,
     quiet: Quiet = False,
     as_json: AsJson = False,

@@ -249,7 +249,7 @@ def _when_seen(looking: Run, put: Callable[[], None]) -> None:
         place.clear()
         with place:
             if seen(looking) is None:
-                refused((looking.log() or ["it can't be looked at"])[-1])
+                refused((looking.log() or ["the files could not be looked at"])[-1])
             else:
                 put()
 
@@ -263,9 +263,10 @@ def _files_tab(workspace: Workspace, name: str) -> None:
             with ui.element("li"):
                 tag("span", path.relative_to(folder).as_posix())
                 tag("span", f"{path.stat().st_size / 1000:,.0f} kB", "quiet")
-    drop_zone("Drop more files here; one of the same name takes the place of the old one.", name)
-    tag("p", f"They are in {folder}.", "quiet")
+    drop_zone("Drop more files here; a file of the same name replaces the old one.", name)
+    tag("p", f"These files are in {folder}.", "quiet")
     called = ui.input("name", value=name)
+    called.props["hint"] = "for Rename and Duplicate"
 
     def changed(change: Callable[[], str]) -> None:
         try:
