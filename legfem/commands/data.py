@@ -25,7 +25,7 @@ def look(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="Recordings, one trial a file: CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or zip files of these.",
+            help="Recordings, one trial a file: CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or a zip of one.",
             show_default=False,
         ),
     ] = None,
