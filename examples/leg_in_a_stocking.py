@@ -14,9 +14,8 @@ import legfem as lf
 from legfem.experiments.compression import CompressionSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.stockings.equilibrium import EquilibriumSolver
+from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import stocking_load
-from legfem.stockings.leg_model import LegModel3D
 
 leg = lf.load_leg("1")
 levels = leg.bare.levels

@@ -12,10 +12,10 @@ import numpy as np
 
 import legfem as lf
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.legs.experiments import plane_strain_test
+from legfem.legs.variants import plane_strain_test
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.terms import Prestress
-from legfem.mechanics.terms.dermis import Dermis
+from legfem.mechanics.terms.membranes import Dermis
 from legfem.meshing.section import SectionMeshSettings
 
 leg = lf.load_subject("3")

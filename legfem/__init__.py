@@ -6,8 +6,6 @@
 >>> print(found.summary())
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import sys
@@ -23,11 +21,9 @@ if sys.version_info < (3, 12):  # noqa: UP036  (who has a checkout alone asked n
 
 if TYPE_CHECKING:
     from legfem.api.cohorts import Cohort, cohort
-    from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
-    from legfem.api.identification import identify
-    from legfem.api.leg_in_stocking import stocking
+    from legfem.api.diagnosis import DiagnosedFolder, DiagnosedLeg, PlannedTests, diagnose, plan
+    from legfem.api.identification import identify, stocking
     from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
-    from legfem.api.planned import PlannedTests, plan
     from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen, LegInStocking
     from legfem.common.errors import InputError
 

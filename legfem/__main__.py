@@ -1,7 +1,5 @@
 """``legfem COMMAND ...``: the same commands as ``python -m legfem.COMMAND``."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from typing import Any

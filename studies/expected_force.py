@@ -22,8 +22,8 @@ from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone
-from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.legs.loading import load_subject
+from legfem.legs.placement import Calf, calf_section
 from legfem.legs.plausible_recordings import SOFTEST_KPA, STIFFEST_C20_KPA, STIFFEST_KPA, features
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial

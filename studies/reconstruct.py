@@ -24,9 +24,9 @@ from legfem.experiments.experiment import Solved
 from legfem.experiments.indentation import solve_once
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.jobs.pool import Workers
 from legfem.legs.folder import check_new_folder, write_subject_folder
+from legfem.legs.placement import Calf, calf_section
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings

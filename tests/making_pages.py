@@ -29,8 +29,7 @@ from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
 from legfem.data.reader import propose
 from legfem.data.recording import recording_of
-from legfem.experiments.indentation_3d import Cylinder
-from legfem.experiments.indenter_pose import Pose, in_pose
+from legfem.experiments.indenter_pose import Cylinder, Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
@@ -42,12 +41,11 @@ from legfem.inverse.trial import SearchLog
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
-from legfem.legs.details import Confirmation, SpatialEvidence
-from legfem.legs.experiments import plane_strain_test
-from legfem.legs.film_3d import LegState, PressedLeg, seen
+from legfem.legs.details import Confirmation, LegState, PressedLeg, SpatialEvidence, seen
 from legfem.legs.loading import load_subject
 from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
+from legfem.legs.variants import plane_strain_test
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.section import SectionMeshSettings
@@ -58,7 +56,7 @@ from legfem.report.kinds.leg import leg_page
 from legfem.report.look import Looked, look_web_page, recordings_toml
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.plan import plan_web_page
-from legfem.report.render.html import rendered
+from legfem.report.render import rendered
 from legfem.report.section import Film, pressed_section
 from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_page import stocking_web_page

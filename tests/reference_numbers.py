@@ -63,7 +63,7 @@ def own_subject(number: str) -> Any:
 
 def forces() -> Entries:
     """F(d) with given stiffness (N), and its derivatives by two parameters (N/MPa)."""
-    test_of = module("legfem.legs.experiments").plane_strain_test
+    test_of = module("legfem.legs.variants").plane_strain_test
     cases = {
         f"subject {number}": (own_subject(number), {"deep.C10": 1e-3 * c10, "deep.C20": 1e-3 * c20}, 30.0)
         for number, (c10, c20) in PAPER.items()
@@ -106,7 +106,7 @@ def corrections() -> Entries:
     for number in PAPER:
         own = choice.correction_of(own_subject(number))
         found[f"P(d) subject {number}"] = list(own.correction(at, *stiffness).ravel())
-    experiment = module("legfem.experiments.indentation_3d")
+    experiment = module("legfem.experiments.leg_3d")
     meshing = module("legfem.meshing.idealised_leg")
     cases = module("legfem.study.correction.cases")
     mesh = meshing.LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
@@ -139,7 +139,7 @@ def designed() -> Entries:
 def stocking() -> Entries:
     """The first leg in its stocking, coarse, with given stiffness: pressure and shape."""
     legs = module("legfem.stockings.loading")
-    model_of = module("legfem.stockings.leg_model").LegModel3D
+    model_of = module("legfem.stockings.equilibrium").LegModel3D
     worn_leg, meshing = module("legfem.stockings.equilibrium").EquilibriumSolver, module("legfem.meshing.solid_leg")
     leg = legs.load_leg(legs.LEGS.find("1"))
     mesh = meshing.SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)

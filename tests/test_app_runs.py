@@ -32,7 +32,7 @@ from legfem.legs.details import LegDocument
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import document
-from legfem.report.render.html import rendered
+from legfem.report.render import rendered
 from legfem.report.words import number
 
 
@@ -171,7 +171,7 @@ def test_progress_is_read_as_it_was_written(capsys):
 def test_every_commands_options_are_those_that_it_takes():
     for actions in ACTIONS.values():
         for action in actions:
-            command = get_command(import_module(f"{action.module}.__main__").app)
+            command = get_command(import_module(action.module.replace("legfem.", "legfem.commands.")).app)
             known = {name for one in command.params for name in one.opts}
             assert {action.folder, "--out", *(one.option for one in action.choices)} <= known
 

@@ -31,7 +31,7 @@ from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
 from legfem.report.curves import Curves
-from legfem.report.diagnosis_channels import (
+from legfem.report.further_channels import (
     channel_arrows,
     channel_chapter,
     channel_misfits,

@@ -12,7 +12,8 @@ from making_ranks import run_on_ranks
 from mpi4py import MPI
 
 from legfem.experiments.indentation import IndentationModel, IndentationRequest
-from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.indenter_pose import Cylinder
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings

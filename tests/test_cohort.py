@@ -15,9 +15,8 @@ from making_stocking import COARSEST
 from typer.testing import CliRunner
 
 import legfem as lf
-from legfem.cohort.known import ExpectedRun
 from legfem.cohort.members import find_members
-from legfem.cohort.rows import Judged, Row, cohort_frame, cohort_model, models_of, units_frame
+from legfem.cohort.rows import ExpectedRun, Judged, Row, cohort_frame, cohort_model, models_of, units_frame
 from legfem.commands.cohort import app
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.document import fit_document

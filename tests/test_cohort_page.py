@@ -16,13 +16,10 @@ from making_cohort import Truth, fabricated
 from reading_page import read
 
 import legfem as lf
-from legfem.cohort.known import Options
-from legfem.cohort.rows import Row, Shape
+from legfem.cohort.rows import Options, Row, Shape
 from legfem.cohort.suspicions import largest_step, missing, suspicions
 from legfem.report.cohort import _kind_of, cohort_web_page
-from legfem.report.render.html import rendered
-from legfem.report.render.markdown import markdown_page
-from legfem.report.render.text import plain_page
+from legfem.report.render import markdown_page, plain_page, rendered
 
 GRAVE = "subject.toml: indenter.diametre_mm: unknown key; did you mean 'diameter_mm'?"
 

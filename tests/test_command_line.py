@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from legfem.__main__ import COMMANDS
 from legfem.__main__ import command as application
-from legfem.api.arguments import in_python_words
+from legfem.api.loading import in_python_words
 from legfem.common.command_line import BAD_INPUT, FAILED, command_context
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, parse_toml

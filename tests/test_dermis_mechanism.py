@@ -15,7 +15,7 @@ from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.library_build import CHANGES_AT, build_library, rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.legs.mechanisms import Solution, mechanism_named
-from legfem.mechanics.terms.dermis import Dermis
+from legfem.mechanics.terms.membranes import Dermis
 
 DEPTH, STIFFNESS = 6.0, 0.08
 SOFT = (0.8, 0.9)

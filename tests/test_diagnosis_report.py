@@ -17,16 +17,15 @@ from legfem.common.units import percent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.location import runs
 from legfem.legs.loading import load_subject
-from legfem.report import diagnosis_folder as report
 from legfem.report import diagnosis_numbers as tables
+from legfem.report import results as report
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_of
 from legfem.report.diagnosis_document import document
 from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
 from legfem.report.diagnosis_sentences import next_experiments, verdict_sentence
-from legfem.report.render.text import plain_page
+from legfem.report.render import PAGE_FILES, plain_page
 from legfem.report.words import number, probability
-from legfem.report.write import PAGE_FILES
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")
 TWINS = ("fascia-stiffness", "prestress", "force-drift")

@@ -13,7 +13,8 @@ from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentatio
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.experiment import Experiment
 from legfem.experiments.indentation import IndentationTest, solve_once
-from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.indenter_pose import Cylinder
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.jobs.pool import Workers
 from legfem.mechanics.materials import NeoHookean
@@ -23,7 +24,7 @@ from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
-from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.equilibrium import LegModel3D
 from studies.legs.shapes import round_leg
 
 LAW = NeoHookean(5e-3, 0.2)

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from legfem.experiments.compression import LegCompression
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
-from legfem.mechanics.terms.fascia import face_strain, free_volume_ratio
+from legfem.mechanics.terms.membranes import face_strain, free_volume_ratio
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.solid_leg import mesh_solid_leg
 from studies.legs.shapes import round_leg

@@ -22,12 +22,12 @@ from legfem.legs.correction_of_leg import (
     why_without_fibres,
     with_fibres,
 )
-from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.solver_3d import fibre_errors
+from legfem.legs.subject import FibreRatio
 from legfem.report.kinds.leg import leg_page
-from legfem.report.render.text import plain_page
+from legfem.report.render import plain_page
 from legfem.solve.path import ForceCurve
 
 GRID = np.linspace(0.0, 25.0, 26)

@@ -14,7 +14,7 @@ import legfem as lf
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.bodies import PunchOnLayer, UniaxialSpecimen
-from legfem.experiments.lateral_cylinder import LateralCylinder
+from legfem.experiments.plane_strain import LateralCylinder
 from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
@@ -22,7 +22,7 @@ from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.report.identification import write_report
+from legfem.report.results import write_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import SpecimenForward, SpecimenVariants
 from legfem.specimens.kind import AXES

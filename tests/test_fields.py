@@ -19,7 +19,7 @@ from legfem.mechanics.materials import ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import Contraction, NormalContact, Tissue, Viscoelasticity
 from legfem.meshing.section import BONE, DEEP, SKIN
-from legfem.report.paraview import write_fields
+from legfem.report.folder import write_fields
 
 LAW = ReducedPolynomial(C10=2e-3, D1=28.0, C20=1e-3, D2=10.0)
 STRETCH = np.array([1.1, 0.85])

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from legfem.jobs import key as fingerprint
-from legfem.jobs.key import code_fingerprint
+from legfem.jobs import store as fingerprint
+from legfem.jobs.store import code_fingerprint
 
 MAIN = '''"""Words."""
 from legfem.other import half

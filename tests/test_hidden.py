@@ -19,8 +19,7 @@ from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import MeasuredStrength, Occurrence
 from legfem.inverse.verdict import TRUSTED, shift_of
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
-from legfem.legs.mechanisms import mechanism_named
-from legfem.legs.mechanisms.occurrence import OCCURRENCES
+from legfem.legs.mechanisms import OCCURRENCES, mechanism_named
 from legfem.report.diagnosis_sentences import headline, hidden_sentence
 
 DRIFT = "force-drift.rate"

@@ -11,7 +11,8 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
-from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.indenter_pose import Cylinder
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.legs.correction import smooth_ratio
 from legfem.mechanics.indenters import FiniteCylinder
 from legfem.mechanics.materials import ReducedPolynomial

@@ -19,8 +19,8 @@ from legfem.inverse.intervals import IDENTIFIABLE_WITHIN
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import IdentificationSettings
 from legfem.jobs.store import Store
-from legfem.legs.laws import default_parameters
-from legfem.report.identification import write_report
+from legfem.legs.forward import default_parameters
+from legfem.report.results import write_report
 
 
 def same(result: object) -> str:

@@ -28,7 +28,7 @@ from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
 from legfem.report.kinds import kind_of
 from legfem.report.kinds.leg import leg_page
-from legfem.report.render.text import plain_page
+from legfem.report.render import plain_page
 
 NOMINAL = AnalyticLeg().nominal
 POLYNOMIAL = ("reduced-polynomial",)

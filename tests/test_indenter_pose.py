@@ -15,16 +15,15 @@ from typer.testing import CliRunner
 from legfem.commands.diagnose import app as diagnose_app
 from legfem.commands.identify import app as identify_app
 from legfem.common.errors import InputError
-from legfem.experiments.indentation_3d import Cylinder
-from legfem.experiments.indenter_pose import Ball, Indenting, Pose, Punch, in_pose
+from legfem.experiments.indenter_pose import Ball, Cylinder, Indenting, Pose, Punch, in_pose
 from legfem.experiments.leg_3d import LegIndentation3D
-from legfem.geometry.frames import turn_about_travel
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.leg_shape import LegShape
-from legfem.legs.experiments import plane_strain_test, spatial_test
+from legfem.geometry.motion import turn_about_travel
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.placement import spatial_leg
+from legfem.legs.variants import plane_strain_test, spatial_test
 from legfem.mechanics.indenters import FiniteCylinder
 from legfem.mechanics.materials import NeoHookean
 

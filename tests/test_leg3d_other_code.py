@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.indenter_pose import Cylinder
 from legfem.legs.loading import load_subject
 from legfem.solve.path import ForceCurve
 from studies.leg3d import other_code

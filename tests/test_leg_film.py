@@ -11,7 +11,7 @@ from making_legs_3d import cone_folder
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import SKIN
-from legfem.legs.film_3d import LegFilm, LegState, seen
+from legfem.legs.details import LegFilm, LegState, seen
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels
 from legfem.meshing.leg_sizes import SolidMeshSettings

@@ -22,8 +22,8 @@ from legfem.geometry.leg_shape import (
     shape_of_contours,
 )
 from legfem.geometry.leg_shape_from_outlines import read_shape, smoothed
-from legfem.geometry.leg_shape_motion import displaced, rigidly_moved, without_layer
 from legfem.geometry.leg_surface import PartSurface
+from legfem.geometry.motion import displaced, rigidly_moved, without_layer
 from studies.legs.shapes import round_leg
 
 

@@ -11,8 +11,7 @@ import shapely.ops
 from making_mechanics import COARSE, subject_3
 
 from legfem.fem.compat import cell_nodes
-from legfem.geometry.curve import smooth_closed_curve
-from legfem.geometry.section import BONES, PARTS, LegSection
+from legfem.geometry.section import BONES, PARTS, LegSection, smooth_closed_curve
 from legfem.meshing.section import MeshMotion, SectionMesh, mesh_section, moved_section_mesh
 
 MOTIONS = [

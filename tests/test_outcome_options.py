@@ -21,7 +21,7 @@ def commands():
     for name in COMMANDS:
         if name == SERVES:
             continue  # it has no result
-        made = typer.main.get_command(import_module(f"legfem.{name}.__main__").app)
+        made = typer.main.get_command(import_module(f"legfem.commands.{name}").app)
         parts = getattr(made, "commands", None)
         yield from ([(name, made)] if parts is None else ((f"{name} {part}", one) for part, one in parts.items()))
 
@@ -53,7 +53,7 @@ def test_what_is_printed_is_kept_back_and_the_document_is_told(tmp_path, capsys)
 
 
 def ran(module: str, *arguments: str) -> str:
-    done = CliRunner().invoke(import_module(f"legfem.{module}.__main__").app, list(arguments))
+    done = CliRunner().invoke(import_module(f"legfem.commands.{module}").app, list(arguments))
     assert done.exit_code == 0, done.output
     return done.stdout
 

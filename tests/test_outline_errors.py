@@ -7,7 +7,7 @@ import pytest
 from making_stocking import short_leg
 
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_shape_motion import displaced
+from legfem.geometry.motion import displaced
 from legfem.geometry.slices import CONTOURS, SliceSet, distance_rates, slice_distances
 from legfem.stockings.misfit import HELD, ContourAccuracy, ContourMisfit, outline_errors
 

@@ -31,9 +31,7 @@ from legfem.report.page import (
     WebPage,
     WebTable,
 )
-from legfem.report.render.html import embed, rendered
-from legfem.report.render.markdown import markdown_page
-from legfem.report.render.table import write_tables
+from legfem.report.render import embed, markdown_page, rendered, write_tables
 
 PLANTED = (
     "<planted>x</planted>",

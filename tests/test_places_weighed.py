@@ -27,10 +27,10 @@ from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import channels_of, derivative_of
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.legs.subject import LegAccuracy, Subject
-from legfem.report.diagnosis_channels import channel_chapter
+from legfem.report.further_channels import channel_chapter
 from legfem.report.kinds.leg import leg_page
 from legfem.report.look import draw_look
-from legfem.report.render.html import rendered
+from legfem.report.render import rendered
 
 BOTH = ("deep.C10", "superficial.C10")
 TRUTH = {"deep.C10": 1.4e-3, "superficial.C10": 2.6e-3}

@@ -21,7 +21,7 @@ from legfem.report.page import (
     WebPage,
     WebTable,
 )
-from legfem.report.render.text import brief, plain_page
+from legfem.report.render import brief, plain_page
 
 LONG = "a sheet round the muscle, its fascia, holds it together"
 

@@ -18,7 +18,7 @@ from legfem.legs.nuisances import Accuracy
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.plan import plan_lines
-from legfem.report.render.text import plain_page
+from legfem.report.render import plain_page
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
 """The first two are alike in closed form."""

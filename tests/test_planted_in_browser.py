@@ -21,7 +21,7 @@ from walking import Server
 
 from legfem.app.workspace import Workspace
 from legfem.commands.data import app
-from legfem.report.render.html import rendered
+from legfem.report.render import rendered
 
 NUMBER = 100
 MADE = press(air=2.0, force_sd=0.02, displacement_sd=0.005, seed=4)

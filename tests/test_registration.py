@@ -9,9 +9,9 @@ import pytest
 import SimpleITK
 
 from legfem.common.errors import InputError
-from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.leg_surface import PartSurface
+from legfem.geometry.motion import RigidTransform
 from legfem.imaging.outlines import shape_of_volume
 from legfem.imaging.registration import (
     IterationSettings,

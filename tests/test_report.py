@@ -15,18 +15,18 @@ from scipy.stats import chi2
 
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.legs.details import AppliedCorrection
-from legfem.legs.elastography import FibreRatio
-from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
+from legfem.legs.subject import FibreRatio
+from legfem.legs.variants import plane_strain_test
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.estimates import comparison
 from legfem.report.folder import keep_another, made_in_place
-from legfem.report.identification import write_report
 from legfem.report.kinds import kind_of
 from legfem.report.kinds.leg import leg_page
-from legfem.report.render.text import brief, plain_page
+from legfem.report.render import brief, plain_page
+from legfem.report.results import write_report
 from legfem.report.style import save
 from legfem.report.words import number
 

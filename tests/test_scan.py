@@ -9,9 +9,8 @@ import pytest
 from making import circle
 
 from legfem.common.errors import InputError
-from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
-from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.geometry.motion import RigidTransform, rigidly_moved
 from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import signed_distances
 from legfem.imaging.label_volume import LabelVolume

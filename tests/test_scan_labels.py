@@ -12,7 +12,7 @@ import SimpleITK
 from making_scans import SPACING, entry_of, labels, subject_of_scan, write_nifti
 
 from legfem.common.errors import InputError
-from legfem.geometry.frames import CuttingPlane
+from legfem.geometry.motion import CuttingPlane
 from legfem.imaging.label_volume import LabelVolume
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.outlines import OutlineSettings

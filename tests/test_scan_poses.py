@@ -9,7 +9,7 @@ import pytest
 from making_scans import PLACE, ellipse, entry_of, made_leg, subject_of_scan
 
 from legfem.common.errors import InputError
-from legfem.geometry.frames import RigidTransform
+from legfem.geometry.motion import RigidTransform
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 

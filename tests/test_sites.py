@@ -22,7 +22,7 @@ from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.site_test import measured_curve
-from legfem.report.identification import write_report
+from legfem.report.results import write_report
 
 NEO_HOOKEAN = ("neo-hookean",)
 C10 = "deep.C10"

@@ -32,13 +32,12 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import SearchRequest
 from legfem.legs import identification
-from legfem.legs.elastography import FibreRatio
 from legfem.legs.identification import fit_in_3d
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.solver_3d import ways_of_pressing
-from legfem.legs.subject import SitedLeg
+from legfem.legs.subject import FibreRatio, SitedLeg
 from legfem.report.kinds.leg import leg_page
-from legfem.report.render.html import rendered
+from legfem.report.render import rendered
 
 NEO_HOOKEAN = ("neo-hookean",)
 

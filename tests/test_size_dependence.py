@@ -9,7 +9,7 @@ import pytest
 
 import legfem as lf
 from legfem.data import Recording, write_recording
-from legfem.specimens.size_dependence import size_dependence
+from legfem.specimens.artefacts import size_dependence
 
 C10, AREA = 5e-3, 400.0
 HEAD = """\

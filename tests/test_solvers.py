@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from mpi4py import MPI
 
-from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.indenter_pose import Cylinder
 from legfem.jobs.store import Store
 from legfem.meshing.idealised_leg import IdealisedLeg, mesh_leg
 from studies.solvers.__main__ import cases_of, run, sentences, solvers_table

@@ -9,8 +9,8 @@ import pytest
 from making_legs_3d import CONE, cone_folder
 
 from legfem.common.errors import InputError
-from legfem.geometry.curve import area_and_centroid
 from legfem.geometry.leg_shape import HULL, SKIN
+from legfem.geometry.section import area_and_centroid
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import LENGTH, spatial_leg
 from legfem.legs.schema import SUBJECTS

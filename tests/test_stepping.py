@@ -14,7 +14,7 @@ from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
-from legfem.mechanics.integration_domain import Body
+from legfem.mechanics.model import Body
 from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
 from legfem.solve.path import SolveReport, Step
 from legfem.solve.protocol import Protocol

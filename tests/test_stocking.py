@@ -11,12 +11,19 @@ from making_stocking import PLANTED_KPA, laws, short_leg
 
 from legfem.common.progress import Silent
 from legfem.experiments.compression import CompressionSettings
-from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.section import outward_normals
 from legfem.geometry.slices import SliceSet, calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.stockings.details import StockingDetails
-from legfem.stockings.equilibrium import Equilibrium, EquilibriumSettings, EquilibriumSolver, LinearisedCoupling
+from legfem.stockings.equilibrium import (
+    PARAMETERS,
+    Equilibrium,
+    EquilibriumSettings,
+    EquilibriumSolver,
+    LegModel3D,
+    LinearisedCoupling,
+)
 from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.identification import (
@@ -27,7 +34,6 @@ from legfem.stockings.identification import (
     identify_in_stocking,
 )
 from legfem.stockings.leg import StockingLeg, default_veins
-from legfem.stockings.leg_model import PARAMETERS, LegModel3D
 from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
@@ -236,7 +242,7 @@ def test_nelder_mead_finds_the_same(result):
 @pytest.mark.slow
 def test_a_motion_left_between_the_scans_is_found(result, truth):
     """Shifted by 0.3 mm, the target is met again with that shift."""
-    from legfem.geometry.leg_shape_motion import rigidly_moved
+    from legfem.geometry.motion import rigidly_moved
 
     shift = np.array([0.3, -0.2, 0.0])
     moved = rigidly_moved(truth[1].shape, np.eye(3), shift)

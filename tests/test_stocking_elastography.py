@@ -12,15 +12,14 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import calf_levels
-from legfem.legs.elastography import ShearModulus
+from legfem.legs.subject import ShearModulus
 from legfem.meshing.leg_sizes import SolidMeshSettings
-from legfem.report.render.text import plain_page
+from legfem.report.render import plain_page
 from legfem.report.stocking_page import stocking_web_page
-from legfem.stockings.equilibrium import EquilibriumSolver
+from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
-from legfem.stockings.leg_model import PARAMETERS, LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.scan_fit import stiffness_priors
 from legfem.stockings.schema import parse_leg_file

@@ -10,9 +10,8 @@ from making_stocking import LEG_TOML, write_shape
 from shapely import Point, Polygon
 
 from legfem.common.errors import InputError
-from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.geometry.motion import RigidTransform, rigidly_moved
 from legfem.stockings.leg import GAP, default_veins
 from legfem.stockings.loading import LEGS, load_leg
 from studies.legs.shapes import parametric_leg, read_legs

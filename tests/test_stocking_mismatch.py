@@ -14,14 +14,13 @@ from making_stocking import COARSE, PLANTED_KPA, laws, short_leg
 
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.geometry.motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.stockings.discrepancy import ModelDiscrepancy, model_discrepancy
-from legfem.stockings.equilibrium import EquilibriumSolver
+from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.identification import SearchSettings, StiffnessSearch
-from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourAccuracy, ContourMisfit, outline_errors
 
 ACCURACY = ContourAccuracy(

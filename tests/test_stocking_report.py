@@ -19,31 +19,28 @@ from legfem.common.errors import Doubt
 from legfem.common.progress import Silent
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
-from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import SKIN
+from legfem.geometry.motion import RigidTransform
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
 from legfem.inverse.document import SCHEMA, fit_document
 from legfem.inverse.intervals import quantile
-from legfem.legs.elastography import ShearModulus
+from legfem.legs.subject import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
-from legfem.report.identification import write_report
-from legfem.report.render.html import rendered
-from legfem.report.render.table import estimates_frame
-from legfem.report.render.text import plain_page
+from legfem.report.render import estimates_frame, plain_page, rendered
+from legfem.report.results import write_report
 from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import vein_interval
 from legfem.report.stocking_stiffness import stiffness_interval, verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
 from legfem.stockings.assessment import assessed
 from legfem.stockings.details import StockingDocument
-from legfem.stockings.equilibrium import EquilibriumSolver
+from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_estimates
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
-from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.loading import load_leg
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.pressures import too_low_by

@@ -16,15 +16,14 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
-from legfem.report.render.text import plain_page
+from legfem.report.render import plain_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import sensor_rows
 from legfem.stockings.assessment import sensor_notices
-from legfem.stockings.equilibrium import EquilibriumSolver
+from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, Sensor, SensorArray, StockingLeg, off_skin
-from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.schema import LegFile, parse_leg_file
 

@@ -13,8 +13,7 @@ import pytest
 
 from legfem.common.units import FloatArray
 from legfem.jobs import store as store_module
-from legfem.jobs.key import Contents, key_of
-from legfem.jobs.store import Store
+from legfem.jobs.store import Contents, Store, key_of
 
 
 @dataclass(frozen=True, eq=False)

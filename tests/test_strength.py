@@ -19,7 +19,7 @@ from legfem.inverse.laplace import WIDTHS, contact_posterior, gain_of_widths, in
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import strength
 from legfem.legs.mechanisms import mechanism_named
-from legfem.legs.mechanisms.instrument import ForceDrift
+from legfem.legs.mechanisms.rig import ForceDrift
 
 NAME = "prestress.tension"
 _DRAWS = 40

@@ -13,8 +13,8 @@ from making import SHARED
 from making_scans import surface, write_polydata
 
 from legfem.common.errors import InputError
-from legfem.geometry.frames import CuttingPlane
 from legfem.geometry.leg_shape import LegShape, fat_thickness_around, largest_girth, perimeter
+from legfem.geometry.motion import CuttingPlane
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surface, read_surfaces, shape_of_surfaces
 
 REAL = SHARED / "data" / "leg_geometry"

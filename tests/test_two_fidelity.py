@@ -21,14 +21,13 @@ from legfem.inverse.search import SearchError
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.correction import TabulatedCorrection, confirmed_correction
 from legfem.legs.details import CLOSE
-from legfem.legs.elastography import FibreRatio
 from legfem.legs.identification import MOST_SOLVES, fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
-from legfem.legs.subject import Subject
+from legfem.legs.subject import FibreRatio, Subject
 from legfem.report.kinds.leg import leg_page
-from legfem.report.render.text import plain_page
+from legfem.report.render import plain_page
 
 GRID = np.linspace(0.0, DEPTH, 41)
 

@@ -9,9 +9,9 @@ from making_results import measured_curve, result
 
 from legfem.common.errors import InputError
 from legfem.geometry.section import first_crossing, girth
-from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.loading import load_subject
+from legfem.legs.placement import Calf, calf_section
 from legfem.legs.problem import leg_problem
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.site_test import TYPICAL_SHAPE

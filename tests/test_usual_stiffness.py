@@ -11,9 +11,9 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.population import population_prior
 from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about_stiffness
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
-from legfem.legs.usual_stiffness import doubts_about_stiffness
 
 TABLE_4 = (2.11, 1.72, 1.21, 0.51)
 """kPa, neo-Hookean: Frauziols et al. (2015)."""

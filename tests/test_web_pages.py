@@ -22,15 +22,14 @@ import legfem as lf
 from legfem.commands.plan import app
 from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.leg_shape_motion import inward, stretch_round
+from legfem.geometry.motion import inward, stretch_round
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
-from legfem.report.render.html import embed, rendered
+from legfem.report.render import PAGE_FILES, embed, rendered
 from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_pressures import by_height
 from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
-from legfem.report.write import PAGE_FILES
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.page import not_seen, study_web_page, to_measure
 from studies.legs.shapes import round_leg
@@ -74,7 +73,7 @@ def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
 
 
 def test_the_command_of_a_plan_writes_its_page(tmp_path, monkeypatch):
-    monkeypatch.setattr("legfem.api.planned.plan_before", lambda *_: pages.ranked())
+    monkeypatch.setattr("legfem.api.diagnosis.plan_before", lambda *_: pages.ranked())
     leg, out = write_subject(tmp_path / "leg"), tmp_path / "out"
     asked = ["--subject-dir", str(leg), "--depth", "12", "--out", str(out), "--jobs", "1"]
     done = CliRunner().invoke(app, [*asked, "--library", str(tmp_path / "library")])
@@ -86,7 +85,7 @@ def test_the_command_of_a_plan_writes_its_page(tmp_path, monkeypatch):
 
 
 def test_a_plan_is_made_in_python_as_by_the_command(tmp_path, monkeypatch):
-    monkeypatch.setattr("legfem.api.planned.plan_before", lambda *_: pages.ranked())
+    monkeypatch.setattr("legfem.api.diagnosis.plan_before", lambda *_: pages.ranked())
     leg = write_subject(tmp_path / "leg")
     found = lf.plan(leg, depth=12.0, library=tmp_path / "library")
     frame = found.to_frame()

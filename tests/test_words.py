@@ -16,7 +16,7 @@ from test_diagnosis_report import CASES
 from legfem.inverse.catalogue import parameter_of
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.page import WebPage
-from legfem.report.render.text import plain_page
+from legfem.report.render import plain_page
 
 ROOT = Path(__file__).resolve().parents[1]
 _EXPONENT, _KEY = r"\d\.\d+e\+\d+", r"(deep|superficial|fascia|muscle|fat)\.[CD][12]0?"

@@ -8,15 +8,13 @@ from importlib import import_module
 from inspect import isfunction
 from typing import Any
 
-from legfem.api.arguments import front, in_python_words
+from legfem.api.loading import front, in_python_words
 
 _HOMES = {
     "cohorts": ("Cohort", "cohort"),
-    "diagnosed": ("DiagnosedFolder", "DiagnosedLeg", "diagnose"),
-    "identification": ("identify",),
-    "leg_in_stocking": ("stocking",),
+    "diagnosis": ("DiagnosedFolder", "DiagnosedLeg", "PlannedTests", "diagnose", "plan"),
+    "identification": ("identify", "stocking"),
     "loading": ("load_leg", "load_sites", "load_specimen", "load_subject"),
-    "planned": ("PlannedTests", "plan"),
     "results": ("Identification", "IdentifiedLeg", "IdentifiedSites", "IdentifiedSpecimen", "LegInStocking"),
 }
 """Names that the door leads to, by the module that they stand in."""

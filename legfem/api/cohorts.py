@@ -16,16 +16,24 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from legfem.api.arguments import check_folder, check_one_of, check_seed, check_whole
-from legfem.api.diagnosed import DiagnosedLeg, diagnose
-from legfem.api.identification import identify
-from legfem.api.leg_in_stocking import stocking
-from legfem.api.loading import Given, load_leg, opened
+from legfem.api.diagnosis import DiagnosedLeg, diagnose
+from legfem.api.identification import identify, stocking
+from legfem.api.loading import Given, check_folder, check_one_of, check_seed, check_whole, load_leg, opened
 from legfem.api.results import Identification, Result
-from legfem.cohort.known import ExpectedRun, KnownRows, Options
 from legfem.cohort.members import Member, Members, Task, find_members
 from legfem.cohort.population_model import PopulationFit, population_document, populations
-from legfem.cohort.rows import Judged, Row, Shape, cohort_frame, models_of, units_frame, write_tables
+from legfem.cohort.rows import (
+    ExpectedRun,
+    Judged,
+    KnownRows,
+    Options,
+    Row,
+    Shape,
+    cohort_frame,
+    models_of,
+    units_frame,
+    write_tables,
+)
 from legfem.cohort.statistics import statistics, statistics_document
 from legfem.cohort.suspicions import missing, suspicions
 from legfem.common.documents import json_types, versions_of, write_document
@@ -33,7 +41,7 @@ from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, duration, progress_on
 from legfem.geometry.section import fat_thickness, girth
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
-from legfem.jobs.key import key_of
+from legfem.jobs.store import key_of
 from legfem.legs.identification import as_leg
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
@@ -42,7 +50,7 @@ from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import document
 from legfem.report.kinds import kind_of
 from legfem.report.page import PAGE, WebPage, command_line
-from legfem.report.render.text import brief
+from legfem.report.render import brief
 from legfem.specimens.folder import SpecimenFolder
 
 _log = logging.getLogger(__name__)

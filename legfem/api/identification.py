@@ -1,4 +1,4 @@
-"""Stiffness identified from recordings of a leg, of its sites, or of specimens: all that the command does."""
+"""Stiffness identified from recordings of a leg, its sites or specimens, and from scans of a leg in its stocking."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,8 @@ from typing import Any, Literal, Self, get_args
 
 from mpi4py import MPI
 
-from legfem.api.arguments import (
+from legfem.api.loading import (
+    Given,
     check_finite,
     check_folder,
     check_names,
@@ -17,10 +18,11 @@ from legfem.api.arguments import (
     check_seed,
     check_unused,
     check_whole,
+    load_leg,
     of_another_kind,
+    opened,
     wrong,
 )
-from legfem.api.loading import Given, opened
 from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
@@ -40,6 +42,8 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.laws import ParameterRequest, laws_named, request_of_texts
 from legfem.specimens.problem import fit_specimens
+from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.leg import StockingLeg
 
 type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
 
@@ -317,3 +321,61 @@ def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
 
 def _wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
     return wrong("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)
+
+
+def stocking(
+    leg: StockingLeg | Given,
+    *,
+    cells: int = 15_000,
+    nelder_mead: bool = False,
+    out: Given | None = None,
+    progress: bool = False,
+    comm: MPI.Intracomm | None = None,
+) -> Identification:
+    """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
+
+    Parameters
+    ----------
+    leg : StockingLeg, str or Path
+        The leg, or what `load_leg` takes.
+    cells : int
+        About how many tetrahedra.
+    nelder_mead : bool
+        Whether to search as the paper does, too; it takes some 50 equilibria.
+    out : str or Path, optional
+        Folder in whose ``equilibria`` every equilibrium is kept, so that the same call goes on where it was stopped;
+        nothing is written without it.
+    progress : bool
+        Whether to print what is being done.
+    comm : MPI.Intracomm, optional
+        Ranks over which every equilibrium is spread, all of which call this; this process alone without it.
+
+    Returns
+    -------
+    Identification
+        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``; its ``best`` is a
+        `legfem.inverse.fit.Fit`, whose details are `legfem.stockings.details.StockingDetails`.
+
+    Raises
+    ------
+    InputError
+        If there is no such leg, or its scans can't be used.
+    """
+    known = load_leg(leg) if isinstance(leg, str | Path) else leg
+    if not isinstance(known, StockingLeg):
+        raise InputError(
+            "leg",
+            type(known).__name__,
+            "is no leg that was scanned in a stocking",
+            "give an id, a folder, or what load_leg returned",
+        )
+    check_whole("cells", cells, 1)
+    if not 2_000 <= cells <= 5_000_000:
+        raise wrong("cells", cells, "is out of range", "give 2000 to 5000000")
+    if out is not None:
+        check_folder("out", out)
+    kept = None if out is None else Path(out) / "equilibria"
+    ranks = comm or MPI.COMM_SELF
+    with progress_on(quiet=not progress or ranks.rank > 0) as told:
+        fit = identify_in_stocking(known, StockingSettings(cells, nelder_mead), told, ranks, folder=kept)
+    return Identification(known, (fit,))

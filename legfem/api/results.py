@@ -19,12 +19,10 @@ from legfem.inverse.outcome import JointForward
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.estimates import preferred
-from legfem.report.identification import pressed_section_of, write_report
 from legfem.report.kinds import kind_of
 from legfem.report.page import WebPage, command_line
-from legfem.report.render.html import rendered
-from legfem.report.render.table import estimates_frame
-from legfem.report.render.text import brief
+from legfem.report.render import brief, estimates_frame, rendered
+from legfem.report.results import pressed_section_of, write_report
 from legfem.specimens.folder import SpecimenFolder
 from legfem.stockings.leg import StockingLeg
 

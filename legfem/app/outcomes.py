@@ -1,7 +1,5 @@
 """What runs found, as rows that can be compared, and as a table of numbers for other programs."""
 
-from __future__ import annotations
-
 import io
 import json
 import math
@@ -159,7 +157,7 @@ _READ = {"result.json": _identified, "diagnosis.json": _diagnosed, "plan.json": 
 _HEADER = "run of command state law data verdict parameter value low high unit identifiability"
 
 
-def numbers_of(answers: Sequence[Answer]) -> pd.DataFrame:
+def numbers_of(answers: Sequence[Answer]) -> "pd.DataFrame":
     """Return a row for every number of every result; a result without numbers has one row."""
     import pandas as pd
 

@@ -1,7 +1,5 @@
 """Images of the section: which of their points lie in tissue, cells of points, and gradients between these."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

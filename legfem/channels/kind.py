@@ -1,7 +1,5 @@
 """What a channel is: its name, unit and usual accuracy, and what a file that adds one has to say of it."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -219,7 +217,7 @@ class ChannelFile(ABC):
     plans: ClassVar[tuple[ChannelPlan, ...]] = ()
 
     @abstractmethod
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return what there is of its kinds in a state; collective over the system's ranks."""
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:

@@ -1,7 +1,5 @@
 """Reading channels off solved states, with their derivatives, along a path."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

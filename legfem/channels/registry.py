@@ -4,8 +4,6 @@ Another package gives kinds under the entry point group "legfem.channels": each 
 (or a function that returns one).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 

@@ -1,7 +1,5 @@
 """What kinds of channel see of a model: forces, and outlines that the line of travel crosses, with derivatives."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,8 +7,7 @@ import numpy as np
 
 from legfem.channels.site import Sight, TravelLine
 from legfem.common.units import FloatArray
-from legfem.fem.outlines import Crossing, Outline, first_crossing, outline_between, outline_of_facets
-from legfem.fem.points import PointsInside
+from legfem.fem.outlines import Crossing, Outline, PointsInside, first_crossing, outline_between, outline_of_facets
 from legfem.fem.system import System
 from legfem.geometry.section import across
 from legfem.mechanics.terms.contact import NormalContact
@@ -199,18 +196,18 @@ class Seen:
         total = np.asarray(comm.allreduce(rates.sum(axis=-1)))
         return state.whole * float(comm.allreduce(local)), state.whole * total
 
-    def line(self, name: str) -> CrossedOutline:
+    def line(self, name: str) -> "CrossedOutline":
         """Return one of a section's outlines as the line of travel crosses it; see `SeenModel.outlines`."""
         return self._lines[name]
 
     @property
-    def profile(self) -> CrossedOutline:
+    def profile(self) -> "CrossedOutline":
         """A section's skin as an image of it has the stated line of travel cross it."""
         stated, skin = self.model.stated, self._lines["skin"]
         return skin if stated is None else replace(skin, origin=stated.origin, direction=stated.direction)
 
     @cached_property
-    def _lines(self) -> dict[str, CrossedOutline]:
+    def _lines(self) -> "dict[str, CrossedOutline]":
         model, state = self.model, self.state
         system = model.system
         dofs = system.spaces.displacement_dofs

@@ -1,7 +1,5 @@
 """Where a leg is pressed, and at which places a channel sees it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

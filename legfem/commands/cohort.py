@@ -87,8 +87,7 @@ def cohort(
     with alone as processes:
         from legfem.api.cohorts import DOCUMENT
         from legfem.api.cohorts import cohort as cohort_in_full
-        from legfem.cohort.known import ExpectedRun
-        from legfem.cohort.rows import CSV
+        from legfem.cohort.rows import CSV, ExpectedRun
         from legfem.commands.options import print_outcome
         from legfem.report.cohort import PAGE
 

@@ -56,8 +56,8 @@ def look(
         from legfem.data import Scales, among_repeats, segment
         from legfem.data.contact import LEAST_OF_A_LEG_MM, LEG
         from legfem.data.formats import read_sheets
-        from legfem.data.formats.sheet import Quantity
-        from legfem.data.plausibility import trial_doubts
+        from legfem.data.formats.labels import Quantity
+        from legfem.data.plausibility import magnitude_doubts, trial_doubts
         from legfem.data.quality import quality_of
         from legfem.data.reader import Proposal, propose
         from legfem.data.recording import OWN_COLUMNS, read_own, recording_of
@@ -72,7 +72,7 @@ def look(
             recordings_toml,
         )
         from legfem.report.page import PAGE, command_line
-        from legfem.report.render.html import rendered
+        from legfem.report.render import rendered
 
         # A required argument's help would end in a backslash and [required].
         if not files:
@@ -121,7 +121,7 @@ def look(
                 "look at files of each layout by themselves, and keep them in folders of their own",
             )
         trials = among_repeats([trial for _, trial in read])
-        doubts = tuple(doubt for one in trials for doubt in trial_doubts(one))
+        doubts = tuple(doubt for one in trials for doubt in (*magnitude_doubts(one), *trial_doubts(one)))
         seen = [Looked(one.recording, how, quality_of(one)) for (how, _), one in zip(read, trials, strict=True)]
         folder.mkdir(parents=True, exist_ok=True)
         text = "\n".join([*doubt_lines(doubts), *(look_text(*parts) for parts in seen)])

@@ -1,7 +1,5 @@
 """``legfem geometry``: a subject folder from a scanned leg, and a picture of it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,7 +57,7 @@ def convert(
     """
     with command_context("run the same command again", quiet):
         from legfem.geometry.contours import write_outlines
-        from legfem.geometry.frames import CuttingPlane
+        from legfem.geometry.motion import CuttingPlane
         from legfem.legs.folder import folder_of_leg
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
@@ -114,7 +112,9 @@ def convert(
     print(f"picture: {picture}")
 
 
-def _source(cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str]) -> LegSource:
+def _source(
+    cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str]
+) -> "LegSource":
     from legfem.imaging.leg_source import LegSource
     from legfem.imaging.surfaces import read_surfaces
     from legfem.imaging.volume_file import read_volume

@@ -104,8 +104,8 @@ def run(
     with _edge(model, jobs, quiet) as processes:
         from mpi4py import MPI
 
-        from legfem.api.arguments import check_seed
         from legfem.api.identification import identify as identify_in_full
+        from legfem.api.loading import check_seed
 
         check_seed(seed)
         leg = tested(subject, subject_dir, specimen_dir, site)
@@ -145,7 +145,7 @@ def _edge(model: str, jobs: int | None, quiet: bool) -> Iterator[int]:
     import petsc4py.PETSc  # noqa: F401  (it starts on all ranks together)
     from mpi4py import MPI
 
-    from legfem.jobs.ranks import leading
+    from legfem.jobs.pool import leading
 
     comm = MPI.COMM_WORLD
     with command_context(resume, quiet), leading(comm, (InputError, UnsolvedError, typer.Exit)) as first:

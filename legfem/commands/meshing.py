@@ -1,7 +1,5 @@
 """``legfem meshing``: a leg's mesh as a file for other programs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -68,7 +66,7 @@ def export(
 class MadeMesh:
     """A mesh, and what it was made from."""
 
-    mesh: NamedMesh
+    mesh: "NamedMesh"
     definition: Mapping[str, Any]
     """Shape and sizes, as JSON types; lengths in mm."""
 
@@ -125,7 +123,7 @@ def stocking_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
 
 def idealised_mesh(finer: float = 1.0) -> MadeMesh:
     """Mesh a quarter of the reference leg of the 3D correction."""
-    from legfem.experiments.indentation_3d import Cylinder
+    from legfem.experiments.indenter_pose import Cylinder
     from legfem.meshing.exchange import named_mesh
     from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
 
@@ -137,7 +135,7 @@ def idealised_mesh(finer: float = 1.0) -> MadeMesh:
     )
 
 
-def mesh_document(mesh: NamedMesh, files: Sequence[Path]) -> dict[str, Any]:
+def mesh_document(mesh: "NamedMesh", files: Sequence[Path]) -> dict[str, Any]:
     """Return what a mesh holds as JSON types."""
     unit = "area_mm2" if mesh.dimension == 2 else "volume_mm3"
     return {
@@ -156,7 +154,7 @@ def mesh_document(mesh: NamedMesh, files: Sequence[Path]) -> dict[str, Any]:
     }
 
 
-def summary(mesh: NamedMesh) -> list[str]:
+def summary(mesh: "NamedMesh") -> list[str]:
     """Return what a mesh holds, a line for the whole and for each region."""
     unit = "mm2" if mesh.dimension == 2 else "mm3"
     lines = [f"{len(mesh.points)} nodes; surfaces: {', '.join(mesh.surfaces)}"]
@@ -166,7 +164,9 @@ def summary(mesh: NamedMesh) -> list[str]:
     return lines
 
 
-def _asked(subject: str | None, folder: Path | None, stocking: str | None, idealised: bool, finer: float) -> NamedMesh:
+def _asked(
+    subject: str | None, folder: Path | None, stocking: str | None, idealised: bool, finer: float
+) -> "NamedMesh":
     given = [subject is not None, folder is not None, stocking is not None, idealised]
     if sum(given) != 1:
         raise InputError(

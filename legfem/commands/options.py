@@ -1,7 +1,5 @@
 """Options that commands share, what they name, and what is printed at the end."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,7 +24,7 @@ Jobs = Annotated[int | None, typer.Option(help="Processes; all cores by default.
 
 def tested(
     subject: str | None, subject_dir: Path | None, specimen_dir: Path | None, site: str | None
-) -> LoadedLeg | SitedLeg | SpecimenFolder:
+) -> "LoadedLeg | SitedLeg | SpecimenFolder":
     """Return the leg or the specimens that options name, one of its sites where that is named.
 
     Raises
@@ -51,7 +49,7 @@ def results_folder(out: Path | None, command: str, name: str) -> Path:
     return folder
 
 
-def finish(found: Result, folder: Path, numbers: str, quiet: bool, as_json: bool, text: str | None = None) -> None:
+def finish(found: "Result", folder: Path, numbers: str, quiet: bool, as_json: bool, text: str | None = None) -> None:
     """Write what was found, and print it and where it lies.
 
     Parameters

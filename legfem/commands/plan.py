@@ -39,8 +39,8 @@ def plan(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with parallel_context(jobs, resume, quiet) as processes:
-        from legfem.api.planned import PLAN
-        from legfem.api.planned import plan as plan_in_full
+        from legfem.api.diagnosis import PLAN
+        from legfem.api.diagnosis import plan as plan_in_full
         from legfem.legs.loading import load_subject
 
         directory = SUBJECTS.named(subject, subject_dir)

@@ -201,7 +201,8 @@ def correction(
     with command_context("run the same command again to go on; solved models are kept", quiet):
         from mpi4py import MPI
 
-        from legfem.experiments.indentation_3d import Cylinder, IdealisedLegSettings
+        from legfem.experiments.indenter_pose import Cylinder
+        from legfem.experiments.leg_3d import IdealisedLegSettings
         from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
         from legfem.study.correction import command as correction_command
         from legfem.study.correction.calibration import Calibration
@@ -210,7 +211,7 @@ def correction(
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         if subject_dir is not None:
-            from legfem.jobs.ranks import leading
+            from legfem.jobs.pool import leading
             from legfem.study.correction import of_leg
 
             with leading(MPI.COMM_WORLD) as first, brief_output(quiet, as_json) as written:

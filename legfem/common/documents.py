@@ -1,7 +1,5 @@
 """Files of results, which are there whole or not at all: JSON, text, tables in Markdown; and versions they state."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

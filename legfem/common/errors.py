@@ -1,15 +1,15 @@
-"""What a user is told of what was given: errors, checks that raise them, doubts about what is unlikely."""
-
-from __future__ import annotations
+"""What a user is told of what was given: errors, checks that raise them, missing files, doubts of what is unlikely."""
 
 import logging
 import math
 import sys
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from numbers import Real
 from os import PathLike
+from pathlib import Path
 
 
 class InputError(Exception):
@@ -207,3 +207,44 @@ def doubt_documents(doubts: Iterable[Doubt]) -> list[dict[str, str]]:
 def doubt_lines(doubts: Iterable[Doubt]) -> list[str]:
     """Return doubts as lines for the top of a report."""
     return [f"DOUBTFUL INPUT: {doubt}" for doubt in doubts]
+
+
+_OTHER_KINDS = (".xlsx", ".xls", ".ods", ".numbers", ".rtf", ".docx", ".json", ".yaml", ".yml")
+
+
+def remedy_for_missing(path: Path, otherwise: str) -> str:
+    """Return what to do about a missing file, where one beside its place has nearly its name.
+
+    A name in other capitals, of a copy (``subject (1).toml``), or with another ending or one more
+    (``subject.toml.txt``).
+
+    Parameters
+    ----------
+    path : Path
+        Of what is missing.
+    otherwise : str
+        What to do where there is no such file.
+    """
+    if not path.parent.is_dir():
+        return otherwise
+    wanted, stem = _plain(path.name), _plain(path.stem)
+    begins = tuple(stem + mark for mark in ". _-(")
+    names = sorted(one.name for one in path.parent.iterdir() if one.name.isprintable())
+    found = next((n for n in names if _plain(n) == wanted), None) or next(
+        (n for n in names if _plain(n).startswith(begins) and not (path.parent / n).is_dir()), None
+    )
+    if found is None:
+        return otherwise
+    if _composed(found) == _composed(path.name):
+        return f"name {found!r} anew: its accents are encoded in another way"
+    if Path(found).suffix.lower() in _OTHER_KINDS:
+        return f"save {found!r} as {path.name}"
+    return f"rename {found!r} to {path.name}"
+
+
+def _composed(name: str) -> str:
+    return unicodedata.normalize("NFC", name)
+
+
+def _plain(name: str) -> str:
+    return _composed(name).casefold()

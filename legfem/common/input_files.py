@@ -1,7 +1,5 @@
 """Files that users hand over, read strictly: text, comma-separated tables, and TOML against a schema."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import difflib
@@ -17,8 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from legfem.common.errors import InputError
-from legfem.common.missing_files import remedy_for_missing
+from legfem.common.errors import InputError, remedy_for_missing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,7 +79,7 @@ def read_table(
     text: Sequence[str] = (),
     optional: Sequence[str] = (),
     sparse: Sequence[str] = (),
-) -> pd.DataFrame:
+) -> "pd.DataFrame":
     """Read a CSV file whose first line is exactly ``columns``, parted by commas, or by semicolons or tabs.
 
     Parameters
@@ -196,7 +193,7 @@ def _check_width(path: Path, line: int, row: list[str], width: int, wanted: str)
     raise InputError(path, f"line {line}", problem, f"{mend}; the columns are {wanted}")
 
 
-def _numbers(path: Path, column: pd.Series[str]) -> pd.Series[float]:
+def _numbers(path: Path, column: "pd.Series[str]") -> "pd.Series[float]":
     import pandas as pd
 
     values = pd.to_numeric(column, errors="coerce").astype(np.float64)

@@ -1,7 +1,5 @@
 """Registries: one object for every file of a folder, and those that other packages add by entry points."""
 
-from __future__ import annotations
-
 import logging
 from importlib import import_module
 from importlib.metadata import entry_points

@@ -1,7 +1,5 @@
 """Units: mm, N, MPa and s inside; kPa where people read and write."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

@@ -17,7 +17,8 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
 from legfem.data.formats import read_sheets
-from legfem.data.formats.sheet import Column, Quantity, measures, unit_named
+from legfem.data.formats.labels import Quantity, unit_named
+from legfem.data.formats.sheet import Column, measures
 from legfem.data.recording import RecordedChannel, Recording, backwards, channel_of, not_increasing
 
 TRIAL, SITE = "{trial}", "{site}"

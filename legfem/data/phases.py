@@ -1,7 +1,5 @@
 """The phases of a recording by its motion alone: loading, hold and unloading, with the corners between them."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

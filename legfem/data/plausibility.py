@@ -5,8 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from legfem.common.errors import Doubt, InputError
+from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.units import FloatArray
+from legfem.data.contact import LEG
 from legfem.data.phases import HOLD, LOADING
 from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation
@@ -40,6 +41,16 @@ _TIMES_STEP = 12.0
 """... nor as many times as far as from sample to sample else, while the force stays as it is."""
 
 
+_FORCES = {"mN": 1e-3, "kN": 1e3, "µN": 1e-6}
+_WAYS_OF_LEG = PhysicalRange("a travel", "mm", (2.5, 80.0), (0, np.inf), "presses of calves", {"µm": 1e-3, "m": 1e3})
+_WAYS = PhysicalRange("a travel", "mm", (1e-4, 300.0), (0, np.inf), "labs' tests", {"µm": 1e-3, "nm": 1e-6, "m": 1e3})
+_SPEEDS = PhysicalRange("a speed", "mm/s", (1e-5, 500.0), (0, np.inf), "testing machines", {"ms": 1e3, "min": 1 / 60})
+_STIFFNESS_OF_LEG = PhysicalRange("a force", "N per mm", (0.005, 30.0), (0, np.inf), "presses of calves", _FORCES)
+_STIFFNESS = PhysicalRange(
+    "a force", "N per mm²", (2e-5, 1e4), (0, np.inf), "travel squared, of brain to rubber", _FORCES
+)
+
+
 def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
     """Yield what is unlikely in a recording, whatever was pressed.
 
@@ -54,6 +65,28 @@ def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
     yield from _joined_doubts(trial)
     yield from _start_doubts(trial)
     yield from _drift_doubts(trial)
+
+
+def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield doubts about a travel, speed and force that no press or pull of soft tissue has: a unit that isn't true.
+
+    Where no section and no specimen's size is known: a leg's test is compared with legs', any other with what labs do.
+    """
+    if not trial.recording.timed:
+        return
+    d, force, time = trial.smooth, trial.recording.force, trial.recording.time
+    travel, rise = float(np.ptp(d)), float(np.ptp(without_outliers(force)))
+    moving = np.abs(np.diff(d)) > 0.1 * np.abs(np.diff(d)).max()
+    speed = float(np.median(np.abs(np.diff(d) / np.diff(time))[moving])) if moving.any() else 0.0
+    if travel == 0 or speed == 0:
+        return
+    of_leg = trial.scales is LEG
+    ways, stiffness = (_WAYS_OF_LEG, _STIFFNESS_OF_LEG) if of_leg else (_WAYS, _STIFFNESS)
+    yield from ways.likely(trial.source, "displacement_mm", travel)
+    yield from _SPEEDS.likely(trial.source, "time_s", speed)
+    other = "; of a specimen, run again with --specimens" if of_leg else ""
+    size = rise / travel if of_leg else rise / travel**2
+    yield from stiffness.likely(trial.source, "force_N", size, f"check its unit in the file{other}")
 
 
 def loading_doubts(

@@ -1,50 +1,22 @@
 """Reading a recording: which columns are time, displacement and force, in which units and directions."""
 
-import json
-import re
-import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from legfem.channels.registry import CHANNELS
 from legfem.common.errors import InputError
+from legfem.data.columns import find_column
 from legfem.data.formats import read_sheets
-from legfem.data.formats.sheet import (
-    FEWEST_ROWS,
-    NAMELESS,
-    NOT_CALCULATED,
-    OWN,
-    Column,
-    Quantity,
-    Sheet,
-    Unit,
-    measured_by,
-    measures,
-    names_quantity,
-    unit_named,
-)
-from legfem.data.recording import (
-    QUANTITIES,
-    Recording,
-    SourceColumn,
-    SourceColumns,
-    channel_of,
-    read_own_table,
-    recording_of,
-)
+from legfem.data.formats.labels import Quantity
+from legfem.data.formats.sheet import FEWEST_ROWS, Sheet
+from legfem.data.recording import QUANTITIES, Recording, SourceColumn, SourceColumns, read_own_table, recording_of
+from legfem.data.remedies import look_command, refuse_other_table, remedy_for
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
 # How sure the force has to follow the displacement for their directions to be told.
 _LEAST_CORRELATION = 0.6
-# What a test of soft tissue lasts, and how far apart its readings are.
-_LEAST_TEST_S, _LONGEST_TEST_S = 0.5, 10_000.0
-_LEAST_STEP_S, _LONGEST_STEP_S = 1e-4, 5.0
-_MOST_IN_A_ROW = 50
-"""Numbers in a row, beyond which a table of few rows is one that lies on its side."""
-_BY_PLACE = ("column 1:UNIT", "column 2:UNIT", "column 3:UNIT")
 
 
 @dataclass(frozen=True)
@@ -85,7 +57,7 @@ def propose(
     usable, why = [], None
     for sheet in sheets:
         try:
-            usable.append((sheet, [_found(path, sheet, q, given.get(q)) for q in QUANTITIES]))
+            usable.append((sheet, [find_column(path, sheet, q, given.get(q)) for q in QUANTITIES]))
         except InputError as error:
             why = why or (sheet, error)
     if not usable:
@@ -95,8 +67,8 @@ def propose(
             raise refuse_untimed(path, table)
         sheet, first = why
         if not given:
-            _refuse_other_table(path, sheets)
-        remedy = first.remedy if first.field.startswith("--") else _mend(path, sheet, given, sheets)
+            refuse_other_table(path, sheets)
+        remedy = first.remedy if first.field.startswith("--") else remedy_for(path, sheet, given, sheets)
         raise InputError(path, first.field, first.problem, remedy)
     if len(usable) > 1:
         names = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
@@ -104,7 +76,7 @@ def propose(
             path,
             "recordings.sheet",
             f"{len(usable)} tables hold recordings: {names}",
-            "keep one trial a file, or name one with --sheet",
+            f"keep one trial a file, or name one: {look_command(path, {'sheet': usable[0][0].name})}",
         )
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
@@ -119,249 +91,6 @@ def propose(
         plain.sheet,
     )
     return Proposal(channels, (*reasons, reason))
-
-
-def _refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
-    """Refuse tables of which none has a recording's quantities: readings beside a force, or something else."""
-    columns = [column for sheet in sheets for column in sheet.columns]
-    kind = next((kind for column in columns if (kind := channel_of(column))), None)
-    has = {quantity: [c for c in columns if _may_be(c, quantity) and not channel_of(c)] for quantity in QUANTITIES}
-    if kind is not None and has["time"] and not has["force"]:
-        raise InputError(
-            path,
-            "columns",
-            f"holds {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording",
-            f"give in subject.toml, beside the recordings: [channels.{kind.name}] file = {json.dumps(path.name)} "
-            "(or a file a trial, with {trial} for the trial's name)",
-        )
-    strained = next((pair for sheet in sheets if (pair := stretch_and_stress(sheet, timed=True))), None)
-    if strained is not None and has["time"] and not has["displacement"] and not has["force"]:
-        raise InputError(
-            path,
-            "columns",
-            f"holds strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
-            "export displacement in mm and force in N, which are strain times length and stress times area",
-        )
-    pressures = [c for c in columns if measures(c, "pressure")]
-    if pressures and has["time"] and has["displacement"] and not has["force"]:
-        raise InputError(
-            path,
-            "columns",
-            f"holds a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
-            "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and run: "
-            f"legfem data preview {shlex.quote(str(path.parent.parent))}",
-        )
-    formulas = next((remark for sheet in sheets for remark in sheet.remarks if NOT_CALCULATED in remark), None)
-    if formulas is not None:
-        raise InputError(path, "file", f"its {formulas}", "open it in a spreadsheet, and save it")
-    nameless = next((sheet for sheet in sheets if NAMELESS in sheet.remarks), None)
-    if nameless is not None and not any(has.values()):
-        raise _without_names(path, nameless)
-    if not any(has.values()):
-        few = ", ".join(f"'{c.name}'" for c in columns[:6]) + (", ..." if len(columns) > 6 else "")
-        raise InputError(
-            path,
-            "columns",
-            f"is no recording: none of its columns ({few}) is named, or has a unit, like time, displacement or force",
-            f"if three of them are, name them: {_look(path, dict.fromkeys(QUANTITIES, 'NAME:UNIT'))}",
-        )
-
-
-def _without_names(path: Path, sheet: Sheet) -> InputError:
-    count, first = len(sheet.columns), sheet.columns[0].values
-    if len(first) < FEWEST_ROWS and count > _MOST_IN_A_ROW:
-        return InputError(
-            path,
-            "columns",
-            f"its numbers stand in rows of {count}, not in columns",
-            "turn the table round: in a spreadsheet, Paste Special, Transpose",
-        )
-    to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])
-    height = to_zero and np.ptp(np.diff(first)) < 0.01 * np.ptp(first)
-    odd = "; the first goes up to 0 in equal steps, as a microscope's height does and no time" if height else ""
-    return InputError(
-        path,
-        "columns",
-        f"its {count} columns have no names{odd}",
-        "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "
-        f"places: {_look(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True)))}",
-    )
-
-
-def _mend(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str:
-    """Return the command that would read a file, with the units that are to be confirmed or filled in."""
-    options: dict[str, str] = {str(quantity): text for quantity, text in given.items()}
-    assumed: list[str] = []
-    for quantity in QUANTITIES:
-        try:
-            _found(path, sheet, quantity, given.get(quantity))
-        except InputError:
-            named = [c for c in sheet.columns if names_quantity(c.name, quantity)]
-            able = [c for c in named if measured_by(c) in (quantity, None)]
-            # Of several axes the one that is moved along, or pressed along, changes most.
-            column = max(able, key=lambda c: float(np.ptp(c.values)), default=None)
-            stated = unit_named(column.unit) if column is not None and column.unit else None
-            if column is None:
-                options[quantity] = "NAME:UNIT"
-            elif stated is not None and stated.quantity is None:
-                return f"export '{column.name}' in {OWN[quantity]}, or correct its unit in the file"
-            elif column.unit and stated is None and re.search(r"\d", column.unit):
-                return f"export '{column.name}' in {OWN[quantity]}: '{column.unit}' has a factor in it"
-            elif sum(c.name == column.name for c in sheet.columns) > 1:
-                return f"give the columns '{column.name}' names of their own in the file, then name one"
-            else:
-                unit = _likely_unit(column, quantity)
-                options[quantity] = f"{column.name}:{unit}"
-                assumed.append(f"{quantity} is '{column.name}' in {unit}")
-    if len(sheets) > 1 and sheet.name:
-        options["sheet"] = sheet.name
-    missing = [quantity for quantity, text in options.items() if text == "NAME:UNIT"]
-    if not missing:
-        unknown = any(text.endswith(":UNIT") for text in options.values())
-        told = "give in place of UNIT what it means" if unknown else f"if {', '.join(assumed)}"
-        return f"{told}: {_look(path, options)}"
-    if missing == ["time"] and not any(measured_by(c) == "time" for c in sheet.columns):
-        return "add a column Time (s): the number of the sample over the samples taken in a second"
-    taken = {text.rpartition(":")[0] for text in options.values()}
-    left = [
-        c.name
-        for c in sheet.columns
-        if c.name not in taken and (unit_named(c.unit or "") is None or measured_by(c) in missing)
-    ]
-    if not left:
-        return f"record {' and '.join(missing)}, too, and export all three columns"
-    among = f" (of {', '.join(map(repr, left))})"
-    return f"name {' and '.join(missing)}{among}: {_look(path, options)}"
-
-
-def _likely_unit(column: Column, quantity: Quantity) -> str:
-    """Return the unit that a column is said to be in, perhaps by a sign that an encoding lost; else legfem's own."""
-    if not column.unit:
-        return OWN[quantity]
-    if measured_by(column) == quantity:
-        return column.unit
-    return "u" + column.unit[1:] if column.unit[0] in "?\ufffd" and measured_by(column) is None else "UNIT"
-
-
-def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
-    if given is not None:
-        name, _, unit = given.partition(":")
-        columns = [c for c in sheet.columns if c.name == name]
-        if len(columns) != 1 or not (unit or columns[0].unit):
-            names = ", ".join(f"'{c.name}'" for c in sheet.columns)
-            missing = "has no unit" if columns else "is no column of the file"
-            raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
-        channel = SourceColumn(name, unit or str(columns[0].unit))
-        return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
-    able = [c for c in sheet.columns if _may_be(c, quantity)]
-    # A testing machine calls its only force axial, which is a channel beside the force in another's file.
-    candidates = [c for c in able if channel_of(c) is None]
-    candidates = candidates or [c for c in able if channel_of(c) == CHANNELS["axial_force"]]
-    names = ", ".join(f"'{c.name}'" for c in sheet.columns)
-    if not candidates:
-        alike = [c for c in sheet.columns if names_quantity(c.name, quantity)]
-        why = f"no column is named, or has a unit, like it (of {names})"
-        if alike:
-            why = f"'{alike[0].unit}' of '{alike[0].name}' is no unit of {quantity}"
-        raise InputError(path, f"recordings.{quantity}", why, f"name it with --{quantity} NAME:UNIT")
-    named = [c for c in candidates if names_quantity(c.name, quantity)]
-    able = named or candidates
-    going = [c for c in able if _goes_on(c, quantity)] or able
-    chosen, others = going[0], going[1:]
-    differing = [c.name for c in others if not _same_signal(c, chosen)]
-    if differing == [chosen.name] * len(differing) and differing and _side_by_side(sheet):
-        raise InputError(
-            path,
-            "columns",
-            f"{len(differing) + 1} trials stand side by side: '{chosen.name}' is the name of as many columns",
-            "keep one trial a file",
-        )
-    if differing:
-        told = ", ".join(f"'{n}'" for n in (chosen.name, *differing))
-        raise InputError(
-            path,
-            f"recordings.{quantity}",
-            f"may be any of {told}, which differ",
-            f"name it with --{quantity} NAME:UNIT",
-        )
-    still = "doesn't increase" if quantity == "time" else "doesn't change"
-    same = "".join(f"; '{c.name}' {still}" for c in able if not _goes_on(c, quantity) and c is not chosen)
-    if not chosen.unit and quantity == "time" and (of_time := _unit_of_time(chosen)):
-        unit, reason = of_time
-        return SourceColumn(chosen.name, unit), f"time: '{chosen.name}' in {unit}, since {reason}{same}"
-    if not chosen.unit:
-        raise InputError(
-            path,
-            f"recordings.{quantity}.unit",
-            f"column '{chosen.name}' states no unit",
-            f"give it with --{quantity} '{chosen.name}:{OWN[quantity]}', if it is that",
-        )
-    if unit_named(chosen.unit) is None:
-        raise InputError(
-            path,
-            f"recordings.{quantity}.unit",
-            f"'{chosen.unit}' of '{chosen.name}' isn't known",
-            f"give it with --{quantity} '{chosen.name}:UNIT' in multiples of {OWN[quantity]}",
-        )
-    same += f"; {len(others)} more say the same" if others else ""
-    why = "name and unit" if named else "unit"
-    passed = [c.name for c in candidates if named and c not in named]
-    if passed:
-        same += "; passed over, by their names: " + ", ".join(f"'{name}'" for name in passed)
-    return SourceColumn(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
-
-
-def _side_by_side(sheet: Sheet) -> bool:
-    """Tell whether each quantity has several columns of one name."""
-    names = [c.name for c in sheet.columns]
-    twice = [c for c in sheet.columns if names.count(c.name) > 1]
-    return all(any(_may_be(c, quantity) for c in twice) for quantity in QUANTITIES)
-
-
-def _goes_on(column: Column, quantity: Quantity) -> bool:
-    """Tell whether a column can be a test's: a time that increases, another that changes."""
-    if quantity == "time":
-        return bool((np.diff(column.values[1:]) > 0).all())
-    return bool(np.ptp(column.values) > 0)
-
-
-def _unit_of_time(column: Column) -> tuple[str, str] | None:
-    """Return the one unit in which a time without a unit is a test's, and why; None where several may be.
-
-    In days a spreadsheet keeps a date's time.
-    """
-    whole = float(np.ptp(column.values))
-    step = whole / max(len(column.values) - 1, 1)
-    units = {"s": 1.0, "ms": 1e-3, "days": 86400.0}
-    fits = [
-        unit
-        for unit, factor in units.items()
-        if _LEAST_TEST_S <= factor * whole <= _LONGEST_TEST_S and _LEAST_STEP_S <= factor * step <= _LONGEST_STEP_S
-    ]
-    if not _goes_on(column, "time") or len(fits) != 1:
-        return None
-    unit = fits[0]
-    other = "ms" if unit == "s" else "s"
-    factor = units[other]
-    would = f"the test would last {factor * whole:.3g} s, with a reading every {factor * step:.2g} s"
-    return unit, f"it states no unit, and in {other} {would}"
-
-
-def _may_be(column: Column, quantity: Quantity) -> bool:
-    """Tell whether a column may be a quantity, by its unit; by its name where that says nothing."""
-    unit: Unit | None = unit_named(column.unit) if column.unit else None
-    if unit is not None:
-        return unit.quantity == quantity
-    return names_quantity(column.name, quantity)
-
-
-def _same_signal(a: Column, b: Column) -> bool:
-    """Tell whether one signal is the other but for sign, unit and zero; one that is twice as large isn't."""
-    one, other = (c.values * (unit_named(c.unit or "") or Unit(None, 1.0)).factor for c in (a, b))
-    if np.ptp(one) == 0 or np.ptp(other) == 0:
-        return bool(np.ptp(one) == np.ptp(other) == 0)
-    alike = abs(np.corrcoef(one, other)[0, 1]) > 1 - 1e-6
-    return bool(alike and abs(np.ptp(one) / np.ptp(other) - 1) < 0.01)
 
 
 def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
@@ -430,7 +159,7 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
         if found is not None:
             return found
         if error.field == "header" and area is None and (seen := _seen(path)):
-            remedy = f"{error.remedy}; or run {_look(path, {})}, whose recordings.toml reads {seen}"
+            remedy = f"{error.remedy}; or run {look_command(path, {})}, whose recordings.toml reads {seen}"
             raise InputError(path, error.field, error.problem, remedy) from None
         raise
 
@@ -474,8 +203,3 @@ def _seen(path: Path) -> str:
     except InputError:
         return ""
     return ", ".join(f"{q} from '{getattr(found, q).column}' in {getattr(found, q).unit}" for q in QUANTITIES)
-
-
-def _look(path: Path, options: Mapping[str, str]) -> str:
-    words = ["legfem data look", shlex.quote(str(path))]
-    return " ".join([*words, *(f"--{key} {shlex.quote(value)}" for key, value in options.items())])

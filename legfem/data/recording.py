@@ -1,7 +1,5 @@
 """One trial as it was recorded: read from named columns of a file or from legfem's own CSV, and written as that."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +13,8 @@ from legfem.channels.registry import CHANNELS, IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
-from legfem.data.formats.sheet import OWN, Column, Quantity, Sheet, Unit, measures, unit_named
+from legfem.data.formats.labels import OWN, Quantity, Unit, unit_named
+from legfem.data.formats.sheet import Column, Sheet, measures
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +62,7 @@ class RecordedChannel:
         """Of each reading (k, q); q = 0 of a channel that has no places."""
         return np.zeros((len(self.time), 0)) if self.course is None else np.array(self.places)[self.course]
 
-    def at_each_place(self) -> Iterator[tuple[int, RecordedChannel]]:
+    def at_each_place(self) -> "Iterator[tuple[int, RecordedChannel]]":
         """Yield the number of every place and what was read there; of a channel without places 0 and itself."""
         if self.course is None:
             yield 0, self
@@ -222,7 +221,9 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColu
             f"give {OWN[measured]} or a multiple of it",
         )
     columns = [c for c in sheet.columns if c.name == channel.column]
-    if len(columns) != 1:
+    # Of two that are called alike one is in volts, perhaps, or both are one signal.
+    columns = [c for c in columns if unit_named(c.unit or "") == unit] or columns
+    if len(columns) != 1 and not (columns and all(np.array_equal(c.values, columns[0].values) for c in columns)):
         names = ", ".join(f"'{c.name}'" for c in sheet.columns)
         many = f"{len(columns)} columns '{channel.column}'" if columns else "there is no column "
         raise InputError(
@@ -343,7 +344,7 @@ def _channel_columns(path: Path) -> dict[str, ChannelKind]:
     return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
 
 
-def _sparse(kind: ChannelKind, time: FloatArray, values: pd.Series[float]) -> RecordedChannel:
+def _sparse(kind: ChannelKind, time: FloatArray, values: "pd.Series[float]") -> RecordedChannel:
     read = values.notna().to_numpy()
     return RecordedChannel(kind.name, time[read], values.to_numpy()[read], kind.usual)
 

@@ -13,7 +13,8 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats import Column, Sheet, read_sheets
-from legfem.data.formats.sheet import OWN, measured_by, measures, names_quantity, unit_named
+from legfem.data.formats.labels import OWN, names_quantity, unit_named
+from legfem.data.formats.sheet import measured_by, measures
 
 _STRETCH = r"stretch|lambda|^λ|élongation"
 _STRAIN = r"strain|dehnung|^eps(ilon)?|^ε|shear|^gamma|^γ"

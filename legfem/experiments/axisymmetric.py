@@ -6,8 +6,6 @@ bonded ends, 0.17 for a coefficient of 0.1, 0.38 for 0.2, 0.61 for 0.3 and 0.93 
 a third of the height.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

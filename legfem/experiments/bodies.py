@@ -1,7 +1,5 @@
 """Sizes of what labs test: specimens with what presses, pulls or draws them; checked, without a model."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A leg's segment in 3D under a pressure on its skin."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """What every experiment is: parameters and a load in, a force curve with its derivatives out."""
 
-from __future__ import annotations
-
 import typing
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -13,7 +11,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
-from legfem.jobs.key import code_fingerprint, key_of
+from legfem.jobs.store import code_fingerprint, key_of
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve, Path, SolveReport
 from legfem.solve.protocol import Protocol

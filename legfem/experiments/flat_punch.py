@@ -1,7 +1,5 @@
 """A rigid flat-ended cylinder pressed end-on into a layer on a rigid base."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any

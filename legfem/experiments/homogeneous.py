@@ -13,8 +13,6 @@ the free stretches are those at which :math:`\tau` vanishes along their axes, an
 .. math:: \tau^f_f = \tfrac12 (E_L - 3 \mu_T) (\lambda_f^2 - 1) \lambda_f^2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self

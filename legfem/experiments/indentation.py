@@ -1,7 +1,5 @@
 """Indentation by a rigid body: what all tests with an indenter share, and their last solutions in memory."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,12 +15,11 @@ from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Meshed, Picklable, Solved, as_protocol, cached_in_process
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
-from legfem.jobs.key import key_of
+from legfem.jobs.store import key_of
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.indenters import RigidIndenter
-from legfem.mechanics.integration_domain import named_parameters
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import Formulation, LegModel
+from legfem.mechanics.model import Formulation, LegModel, named_parameters
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import Path
@@ -82,7 +79,7 @@ class IndentationModel(Meshed):
     reader: ChannelReader | None = None
 
     @cached_property
-    def relaxing(self) -> IndentationModel:
+    def relaxing(self) -> "IndentationModel":
         """The same model with steps that relax to another equilibrium where a path of equilibria ends."""
         return replace(self, steps=replace(self.steps, relaxes=True))
 

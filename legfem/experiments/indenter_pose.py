@@ -1,7 +1,5 @@
 """Indenters of a leg in 3D, and their pose."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -11,8 +9,35 @@ import numpy as np
 
 from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
-from legfem.experiments.indentation_3d import Cylinder
-from legfem.mechanics.indenters import RigidBall, RigidIndenter, TurnedCylinder
+from legfem.mechanics.indenters import FiniteCylinder, RigidBall, RigidCylinder, RigidIndenter, TurnedCylinder
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """The rigid cylinder of the tests.
+
+    Parameters
+    ----------
+    radius, length : float
+        mm; the length includes the rounding of the ends.
+    edge_radius : float
+        Radius of the rounding of the end edges (mm).
+    """
+
+    radius: float = 15.0
+    length: float = 50.0
+    edge_radius: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the sizes."""
+        check_positive(self, "radius", "length", "edge_radius")
+
+    def shape(self, dimension: int) -> RigidIndenter:
+        """Return the signed distance in plane strain (2) or in 3D (3)."""
+        if dimension == 2:
+            return RigidCylinder(self.radius)
+        return FiniteCylinder(self.radius, self.length / 2, self.edge_radius)
+
 
 _OUTLINE = 13
 """Points of an indenter's outline, along its axis."""

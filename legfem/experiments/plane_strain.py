@@ -1,6 +1,4 @@
-"""A cylinder pressed into a leg's cross-section in plane strain."""
-
-from __future__ import annotations
+"""A cylinder pressed, in plane strain, into a leg's cross-section, and into a block on a rigid base."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,6 +16,8 @@ from legfem.channels.registry import files_of
 from legfem.channels.site import Sight, TravelLine
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
+from legfem.experiments.bodies import CylinderOnBlock
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
 from legfem.experiments.indentation import (
     SOFTER,
@@ -39,6 +39,7 @@ from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import BoneSprings
+from legfem.meshing.meridian import MeridianMeshSettings, supports
 from legfem.meshing.section import (
     BONE_REGIONS,
     REGIONS,
@@ -226,22 +227,22 @@ class PlaneStrainIndentation(IndentationTest):
         return RecentSolutions()
 
     @cached_in_process
-    def _finer(self) -> PlaneStrainIndentation:
+    def _finer(self) -> "PlaneStrainIndentation":
         """The same test on a finer mesh."""
         mesh = self.settings.mesh.refined(1.5)
         return replace(self, settings=replace(self.settings, mesh=mesh, defences=False))
 
     @cached_in_process
-    def _well_integrated(self) -> PlaneStrainIndentation:
+    def _well_integrated(self) -> "PlaneStrainIndentation":
         """The same test with more quadrature points, for thin layers of tissue that are stretched far."""
         return self._on_this_mesh(quadrature_degree=max(self.settings.quadrature_degree, _RAISED_DEGREE))
 
     @cached_in_process
-    def _of_displacements(self) -> PlaneStrainIndentation:
+    def _of_displacements(self) -> "PlaneStrainIndentation":
         """The same test with displacements alone as unknowns, in which thin layers of soft fat are more stable."""
         return self._on_this_mesh(formulation="displacement")
 
-    def _on_this_mesh(self, **changed: Any) -> PlaneStrainIndentation:
+    def _on_this_mesh(self, **changed: Any) -> "PlaneStrainIndentation":
         settings = replace(self.settings, defences=False, **changed)
         return replace(self, settings=settings, meshed=self.section_mesh)
 
@@ -360,3 +361,26 @@ def _relative_difference(first: ForceCurve, other: ForceCurve) -> float:
         return math.inf
     at = np.linspace(0.5, 1.0, 11) * depth
     return float(np.abs(other(at) / first(at) - 1).max())
+
+
+class LateralCylinder(AxisymmetricTest[CylinderOnBlock]):
+    """The cylinder's test; half of the block is meshed, and the plane through the axis is a mirror."""
+
+    @property
+    def arrangement(self) -> Arrangement:
+        """A cylinder above half of the block."""
+        test = self.test
+        radius = test.cylinder_radius
+        return Arrangement(
+            RigidCylinder(radius),
+            test.thickness + radius,
+            self.settings.contact or ContactSettings(tangential=test.cylinder, stiffness=4000.0),
+            radius,
+            supports(test.base),
+            test.width / 2,
+            test.thickness,
+            (0.0, min(1.2 * radius, 0.5 * test.width)),
+            self.settings.mesh or MeridianMeshSettings(radius / 16),
+            symmetry="plane",
+            whole=2 * test.length,
+        )

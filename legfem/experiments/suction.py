@@ -9,8 +9,6 @@ without a rim, the dome's height is that of a uniform pressure on a circle of ra
 (A. E. H. Love, Phil. Trans. R. Soc. A 228 (1929) 377-420).
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -73,7 +71,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], ProtocolTest):
         return (*supports(self.test.base), under)
 
     @cached_in_process
-    def _drawn(self) -> _Drawn:
+    def _drawn(self) -> "_Drawn":
         test, settings = self.test, self.settings
         opening, outer = test.opening_radius, test.opening_radius + test.rim_width
         meshed = mesh_meridian(

@@ -1,7 +1,5 @@
 """What differs between DOLFINx 0.9, 0.10 and 0.11, detected by feature."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ compiles holds a lock on it, which the system releases when a process dies: what
 under the lock is a dead process', and is removed.
 """
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import hashlib

@@ -1,7 +1,5 @@
 """Fields of a deformed leg: displacement, stress and strain measures, pressure on the skin."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,9 +17,8 @@ from legfem.fem.compat import evaluate
 from legfem.fem.compiled import expression
 from legfem.fem.forms import SKIN_DEGREE
 from legfem.fem.system import System
-from legfem.mechanics.integration_domain import Body, Skin
 from legfem.mechanics.kinematics import Expr, volume_ratio
-from legfem.mechanics.model import Stressed
+from legfem.mechanics.model import Body, Skin, Stressed
 from legfem.mechanics.terms import NormalContact, SkinPressure
 
 

@@ -1,7 +1,5 @@
 """Forms of a model's body and of its skin: numbers as symbols, history variables at quadrature points."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
@@ -17,9 +15,8 @@ from legfem.common.units import FloatArray
 from legfem.fem.compat import evaluate
 from legfem.fem.compiled import compiled, expression
 from legfem.fem.spaces import POROUS, LegSpaces
-from legfem.mechanics.integration_domain import Body, IntegrationDomain, Skin, Swept
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import LegModel
+from legfem.mechanics.model import Body, IntegrationDomain, LegModel, Skin, Swept
 from legfem.meshing.section import HULL
 
 

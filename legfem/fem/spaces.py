@@ -5,8 +5,6 @@ forms, its history lives at ordinary quadrature points, and its contributions ar
 body's at the dofs that the two share.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Residual and tangent of a model on its spaces, and the state that a step starts from."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,9 +14,8 @@ from petsc4py import PETSc
 from legfem.common.units import FloatArray
 from legfem.fem.forms import Clock, Rounding, Symbols, body_forms, skin_forms
 from legfem.fem.spaces import LegSpaces
-from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import volume_ratio
-from legfem.mechanics.model import LegModel
+from legfem.mechanics.model import Body, LegModel
 
 
 @dataclass(frozen=True)

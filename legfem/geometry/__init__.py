@@ -1,8 +1,17 @@
 """Leg sections: contours, their checks, smooth curves, and conversion from surfaces' sections."""
 
 from legfem.geometry.contours import read_contours, write_contours
-from legfem.geometry.curve import ClosedCurve, resample_closed_curve, smooth_closed_curve
-from legfem.geometry.section import PARTS, LegSection, fat_thickness, first_crossing, girth, minimal_fat_thickness
+from legfem.geometry.section import (
+    PARTS,
+    ClosedCurve,
+    LegSection,
+    fat_thickness,
+    first_crossing,
+    girth,
+    minimal_fat_thickness,
+    resample_closed_curve,
+    smooth_closed_curve,
+)
 
 __all__ = [
     "PARTS",

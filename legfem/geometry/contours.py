@@ -5,8 +5,6 @@ The latter are ``level_mm,part,loop,i,x_mm,y_mm``.
 absent where every part has one.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Mapping

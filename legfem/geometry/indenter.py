@@ -1,7 +1,5 @@
 """A rigid cylinder, ball or punch, and its line of travel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

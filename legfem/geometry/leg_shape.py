@@ -6,8 +6,6 @@ correspondence: counter-clockwise and evenly spaced, from where the ray from the
 along +x leaves it. Checks of a shape, and what is measured on it level by level, stand here too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,7 +22,7 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.contours import check_girth, check_levels
-from legfem.geometry.curve import area_and_centroid, at_own_places, closed_lengths, smooth_closed_curve
+from legfem.geometry.section import area_and_centroid, at_own_places, closed_lengths, smooth_closed_curve
 
 SKIN, HULL = "skin", "hull"
 
@@ -51,7 +49,7 @@ class LegShape:
     levels: FloatArray
     contours: Mapping[str, FloatArray]
 
-    def __reduce__(self) -> tuple[type[LegShape], tuple[FloatArray, dict[str, FloatArray]]]:
+    def __reduce__(self) -> "tuple[type[LegShape], tuple[FloatArray, dict[str, FloatArray]]]":
         """Travel as what it is made from."""
         return LegShape, (self.levels, dict(self.contours))
 
@@ -140,7 +138,7 @@ class LegShape:
         z = np.broadcast_to(self.levels[:, None, None], (*xy.shape[:2], 1))
         return np.concatenate([xy, z], axis=2)
 
-    def at_levels(self, levels: ArrayLike) -> LegShape:
+    def at_levels(self, levels: ArrayLike) -> "LegShape":
         """Return the shape at other levels (mm) within the segment."""
         z = np.asarray(levels, dtype=np.float64)
         return LegShape(z, {part: self.at(part, z) for part in self.contours})
@@ -159,7 +157,7 @@ def corresponding(contour: ArrayLike, n_points: int) -> FloatArray:
     Raises
     ------
     ValueError
-        If it is no closed curve (see `legfem.geometry.curve.smooth_closed_curve`).
+        If it is no closed curve (see `legfem.geometry.section.smooth_closed_curve`).
     """
     curve = smooth_closed_curve(contour)
     turns = _fine(n_points)

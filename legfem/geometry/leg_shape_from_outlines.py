@@ -4,8 +4,6 @@ Cross-sections of surfaces (see `legfem.geometry.contours`) are read too: what t
 ``muscle_hull`` is given room.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
@@ -17,8 +15,8 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
-from legfem.geometry.curve import closed_lengths
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, corresponding_loops, shape_of_contours
+from legfem.geometry.section import closed_lengths
 from legfem.geometry.section_from_outlines import Clearances, nested_outlines, polygons_of
 
 

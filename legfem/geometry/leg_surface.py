@@ -1,7 +1,5 @@
 """Surfaces of a leg: triangulated ones with values on them, and smooth functions around and along a part."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ surfaces give them. These have no fascia, and the hull may meet the tibia, leave
 shin), or be in pieces, muscle by muscle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +15,7 @@ from shapely import GEOSException, Polygon, make_valid, union_all
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MOST_POINTS, MUSCLE_HULL, Loops, check_girth, check_section
-from legfem.geometry.curve import resample_closed_curve
-from legfem.geometry.section import PARTS, LegSection
+from legfem.geometry.section import PARTS, LegSection, resample_closed_curve
 
 SURFACES = ("skin", MUSCLE_HULL, "tibia", "fibula")
 _INSIDE = 0.8

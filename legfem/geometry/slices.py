@@ -4,8 +4,6 @@ The second paper compares outer and inner contours of the superficial tissue (sk
 slices over 3 cm of the calf.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,8 +14,8 @@ from scipy.interpolate import make_interp_spline
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.geometry.curve import outward_normals, smooth_closed_curve
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, largest_girth
+from legfem.geometry.section import outward_normals, smooth_closed_curve
 
 CONTOURS = ("outer", "inner")
 _PART = {"outer": SKIN, "inner": HULL}
@@ -46,7 +44,7 @@ class SliceSet:
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
     @staticmethod
-    def of(shape: LegShape, levels: ArrayLike) -> SliceSet:
+    def of(shape: LegShape, levels: ArrayLike) -> "SliceSet":
         """Return the slices of a shape at some levels (mm).
 
         Raises

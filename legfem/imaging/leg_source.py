@@ -12,9 +12,9 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
-from legfem.geometry.frames import CuttingPlane
 from legfem.geometry.leg_shape import HULL, LegShape
 from legfem.geometry.leg_shape_from_outlines import not_closed, read_shape, shape_of_outlines
+from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section_from_outlines import SURFACES, Clearances, polygons_of
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume

@@ -12,9 +12,9 @@ from shapely import Polygon
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, check_girth
-from legfem.geometry.curve import area_and_centroid
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, shape_of_contours
 from legfem.geometry.leg_shape_from_outlines import smoothed
+from legfem.geometry.section import area_and_centroid
 from legfem.geometry.section_from_outlines import BRIDGE, Clearances, joined, nested_outlines
 from legfem.imaging.label_volume import BACKGROUND, BONE, DEEP, LabelVolume
 

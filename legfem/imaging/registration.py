@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.motion import RigidTransform
 
 LEAST_PATCH, LEAST_SURFACE, _AT_A_TIME = 6, 50, 2000  # points a patch, patches a surface, and made
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.curve import area_and_centroid
 from legfem.geometry.leg_shape import HULL, LegShape, perimeter
+from legfem.geometry.section import area_and_centroid
 from legfem.imaging.registration import Registration, register_shapes
 
 _THICKER, _THICKER_BY_FAR, _THINNER = 1.001, 1.005, 0.94

@@ -5,9 +5,8 @@ from typing import ClassVar
 
 from pydantic import model_validator
 
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, remedy_for_missing
 from legfem.common.input_files import FileTable, Text, trouble
-from legfem.common.missing_files import remedy_for_missing
 
 type Labels = int | list[int]
 

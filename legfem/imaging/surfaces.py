@@ -24,9 +24,9 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, check_girth
-from legfem.geometry.frames import CuttingPlane
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.leg_shape_from_outlines import nested_shape
+from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section_from_outlines import Clearances, joined
 
 _END = 1e-3  # mm; nearer than that to a surface's end a plane passes through it

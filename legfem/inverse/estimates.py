@@ -1,7 +1,5 @@
 """Estimates of a fit's parameters: values, intervals, what causes their errors, and whether they can be relied on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

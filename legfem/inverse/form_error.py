@@ -9,8 +9,6 @@ is the factor on all stiffness that the part asks for, with its standard error. 
 the greatest :math:`|\ln k|` beyond errors is taken as one standard deviation of what the misfit may do to a stiffness.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Building a body's library of responses: the tasks, their solutions in processes, and the tables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ D. L. Smith, ANL/NDM-121 (1991)). Equal weights know no such trade. About the or
 force are found, searches begin there, and it is shown of a model that the recordings contradict.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial

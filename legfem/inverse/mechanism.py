@@ -5,8 +5,6 @@ it changes the tissue or the contact (then a finite-element solution tells its r
 indenter stands, how stiff the deep tissue is at a time or in a trial, or what the load cell says.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
@@ -35,17 +33,17 @@ class IndentedLeg(Protocol):
     """A leg and how it is pressed: what a mechanism's terms may ask of it."""
 
     @property
-    def section(self) -> LegSection:
+    def section(self) -> "LegSection":
         """Across the leg."""
         ...
 
     @property
-    def indenter(self) -> Indenter:
+    def indenter(self) -> "Indenter":
         """Its size, aim and direction."""
         ...
 
     @property
-    def tissues(self) -> Tissues:
+    def tissues(self) -> "Tissues":
         """The base model's laws."""
         ...
 
@@ -54,7 +52,7 @@ class TissueResponses(Protocol):
     """Responses to mechanisms that change the tissue, by finite-element solutions."""
 
     def relative_change(
-        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
+        self, mechanism: "TissueMechanism", values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force (n,); NaN where a solution stopped."""
         ...
@@ -302,7 +300,7 @@ class Solution:
     null_in_series: float = 0.0
     """Compliance (mm/N) of springs that this one is in series with."""
 
-    def joined(self, other: Solution) -> Solution | None:
+    def joined(self, other: "Solution") -> "Solution | None":
         """Return the solution with what both change of the base model; None where one is of another model."""
         if {self.variant, self.null, other.variant, other.null} != {"elastic"}:
             return None
@@ -332,9 +330,9 @@ class TissueMechanism(Mechanism):
 
     variant: ClassVar[str] = "elastic"
     """Of the leg's model; mechanisms of one variant share a mesh and its forms."""
-    formulation: ClassVar[Formulation | None] = None
+    formulation: "ClassVar[Formulation | None]" = None
     """Of the variant, where it isn't the base model's."""
-    tangential: ClassVar[TangentialName | None] = None
+    tangential: "ClassVar[TangentialName | None]" = None
     """Law of contact along the surface, likewise."""
     contact_softness: ClassVar[float] = 1.0
     """Factor on the contact's stiffness in that variant, and in its `null_variant`, ..."""
@@ -396,7 +394,7 @@ class TissueMechanism(Mechanism):
         """Return the terms that it adds to the leg's model, at their nulls."""
         return ()
 
-    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+    def terms_of(self, law: "Hyperelastic") -> Sequence[Any]:
         """Return those that it adds to a body of one tissue, called deep."""
         return ()
 

@@ -1,7 +1,5 @@
 """Warnings that any fit may need."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -6,8 +6,6 @@ chi-square with as many degrees as readings (A. Gelman, X.-L. Meng, H. Stern, St
 were fitted to the same readings, so that the share is on the high side, and a small one says more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

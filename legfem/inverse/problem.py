@@ -4,8 +4,6 @@ A `Problem` has tests, a model of all of them and unknowns by law; `fit` searche
 `legfem.inverse.fit.Fit` for each law.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass

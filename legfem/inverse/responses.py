@@ -4,8 +4,6 @@ A solution that doesn't follow its protocol to the end, now or before, has NaN f
 so has all that is computed from them.
 """
 
-from __future__ import annotations
-
 import pathlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,8 +19,7 @@ from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import Stations
-from legfem.jobs.key import key_of
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, key_of
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
@@ -36,11 +33,11 @@ class Displaced:
     """A geometry other than the stated one, to be solved for."""
 
     name: str
-    moved: MeshMotion | None = None
-    placement: LateralPlacement | None = None
+    moved: "MeshMotion | None" = None
+    placement: "LateralPlacement | None" = None
 
     @property
-    def opposite(self) -> Displaced:
+    def opposite(self) -> "Displaced":
         """The geometry as far to the other side."""
         moved, at = self.moved, self.placement
         return Displaced(
@@ -63,7 +60,7 @@ class BodyModels(Protocol):
         """Geometries other than the stated one, whose forces tell of what isn't known of it."""
         ...
 
-    def moved_to(self, moved: MeshMotion) -> BodyModels:
+    def moved_to(self, moved: "MeshMotion") -> "BodyModels":
         """Return the body with its mesh moved."""
         ...
 
@@ -73,8 +70,8 @@ class BodyModels(Protocol):
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: LateralPlacement | None = None,
-    ) -> Path | Stopped:
+        placement: "LateralPlacement | None" = None,
+    ) -> "Path | Stopped":
         """Solve a protocol for a stiffness; see `legfem.legs.variants.LegVariants.follow`."""
         ...
 
@@ -151,8 +148,8 @@ class PathRequest:
     stiffness: Stiffness
     solution: Solution
     derivatives: tuple[str, ...] = ()
-    moved: MeshMotion | None = None
-    placement: LateralPlacement | None = None
+    moved: "MeshMotion | None" = None
+    placement: "LateralPlacement | None" = None
 
     def entry(self, terms: str) -> dict[str, Any]:
         """Return what its outcome is kept under; ``terms`` are those of its model."""
@@ -199,11 +196,11 @@ class SolvedResponses:
     """Made, not recalled."""
     only_kept: bool = False
     """Whether `NotKeptError` is raised where a solution would have to be made."""
-    rougher: SolvedResponses | None = None
+    rougher: "SolvedResponses | None" = None
     """Of a coarser mesh, for small changes of the geometry; these ones without it."""
     _known: dict[str, Columns] = field(default_factory=dict, repr=False)
 
-    def recalling(self) -> SolvedResponses:
+    def recalling(self) -> "SolvedResponses":
         """Return the same that makes no solution: `NotKeptError` is raised instead."""
         rougher = None if self.rougher is None else self.rougher.recalling()
         return replace(self, only_kept=True, rougher=rougher)

@@ -5,8 +5,6 @@ A part has the step's number in its name, and the first rank names the last step
 are there: neither a kill nor another solution's files are ever taken for a state.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import time
@@ -23,7 +21,7 @@ from numpy.typing import NDArray
 
 from legfem.common.documents import write_document
 from legfem.common.errors import naming
-from legfem.jobs.key import key_of
+from legfem.jobs.store import key_of
 
 type Arrays = dict[str, NDArray[Any]]
 

@@ -36,8 +36,7 @@ from legfem.common.units import FloatArray
 from legfem.data.folder import RESOURCES
 from legfem.geometry.section import depth_to_bone, girth
 from legfem.legs.correction import TabulatedCorrection, read_correction
-from legfem.legs.elastography import FibreRatio
-from legfem.legs.subject import Subject
+from legfem.legs.subject import FibreRatio, Subject
 
 SCHEMA = 1
 LEGS_KIND = "3d-correction-of-legs"

@@ -20,15 +20,12 @@ from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis, diagnose
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
-from legfem.legs.elastography import elastography_priors
-from legfem.legs.mechanisms import Mechanism, mechanisms
+from legfem.legs.mechanisms import OCCURRENCES, Mechanism, mechanisms
 from legfem.legs.mechanisms.end_effects import EndEffects
-from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
-from legfem.legs.mechanisms.occurrence import OCCURRENCES
+from legfem.legs.mechanisms.muscle import MuscleFibres
 from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
-from legfem.legs.plausibility import doubts_about
-from legfem.legs.subject import MeasuredEffect, Subject
-from legfem.legs.usual_stiffness import doubts_about_stiffness
+from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
+from legfem.legs.subject import MeasuredEffect, Subject, elastography_priors
 from legfem.legs.variants import solved_responses
 
 

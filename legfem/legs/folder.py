@@ -1,7 +1,5 @@
 """Writing a subject folder from a section, with or without recordings."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -16,7 +14,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, write_recording
 from legfem.geometry.contours import write_contours
-from legfem.geometry.frames import CuttingPlane
+from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import LegSection
 from legfem.geometry.section_from_outlines import facing_point, section_from_outlines
 
@@ -71,7 +69,7 @@ displacement_accuracy_mm = 0.25"""
 
 
 def folder_of_leg(
-    source: LegSource,
+    source: "LegSource",
     level: float,
     out: Path,
     fascia_thickness: float = 0.6,

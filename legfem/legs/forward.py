@@ -1,25 +1,40 @@
-"""The forward model as identification sees it: values in, a force curve or a failure out."""
-
-from __future__ import annotations
+"""The plane-strain model as identification sees it, values in and a curve or a failure out; the deep tissue's laws."""
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from legfem.channels.site import Sight
+from legfem.common.errors import InputError
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
-from legfem.inverse.catalogue import Values
+from legfem.inverse.catalogue import (
+    DEEP_C10,
+    DEEP_C20,
+    DEEP_D2,
+    DEEP_RATIO,
+    IdentifiedLaw,
+    LawName,
+    Values,
+    check_known,
+    parameter_of,
+    within_prior,
+)
+from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.outcome import Outcome
-from legfem.jobs.key import code_fingerprint
-from legfem.legs.subject import Subject
+from legfem.inverse.parameter import Parameter, Prior
+from legfem.jobs.store import code_fingerprint
+from legfem.legs.subject import Subject, elastography_priors
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
     from legfem.mechanics.model import Term
+
 
 _TISSUES = ("deep", "superficial", "fascia")
 
@@ -30,20 +45,20 @@ class PlaneStrainForward:
 
     section: LegSection
     indenter: Indenter
-    tissues: Tissues
-    settings: PlaneStrainSettings
+    tissues: "Tissues"
+    settings: "PlaneStrainSettings"
     depth: float
     """mm."""
-    mechanisms: tuple[Term, ...] = ()
+    mechanisms: "tuple[Term, ...]" = ()
     """Terms added to those of tissues and contact."""
     sights: tuple[Sight, ...] = ()
     """Places at which channels are read."""
-    _experiment: PlaneStrainIndentation | None = field(default=None, init=False, repr=False)
+    _experiment: "PlaneStrainIndentation | None" = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_subject(
-        cls, subject: Subject, depth: float, settings: PlaneStrainSettings | None = None
-    ) -> PlaneStrainForward:
+        cls, subject: Subject, depth: float, settings: "PlaneStrainSettings | None" = None
+    ) -> "PlaneStrainForward":
         """Return the test of a subject pressed to a depth (mm).
 
         Raises
@@ -53,7 +68,7 @@ class PlaneStrainForward:
         """
         subject.indenter.check_lies_along(str(subject.directory / "subject.toml"))
         from legfem.experiments.plane_strain import PlaneStrainSettings
-        from legfem.legs.experiments import tissues_of
+        from legfem.legs.variants import tissues_of
 
         tissues, settings = tissues_of(subject), settings or PlaneStrainSettings()
         return cls(subject.section, subject.indenter, tissues, settings, depth, sights=subject.sights)
@@ -63,7 +78,7 @@ class PlaneStrainForward:
         return {**self.__dict__, "_experiment": None}
 
     @property
-    def experiment(self) -> PlaneStrainIndentation:
+    def experiment(self) -> "PlaneStrainIndentation":
         """The finite-element model; compiled and meshed when first asked for."""
         if self._experiment is None:
             from legfem.experiments.plane_strain import PlaneStrainIndentation
@@ -124,8 +139,113 @@ class PlaneStrainForward:
         }
 
 
-def values_of(tissues: Tissues) -> dict[str, float]:
+def values_of(tissues: "Tissues") -> dict[str, float]:
     """Return the tissues' values by full name (MPa, 1/MPa)."""
     return {
         f"{tissue}.{key}": value for tissue in _TISSUES for key, value in getattr(tissues, tissue).parameters.items()
     }
+
+
+_OF_POLYNOMIAL_ONLY = (DEEP_C20, DEEP_D2)
+
+
+def default_parameters(nominal: Values) -> tuple[Parameter, ...]:
+    """Return C10 and C20 of the deep tissue; a law takes what it has."""
+    return tuple(parameter_of(name, nominal) for name in (DEEP_C10, DEEP_C20))
+
+
+def law_of(
+    name: LawName,
+    subject: Subject,
+    nominal: Values,
+    parameters: Sequence[Parameter] | None = None,
+    fixed: Values | None = None,
+) -> IdentifiedLaw:
+    """Return a law with what the subject's folder assumes.
+
+    Parameters
+    ----------
+    name : str
+        Of the law.
+    subject : Subject
+        Whose deep tissue it is.
+    nominal : Mapping[str, float]
+        The model's values as assumed.
+    parameters : sequence of Parameter, optional
+        Free ones, of which the law takes those that it has, and those of role "fixed" not; C10 and
+        C20 of the deep tissue without them. What elastography of the subject says of a stiffness,
+        and the folder of its fibres' ratio, is its prior unless it has one.
+    fixed : Mapping[str, float], optional
+        Held in place of the assumed values.
+
+    Raises
+    ------
+    InputError
+        For a name that the model hasn't, or a stiffness that is neither free nor given.
+    """
+    given = default_parameters(nominal) if parameters is None else parameters
+    held = dict(fixed or {})
+    given = _with_what_is_known(given, subject, nominal)
+    check_known([one.name for one in given], nominal, "--identify")
+    check_known(list(held), nominal, "--fix")
+    without = _OF_POLYNOMIAL_ONLY if name == "neo-hookean" else ()
+    free = tuple(
+        within_prior(one)
+        for one in sorted(given, key=lambda one: one.name in INSTRUMENT)
+        if one.role != "fixed" and one.name not in (*without, *held)
+    )
+    if not free:
+        raise InputError("--identify", name, "nothing is left to identify", "name a parameter")
+    deep = subject.tissues["deep"]
+    if name == "neo-hookean":
+        own = {DEEP_C10: deep.C10, DEEP_C20: 0.0, DEEP_D2: math.inf}
+        held = {key: value for key, value in held.items() if key not in without}
+    else:
+        own = {DEEP_C10: deep.C10, DEEP_C20: deep.C20, DEEP_D2: deep.D2 or math.inf}
+    names = {one.name for one in free}
+    for key, value in own.items():
+        if key in names or key in held:
+            continue
+        if value is None:
+            raise InputError(
+                "--identify",
+                key,
+                f"is neither identified nor given for the {name} law",
+                f"add --identify {key}, or --fix '{key}=VALUE kPa'",
+            )
+        held[key] = value
+    return IdentifiedLaw(name, free, held, nominal)
+
+
+def _with_what_is_known(given: Sequence[Parameter], subject: Subject, nominal: Values) -> list[Parameter]:
+    """Return parameters with what was measured of them, and what was measured of others."""
+    known = {one.name: one for one in given}
+    priors, fibres = elastography_priors(subject.elastography), subject.fibres
+    if DEEP_RATIO in nominal and fibres is not None and fibres.sd:
+        priors[DEEP_RATIO] = Prior(fibres.value, fibres.sd, "linear", fibres.source)
+    for name, prior in priors.items():
+        own = known.get(name) or replace(parameter_of(name, nominal), role="nuisance")
+        known[name] = replace(own, prior=own.prior or prior)
+    return list(known.values())
+
+
+def laws_of(
+    subject: Subject,
+    names: Sequence[LawName],
+    nominal: Values,
+    parameters: Sequence[Parameter] | None = None,
+    fixed: Values | None = None,
+) -> dict[LawName, IdentifiedLaw]:
+    """Return the laws asked for, and the neo-Hookean one if it is the limit of another.
+
+    Raises
+    ------
+    InputError
+        For a name that the model hasn't, or a stiffness that is neither free nor given.
+    """
+    laws = {name: law_of(name, subject, nominal, parameters, fixed) for name in names}
+    stiffening = any(law.index(DEEP_C20) is not None for law in laws.values())
+    if stiffening and "neo-hookean" not in laws:
+        with suppress(InputError):
+            laws["neo-hookean"] = law_of("neo-hookean", subject, nominal, parameters, fixed)
+    return laws

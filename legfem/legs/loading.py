@@ -6,9 +6,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from legfem.channels.site import Site
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, remedy_for_missing
 from legfem.common.input_files import check_printable
-from legfem.common.missing_files import remedy_for_missing
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Recording, SourceColumns, check_trial, read_samples, seen_instrument
 from legfem.data.channel_reader import is_channel_file, with_channels
@@ -17,12 +16,20 @@ from legfem.data.plausibility import refuse_copies
 from legfem.data.recording import HEADER
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, first_crossing
-from legfem.legs.elastography import ShearModulus, fibre_ratio
 from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.plausible_recordings import check_channels
 from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
-from legfem.legs.subject import TYPICAL_ACCURACY, LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
+from legfem.legs.subject import (
+    TYPICAL_ACCURACY,
+    LegAccuracy,
+    MeasuredEffect,
+    ShearModulus,
+    SitedLeg,
+    Subject,
+    TissueParameters,
+    fibre_ratio,
+)
 
 
 def load_sites(directory: Path) -> SitedLeg | None:

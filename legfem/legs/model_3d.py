@@ -17,15 +17,13 @@ from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.inverse.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.inverse.outcome import ForwardModel, Outcome
 from legfem.inverse.settings import SearchRequest
-from legfem.jobs.key import key_of
-from legfem.jobs.ranks import Together
-from legfem.jobs.store import Store
-from legfem.legs.elastography import FibreRatio
-from legfem.legs.experiments import spatial_test, tissues_of
-from legfem.legs.film_3d import LegCamera, LegFilm, PressedLeg
+from legfem.jobs.pool import Together
+from legfem.jobs.store import Store, key_of
+from legfem.legs.details import LegCamera, LegFilm, PressedLeg
 from legfem.legs.forward import values_of
 from legfem.legs.placement import SpatialLeg, spatial_leg
-from legfem.legs.subject import SitedLeg, Subject
+from legfem.legs.subject import FibreRatio, SitedLeg, Subject
+from legfem.legs.variants import spatial_test, tissues_of
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
 from legfem.solve.path import ForceCurve
@@ -46,7 +44,7 @@ class SpatialForward:
     """A `legfem.inverse.outcome.ForwardModel` of the leg itself.
 
     Over several ranks of the experiment's communicator this is the first, and the others serve it,
-    as `legfem.jobs.ranks.leading` has it.
+    as `legfem.jobs.pool.leading` has it.
 
     Parameters
     ----------

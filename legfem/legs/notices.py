@@ -14,11 +14,9 @@ from legfem.inverse.notices import LAW_MISSES, at_limits, far_from_priors, of_co
 from legfem.inverse.parameter import Prior
 from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
-from legfem.legs.elastography import elastography_priors
-from legfem.legs.plausibility import doubts_about, poisson_ratio
+from legfem.legs.plausibility import doubts_about, doubts_about_stiffness, poisson_ratio
 from legfem.legs.site_test import curve_of
-from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
-from legfem.legs.usual_stiffness import doubts_about_stiffness
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject, elastography_priors
 
 _DISAGREES = 2.0
 """Standard deviations that two ways of measuring shouldn't lie apart."""

@@ -6,8 +6,6 @@ relative change of the force by one, from a solution with the mesh or the cylind
 the exact derivative by a material's number.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -162,7 +160,7 @@ def nuisance_effects(
     observed: Observations,
     prediction: FloatArray,
     accuracy: Accuracy,
-    ends: TabulatedCorrection | None = None,
+    ends: "TabulatedCorrection | None" = None,
     stiffness: Stiffness = (1.0, 0.0),
 ) -> list[NuisanceEffect]:
     """Return what one standard deviation of each thing that isn't known exactly does to the readings.

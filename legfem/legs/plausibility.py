@@ -1,27 +1,34 @@
-"""What in a subject can't be (an error) or is unlikely (a doubt): units, sizes, aim, tissues.
+"""What in a subject can't be (an error) or is unlikely (a doubt): units, sizes, aim, tissues, stiffness.
 
 The recordings are looked at in `legfem.legs.plausible_recordings`.
+
+People differ: muscle of one calf in twenty is 2.7 times as stiff as the median's, or as soft. So a
+factor of 2 in the force, as of a wrong gain, can't be told from them, and one of 4 often not; nor
+can a radius for a diameter, which changes the force of a long cylinder little.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from scipy.special import ndtri
 from shapely import Point, Polygon
 
 from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import ranges
 from legfem.geometry.section import BONES, PARTS, first_crossing, girth
-from legfem.legs.elastography import doubts_about_elastography
+from legfem.inverse.catalogue import key_of
+from legfem.inverse.parameter import Prior
+from legfem.inverse.population import CALF, SHIN, TISSUES, population, population_prior
 from legfem.legs.plausible_recordings import doubts_about_recordings
+from legfem.legs.subject import Subject, doubts_about_elastography
 
 if TYPE_CHECKING:
-    from legfem.legs.subject import Subject, TissueParameters
+    from legfem.legs.subject import TissueParameters
+
 
 _GRAZING_DEG = 30.0
 """Between travel and the skin's inward normal, beyond which a cylinder slides off."""
@@ -37,7 +44,7 @@ _MOST_OF_LEG = 0.8
 """Of the leg's thickness along the line of travel: no deeper without a bone either."""
 
 
-def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
+def doubts_about(subject: "Subject") -> tuple[Doubt, ...]:
     """Return what is unlikely in a subject, but for what its folder says was confirmed.
 
     Raises
@@ -88,7 +95,7 @@ def doubts_about_size(toml: Path, field: str, around: float, tibia: FloatArray) 
     yield from found[:1]
 
 
-def poisson_ratio(tissue: TissueParameters) -> float | None:
+def poisson_ratio(tissue: "TissueParameters") -> float | None:
     """Return Poisson's ratio at small strain; None for a tissue without a stiffness."""
     if tissue.C10 is None:
         return None
@@ -96,7 +103,7 @@ def poisson_ratio(tissue: TissueParameters) -> float | None:
     return (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
 
 
-def room_before(subject: Subject) -> float:
+def room_before(subject: "Subject") -> float:
     """Return how far the cylinder can go from first touch until it meets a bone, mm.
 
     At most 0.8 of the leg's thickness there.
@@ -116,7 +123,7 @@ def room_before(subject: Subject) -> float:
     return min(reached)
 
 
-def _stretched(toml: Path, subject: Subject) -> Iterator[Doubt]:
+def _stretched(toml: Path, subject: "Subject") -> Iterator[Doubt]:
     """Yield a doubt about a section that is longer one way than any leg is."""
     box = subject.section.polygon("skin").minimum_rotated_rectangle
     corners = np.array(box.exterior.coords)
@@ -152,7 +159,7 @@ def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:
         )
 
 
-def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
+def _landmarks(toml: Path, subject: "Subject") -> Iterator[Doubt]:
     apart = subject.landmark_residual
     if apart is not None and apart > _LANDMARKS_MM:
         yield Doubt(
@@ -163,7 +170,7 @@ def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
         )
 
 
-def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
+def _indenter(toml: Path, subject: "Subject") -> Iterator[Doubt]:
     indenter = subject.indenter
     diameter = 2 * indenter.radius
     yield from ranges.DIAMETER.doubts(toml, "indenter.diameter_mm", diameter, "check that it isn't the radius")
@@ -198,7 +205,7 @@ def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
         yield found
 
 
-def _slant_deg(subject: Subject) -> float:
+def _slant_deg(subject: "Subject") -> float:
     """Return the angle between the line of travel and the skin's inward normal at first touch."""
     skin, indenter = subject.section.polygon("skin"), subject.indenter
     way = first_crossing(skin.buffer(indenter.radius).exterior, indenter.aim, indenter.direction)
@@ -209,7 +216,7 @@ def _slant_deg(subject: Subject) -> float:
     return math.degrees(math.acos(np.clip(cosine, -1.0, 1.0)))
 
 
-def _tissue(toml: Path, field: str, tissue: TissueParameters) -> Iterator[Doubt]:
+def _tissue(toml: Path, field: str, tissue: "TissueParameters") -> Iterator[Doubt]:
     name = field.rpartition(".")[2]
     yield from ranges.D1.doubts(toml, f"{field}.D1_per_MPa", tissue.D1)
     if tissue.C10 is None:
@@ -226,3 +233,105 @@ def _tissue(toml: Path, field: str, tissue: TissueParameters) -> Iterator[Doubt]
             f"Poisson's ratio is {ratio:.2f} with the C10 and D1 given",
             "soft tissues' is near 0.5: check the units of both",
         )
+
+
+_OUTSIDE = float(ndtri(0.995))
+"""Standard deviations of the logarithm beyond which one in a hundred people is."""
+_USUAL = 2.0
+"""Within which a unit explains it."""
+_AT_SMALL_STRAIN = 0.5
+"""Of C20, that a neo-Hookean C10 of the same force has more: 0.46 to 1.3 of it between Tables 4 and
+5 of Frauziols et al. (2015)."""
+_IN_FRONT = 0.5
+"""Cosine of the angle between tibia and cylinder, above which a leg is pressed at its shin."""
+_PLACES = {CALF: "calf", SHIN: "shin"}
+_MOST_TOLD = 3
+_UNITS = {
+    "force_N": {"lbf": 4.448, "kgf": 9.807, "ozf": 0.278, "gf": 9.807e-3, "mN": 1e-3, "kN": 1e3},
+    "displacement_mm": {"cm": 0.1, "inches": 1 / 25.4, "tenths of a mm": 10.0},
+    "length_mm": {"cm": 0.1, "inches": 1 / 25.4},
+}
+"""By what a stiffness would change, about, were a column or size in another unit."""
+
+
+class KnownParameter(Protocol):
+    """A parameter as recordings say it, MPa."""
+
+    @property
+    def value(self) -> float:
+        """Its value."""
+
+    @property
+    def standard_error(self) -> float:
+        """How far that may be off."""
+
+
+def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, KnownParameter]) -> tuple[Doubt, ...]:
+    """Return stiffnesses that nobody has found so, and those that few people have.
+
+    Left out are those that the folder says were confirmed.
+    """
+    toml = subject.directory / "subject.toml"
+    of_people = tuple(_doubts_beside_people(subject, parameters))
+    said = {doubt.field for doubt in of_people}
+    published = (
+        doubt
+        for name, one in parameters.items()
+        if name.endswith(".C10") and key_of(name) not in (*said, *subject.confirmed)
+        for doubt in ranges.C10[name.partition(".")[0]].likely(
+            toml,
+            key_of(name),
+            mpa_to_kpa(one.value),
+            "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
+        )
+    )
+    return (*of_people, *published)
+
+
+def _doubts_beside_people(subject: Subject, parameters: Mapping[str, KnownParameter]) -> Iterator[Doubt]:
+    """Yield a doubt about each C10 that fewer than one in a hundred people have.
+
+    What the recordings leave open of it counts as people's spread does.
+    """
+    site = SHIN if _at_shin(subject) else CALF
+    for name in TISSUES:
+        if name not in parameters or key_of(name) in subject.confirmed:
+            continue
+        one = parameters[name]
+        stiffening = parameters.get(name.replace("C10", "C20"))
+        found = one.value + (_AT_SMALL_STRAIN * stiffening.value if stiffening else 0.0)
+        if found <= 0:
+            continue
+        usual = population_prior(name, site)
+        sd = math.hypot(usual.sd, one.standard_error / found)
+        away = math.log(found / usual.centre)
+        if not abs(away) > _OUTSIDE * sd:
+            continue
+        low, high = (usual.centre * math.exp(k * _OUTSIDE * usual.sd) for k in (-1, 1))
+        yield Doubt(
+            str(subject.directory / "subject.toml"),
+            key_of(name),
+            f"{mpa_to_kpa(found):.3g} kPa is {'stiffer' if away > 0 else 'softer'} than in 99 of "
+            f"100 people, {mpa_to_kpa(low):.2g} to {mpa_to_kpa(high):.2g} kPa at the "
+            f"{_PLACES[site]} ({population().source})",
+            "; ".join([*_explained(found, usual), "check units, gain and sizes"]),
+        )
+
+
+def _explained(found: float, usual: Prior) -> list[str]:
+    """Return which units would make a stiffness (MPa) usual, the likeliest first."""
+    told = []
+    for column, units in _UNITS.items():
+        for unit, factor in units.items():
+            away, then = abs(usual.departure(factor * found)), mpa_to_kpa(factor * found)
+            if away < _USUAL:
+                told.append((away, f"{column} in {unit}, it would be some {then:.2g} kPa"))
+    likeliest = [text for _, text in sorted(told)[:_MOST_TOLD]]
+    return [f"were {', or '.join(likeliest)}"] if likeliest else []
+
+
+def _at_shin(subject: Subject) -> bool:
+    """Return whether the leg is pressed from where its tibia is."""
+    tibia, skin = (subject.section.polygon(part).centroid for part in ("tibia", "skin"))
+    front = np.array([tibia.x - skin.x, tibia.y - skin.y])
+    return float(-subject.indenter.direction @ front) > _IN_FRONT * float(np.linalg.norm(front))

@@ -1,7 +1,5 @@
 """What in a leg's recordings and in channels beside the force can't be or is unlikely: another leg's, another unit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -38,7 +36,7 @@ _LEAST = (-4.452, 0.145, 0.139, 0.417, -0.994, 0.327, 1.195, 1.159, 0.002)
 _MOST = (-0.623, 0.185, 0.026, -0.33, 0.519, 0.103, 0.853, 2.98, -0.481)
 
 
-def force_range(subject: Subject, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
+def force_range(subject: "Subject", displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the least and the most force (N) at displacements (mm) after first touch.
 
     Of a fat and a fascia as the subject's folder states them.
@@ -90,7 +88,7 @@ _IMPOSSIBLE = 20.0
 """Times the most, or the least, that a leg can push back."""
 
 
-def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterator[Doubt]:
+def doubts_about_recordings(subject: "Subject", toml: Path, room: float) -> Iterator[Doubt]:
     """Yield what is unlikely.
 
     Parameters
@@ -138,7 +136,7 @@ def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
         ).error()
 
 
-def _unread(subject: Subject) -> Iterator[Doubt]:
+def _unread(subject: "Subject") -> Iterator[Doubt]:
     read = {one.source for one in subject.recordings}
     folders = {path.parent for path in read if path is not None}
     read |= {channel.source for one in subject.recordings for channel in one.channels}
@@ -197,7 +195,7 @@ def _differing(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
     yield found
 
 
-def _force(subject: Subject) -> Iterator[Doubt]:
+def _force(subject: "Subject") -> Iterator[Doubt]:
     if not subject.indenter.lies_along:  # the envelopes are of sections
         return
     loadings = [trial.loading for trial in subject.trials]
@@ -233,12 +231,12 @@ def _force(subject: Subject) -> Iterator[Doubt]:
     yield found
 
 
-def _noise_seen(subject: Subject) -> float:
+def _noise_seen(subject: "Subject") -> float:
     """Return the force's noise from sample to sample, N."""
     return float(np.median([trial.force_noise for trial in subject.trials]))
 
 
-def _noise(subject: Subject, toml: Path) -> Iterator[Doubt]:
+def _noise(subject: "Subject", toml: Path) -> Iterator[Doubt]:
     seen = _noise_seen(subject)
     stated = subject.instrument.force_sd
     if seen > _NOISE_FACTOR * stated + 0.01:

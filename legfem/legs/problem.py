@@ -1,7 +1,5 @@
 """A leg as a problem: one or several sites, in plane strain or in 3D, with what is unknown of its tissues."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,8 +24,7 @@ from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import Correction
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
-from legfem.legs.forward import PlaneStrainForward
-from legfem.legs.laws import laws_of
+from legfem.legs.forward import PlaneStrainForward, laws_of
 from legfem.legs.notices import doubts_of, warnings_about
 from legfem.legs.site_channels import site_channels
 from legfem.legs.site_test import SiteTest, beyond_of, measured_curve, source_of_mode, with_instrument_errors
@@ -99,7 +96,7 @@ class LegProblem:
     def refined(self, search: Search[JointComparison]) -> None:
         """Nothing: the sites' curves stay as they are."""
 
-    def corrected(self, corrections: Sequence[Correction | None]) -> LegProblem:
+    def corrected(self, corrections: Sequence[Correction | None]) -> "LegProblem":
         """The same with other corrections, one a site."""
         pairs = zip(self.tests, corrections, strict=True)
         return replace(self, tests=tuple(replace(test, correction=one) for test, one in pairs))
@@ -177,7 +174,7 @@ def leg_problem(
     request: SearchRequest,
     corrections: Sequence[TabulatedCorrection | None] | None = None,
     forward: Forward | None = None,
-    settings: PlaneStrainSettings | None = None,
+    settings: "PlaneStrainSettings | None" = None,
 ) -> LegProblem:
     """A leg's sites in plane strain, with corrections for 3D.
 
@@ -219,7 +216,7 @@ def leg_problem(
 
 
 def section_forward(
-    leg: SitedLeg, request: SearchRequest, settings: PlaneStrainSettings | None = None
+    leg: SitedLeg, request: SearchRequest, settings: "PlaneStrainSettings | None" = None
 ) -> JointForward[PlaneStrainForward]:
     """Forward model of a leg's sites in plane strain, every one pressed as deep as its recordings ask.
 

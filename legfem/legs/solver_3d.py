@@ -25,10 +25,9 @@ from legfem.jobs.store import Store
 from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.details import SpatialSites
-from legfem.legs.elastography import FibreRatio
 from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.legs.site_test import OF_MODEL
-from legfem.legs.subject import SitedLeg
+from legfem.legs.subject import FibreRatio, SitedLeg
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
 

@@ -1,27 +1,36 @@
-"""A leg's finite-element models that show mechanisms: the base model with a few more terms each."""
+"""A leg's finite-element models: its section in plane strain, its shape in 3D, and with terms that show mechanisms."""
 
-from __future__ import annotations
-
+import math
 import os
 import pathlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from mpi4py import MPI
+
 from legfem.channels.site import Sight
+from legfem.experiments.indenter_pose import Ball, Cylinder, Indenting, Pose, Punch
+from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of, membrane_of
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
+from legfem.geometry.indenter import Indenter
+from legfem.geometry.motion import without_layer
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.legs.nuisances import MATERIAL_LOG_SD, displaced_geometries
-from legfem.legs.subject import Subject
+from legfem.legs.placement import SpatialLeg
+from legfem.legs.subject import Subject, TissueParameters
+from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.mechanics.model import Term
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
-    from legfem.geometry.indenter import Indenter
+    from legfem.experiments.plane_strain import LateralPlacement
     from legfem.geometry.section import LegSection
     from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path, SolveReport
+
 
 _CUT_OF_SLIP = 0.25
 """Of a step that failed: sliding fat folds suddenly, and long steps fail again."""
@@ -35,7 +44,7 @@ class Tally:
     factorisations: int = 0
     iterations: int = 0
 
-    def add(self, report: SolveReport) -> None:
+    def add(self, report: "SolveReport") -> None:
         """Count a solution, with the attempts before it."""
         self.solutions += 1
         self.factorisations += report.factorisations
@@ -58,15 +67,15 @@ class LegVariants:
         Places at which channels are read.
     """
 
-    section: LegSection
-    indenter: Indenter
-    tissues: Tissues
-    settings: PlaneStrainSettings
-    moved: MeshMotion | None = None
+    section: "LegSection"
+    indenter: "Indenter"
+    tissues: "Tissues"
+    settings: "PlaneStrainSettings"
+    moved: "MeshMotion | None" = None
     sights: tuple[Sight, ...] = ()
     tally: Tally = field(default_factory=Tally, repr=False)
     """Shared with the leg of a moved mesh."""
-    _models: dict[str, PlaneStrainIndentation] = field(default_factory=dict, init=False, repr=False)
+    _models: "dict[str, PlaneStrainIndentation]" = field(default_factory=dict, init=False, repr=False)
     _described: dict[str, str] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -83,7 +92,7 @@ class LegVariants:
         """Geometries whose forces tell of outlines, aim and direction."""
         return tuple(displaced_geometries())
 
-    def moved_to(self, moved: MeshMotion) -> LegVariants:
+    def moved_to(self, moved: "MeshMotion") -> "LegVariants":
         """Return the leg with its mesh moved."""
         return replace(self, moved=moved)
 
@@ -93,8 +102,8 @@ class LegVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: LateralPlacement | None = None,
-    ) -> Path | Stopped:
+        placement: "LateralPlacement | None" = None,
+    ) -> "Path | Stopped":
         """Solve a protocol; say why where it isn't followed to its end.
 
         Parameters
@@ -131,7 +140,7 @@ class LegVariants:
             self._described[variant] = repr((self._terms(variant), self._settings(variant)))
         return self._described[variant]
 
-    def model(self, variant: str) -> PlaneStrainIndentation:
+    def model(self, variant: str) -> "PlaneStrainIndentation":
         """Return a model by its name."""
         if variant not in self._models:
             from legfem.experiments.plane_strain import PlaneStrainIndentation
@@ -147,7 +156,7 @@ class LegVariants:
             )
         return self._models[variant]
 
-    def _settings(self, variant: str) -> PlaneStrainSettings:
+    def _settings(self, variant: str) -> "PlaneStrainSettings":
         settings = self.settings
         for mechanism in _of_variant(variant):
             if mechanism.formulation is not None:
@@ -207,7 +216,6 @@ def solved_responses(
     them whatever their depths.
     """
     from legfem.experiments.plane_strain import PlaneStrainSettings
-    from legfem.legs.experiments import plane_strain_test, tissues_of
 
     depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)
     default = PlaneStrainSettings()
@@ -230,3 +238,73 @@ def solved_responses(
         )
 
     return on_mesh(1.0), on_mesh(COARSENING, on_mesh(COARSER))
+
+
+def tissues_of(subject: Subject) -> Tissues:
+    """Return the laws of a subject's tissues; what is to be identified stands at 1 kPa.
+
+    The deep tissue is a reduced polynomial: with ``C20 = 0`` and ``D2 = inf`` it is neo-Hookean.
+    """
+    given = subject.tissues
+    deep = given["deep"]
+    return Tissues(
+        deep=ReducedPolynomial(
+            C10=1e-3 if deep.C10 is None else deep.C10,
+            D1=deep.D1,
+            C20=deep.C20 or 0.0,
+            D2=math.inf if deep.D2 is None else deep.D2,
+        ),
+        superficial=_law(given["superficial"]),
+        fascia=_law(given["fascia"]),
+    )
+
+
+def _law(given: TissueParameters) -> Hyperelastic:
+    if given.C10 is None:
+        raise ValueError("only the deep tissue's stiffness is identified")
+    if given.law == "neo-hookean":
+        return NeoHookean(given.C10, given.D1)
+    second = math.inf if given.D2 is None else given.D2
+    return ReducedPolynomial(given.C10, given.D1, given.C20 or 0.0, second)
+
+
+def plane_strain_test(
+    subject: Subject,
+    settings: PlaneStrainSettings | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+    mechanisms: Sequence[Term] = (),
+) -> PlaneStrainIndentation:
+    """Return the cylinder pressed into a subject's section; the deep tissue's law covers both of the paper's."""
+    settings = settings or PlaneStrainSettings()
+    tissues, sights = tissues_of(subject), subject.sights
+    return PlaneStrainIndentation(subject.section, subject.indenter, tissues, settings, comm, mechanisms, sights=sights)
+
+
+def spatial_test(
+    subject: Subject, leg: SpatialLeg, settings: SolidLegSettings | None = None, comm: MPI.Intracomm = MPI.COMM_SELF
+) -> LegIndentation3D:
+    """Return the indenter pressed into a subject's leg in 3D; see `legfem.legs.placement.spatial_leg`.
+
+    The fascia's layer has no thickness here, and between soft tissues it doesn't yield across
+    it: it is taken out of the leg, so that fat and muscle are as thick as they are.
+    """
+    given, tissues, fibres = subject.indenter, tissues_of(subject), subject.fibres
+    thickness = subject.section.fascia_thickness
+    aim = float(given.aim[0]), float(given.aim[1])
+    return LegIndentation3D(
+        without_layer(leg.shape, thickness),
+        _indenting(given),
+        Pose(aim, 0.0, given.direction_deg, given.axis_deg),
+        {"deep": tissues.deep, "superficial": tissues.superficial},
+        membrane_of(tissues.fascia, thickness),
+        settings or SolidLegSettings(),
+        comm,
+        () if fibres is None else (fibres_of(tissues.deep.C10, fibres.value),),
+    )
+
+
+def _indenting(given: Indenter) -> Indenting:
+    if given.shape == "ball":
+        return Ball(given.radius)
+    kind = Punch if given.shape == "punch" else Cylinder
+    return kind(given.radius, given.length)

@@ -4,8 +4,6 @@ With the gap :math:`g` of `legfem.mechanics.indenters`, the overclosure is :math
 acts along the gradient of the gap. All laws are per unit of the skin's reference area and take or give UFL expressions.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,7 +27,7 @@ class PressureLaw(Protocol):
     def pressure(self, overclosure: Expr) -> Expr:
         """Return the pressure (MPa) at an overclosure (mm, negative across an open gap)."""
 
-    def scaled(self, factor: float) -> PressureLaw:
+    def scaled(self, factor: float) -> "PressureLaw":
         """Return a law that is ``factor`` times stiffer, with the same shape."""
 
 
@@ -73,7 +71,7 @@ class ExponentialPressure:
         beyond = tangent * ufl.max_value(z - limit, 0)
         return self.p0 / (math.e - 1) * (bounded * (ufl.exp(bounded) - 1) + beyond)
 
-    def scaled(self, factor: float) -> ExponentialPressure:
+    def scaled(self, factor: float) -> "ExponentialPressure":
         """Return the law with ``p0`` multiplied."""
         return ExponentialPressure(self.p0 * factor, self.c0)
 
@@ -111,7 +109,7 @@ class StiffPressure:
         rounded = ufl.max_value(h + w, 0) ** 2 / (4 * w)
         return self.stiffness * ufl.conditional(ufl.gt(h, w), h, rounded)
 
-    def scaled(self, factor: float) -> StiffPressure:
+    def scaled(self, factor: float) -> "StiffPressure":
         """Return the law with its stiffness multiplied."""
         return StiffPressure(self.stiffness * factor, self.width)
 

@@ -3,8 +3,6 @@
 With :math:`y` the position of a skin point relative to the indenter, the gap is :math:`g(y)`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any, Protocol

@@ -5,8 +5,6 @@ Plane strain keeps the out-of-plane stretch (equal to one), so that the isochori
 :math:`(r, z, \theta)` and the hoop stretch :math:`1 + u_r / r`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

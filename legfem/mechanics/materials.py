@@ -11,8 +11,6 @@ The fields of a law are plain numbers where a user gives them, and UFL symbols o
 on a mesh (:class:`legfem.fem.forms.Symbols`): the energies below serve both.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from numbers import Real

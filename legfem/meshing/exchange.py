@@ -11,8 +11,6 @@
     For Abaqus, CalculiX and FEBio Studio: element sets, node sets and surfaces.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

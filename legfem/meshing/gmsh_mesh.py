@@ -1,7 +1,5 @@
 """Meshing by gmsh within a time, the quality of its elements, and the DOLFINx mesh of them."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

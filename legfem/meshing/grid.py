@@ -1,7 +1,5 @@
 """Structured grids: boxes of unit cells with graded nodes and tagged sides."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

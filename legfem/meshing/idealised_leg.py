@@ -11,8 +11,6 @@ with radius :math:`\rho` and centre :math:`e` interpolated between the layer's t
 :math:`z` the same grid is the leg's section, so that plane strain and 3D differ in nothing else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -131,7 +129,7 @@ class LegMeshSettings:
         if self.cells not in ("hexahedra", "tetrahedra"):
             raise InputError("mesh", "cells", f"unknown kind {self.cells!r}", "choose hexahedra or tetrahedra")
 
-    def refined(self, factor: float) -> LegMeshSettings:
+    def refined(self, factor: float) -> "LegMeshSettings":
         """Return settings with all lengths divided by ``factor``."""
         return replace(
             self,

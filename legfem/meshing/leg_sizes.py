@@ -1,7 +1,5 @@
 """How fine the mesh of a leg's segment is: what is asked, and the sizes of elements that follow from it in the leg."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -171,7 +169,7 @@ class SolidMeshSettings:
             self, "skin_size", "inside_size", "bone_size", "layer_elements", "turn_elements", "growth", "clearance"
         )
 
-    def refined(self, factor: float) -> SolidMeshSettings:
+    def refined(self, factor: float) -> "SolidMeshSettings":
         """Return settings with all edges ``factor`` times shorter."""
         return replace(
             self,
@@ -259,7 +257,7 @@ class TissueGrid:
     """Whether a point is in tissue, (n_z, n_x, n_y)."""
 
     @staticmethod
-    def over(shape: LegShape, spacing: float) -> TissueGrid:
+    def over(shape: LegShape, spacing: float) -> "TissueGrid":
         """Return the grid over a leg's skin, its points a distance (mm) apart."""
         skin = shape.points(SKIN).reshape(-1, 3)
         low, high = skin.min(axis=0), skin.max(axis=0)

@@ -3,8 +3,6 @@
 Coordinates are the distance from the axis and the height above the base.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -44,7 +42,7 @@ class MeridianMeshSettings:
         check_positive(self, "size", "far_size")
         check_positive(self, "growth", zero_allowed=True)
 
-    def refined(self, factor: float) -> MeridianMeshSettings:
+    def refined(self, factor: float) -> "MeridianMeshSettings":
         """Return settings with all lengths divided by ``factor``."""
         return MeridianMeshSettings(self.size / factor, self.growth / factor, self.far_size / factor)
 

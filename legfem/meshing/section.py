@@ -4,8 +4,6 @@ The mesh is graded: fine along the skin that the indenter will touch, coarser wi
 it. The fascia is one layer of elements across its thickness, with nodes of its two faces in pairs.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -18,9 +16,8 @@ from scipy.spatial import cKDTree
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.curve import ClosedCurve, smooth_closed_curve
 from legfem.geometry.indenter import first_touch
-from legfem.geometry.section import BONES, LegSection, across
+from legfem.geometry.section import BONES, ClosedCurve, LegSection, across, smooth_closed_curve
 from legfem.meshing.gmsh_mesh import (
     MeshQuality,
     element_quality,
@@ -159,7 +156,7 @@ class SectionMeshSettings:
     far_size: float = 7.0
     layer_size: float = 3.0
 
-    def refined(self, factor: float) -> SectionMeshSettings:
+    def refined(self, factor: float) -> "SectionMeshSettings":
         """Return settings with all lengths divided by ``factor``."""
         return SectionMeshSettings(
             self.contact_size / factor, self.growth / factor, self.far_size / factor, self.layer_size / factor

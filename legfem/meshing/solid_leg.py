@@ -8,8 +8,6 @@ onto the part's smooth surface: no loft or boolean operation can fail. The end f
 between the tubes' ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -18,9 +18,8 @@ from legfem.common.documents import versions_of
 from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
-from legfem.report.many import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
-from legfem.report.render.html import rendered
-from legfem.report.render.text import plain_page
+from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
+from legfem.report.render import plain_page, rendered
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import BEYOND_A_FIT, ORIGINS, capital, number, short_probability
 

@@ -1,14 +1,20 @@
-"""Curves of a page: two panels over one abscissa, as a script, a figure and a table show them."""
+"""Curves of a page, as a script, a figure and a table show them; blocks that show thousands of things at once."""
 
-from collections.abc import Sequence
+import base64
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.report.style import DATA_COLOUR
+from legfem.report.style import DATA_COLOUR, FAINT, LOCATED_COLOUR, new_figure, panel, styled, title
 
 Dash = Literal["solid", "dashed", "dotted", "dotdash"]
 _MOST_ROWS = 25
@@ -128,3 +134,213 @@ def joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]
         else:
             joined.append((float(low), float(high)))
     return joined
+
+
+_STROKES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":", "dotdash": "-."}
+_ACROSS, _LETTERS = 3, 52
+"""Blocks side by side, and letters of a panel's title in a line."""
+_MOST_POINTS = 60
+
+
+@styled
+def curves_figure(blocks: Sequence[Curves], what: str, subject: str, origin: str) -> Figure:
+    """Draw blocks of a page.
+
+    Parameters
+    ----------
+    blocks
+        Their first clause titles them.
+    what
+        Is drawn; lines.
+    subject, origin
+        Whose data, and what kind.
+    """
+    across = min(len(blocks), _ACROSS)
+    down = -(-len(blocks) // across)
+    heights = [2.2, 1.0] if any(block.below_label for block in blocks) else [2.2]
+    figure = new_figure(5.4 * across + (0.6 if across > 1 else 2.0), 2.0 * sum(heights) * down)
+    title(figure, what, subject, origin)
+    rows = len(heights)
+    grid = figure.subplots(rows * down, across, squeeze=False, height_ratios=heights * down)
+    panels = [column for row in range(down) for column in grid[rows * row : rows * (row + 1)].T]
+    for k, axes in enumerate(panels):
+        if k < len(blocks):
+            name = re.split(r"[:;]|, (?=over|recorded)", blocks[k].caption)[0].rstrip(".")
+            panel(axes[0], chr(ord("A") + k), textwrap.fill(name, _LETTERS))
+            _draw(axes[0], axes[-1], blocks[k])
+        else:
+            for one in axes:
+                one.axis("off")
+    return figure
+
+
+def _draw(above: Axes, below: Axes, block: Curves) -> None:
+    """Draw a block on its panels, which are one where none of a figure's blocks has a lower one."""
+    lowest = below if block.below_label else above
+    if block.band is not None:
+        first = None if block.below_label else block.lines[0].above
+        middle = np.zeros(len(block.x)) if first is None else first
+        for number, way in enumerate(ways(block.x)):
+            x, low, high = (values[way] for values in (block.x, middle - block.band, middle + block.band))
+            label = "" if number else block.band_name
+            lowest.fill_between(x, low, high, color=FAINT, alpha=0.35, linewidth=0, label=label)
+    for number, (begin, end) in enumerate(joined(block.located)):
+        label = "" if number else block.located_name
+        lowest.axvspan(begin, end, color=LOCATED_COLOUR, alpha=0.4, linewidth=0, label=label)
+    for line in block.lines:
+        style: dict[str, Any] = {
+            "color": line.colour,
+            "linewidth": 0.6 if line.faint else 1.6,
+            "linestyle": _STROKES[line.dash],
+        }
+        if line.points:
+            every = max(1, len(block.x) // _MOST_POINTS)
+            style |= {"linestyle": "", "marker": "o", "markersize": 3.2, "fillstyle": "none", "markevery": every}
+        for axes, values, label in ((above, line.above, line.name if line.tabled else ""), (below, line.below, "")):
+            if values is not None:
+                axes.plot(block.x, values, label=label, **style)
+    above.set_ylabel(block.above_label)
+    above.legend(loc="best", fontsize=8)
+    lowest.set_xlabel(block.x_label)
+    if block.below_label:
+        below.axhline(0.0, color=DATA_COLOUR, linewidth=0.6)
+        below.set_ylabel(block.below_label)
+        if block.band_name or block.located_name:
+            below.legend(loc="best", fontsize=8)
+        below.set_xlim(*above.get_xlim())
+    elif below is not above:
+        below.axis("off")
+
+
+def packed(values: NDArray[Any], kind: str) -> str:
+    """Return counts as text; what a whole number can't hold becomes the nearest that it can.
+
+    Parameters
+    ----------
+    values
+        Counts, in C order.
+    kind
+        NumPy's name of the type: ``<i2`` or ``<u2``.
+    """
+    limits = np.iinfo(np.dtype(kind))
+    whole = np.clip(np.round(values), limits.min, limits.max).astype(kind)
+    return base64.b64encode(whole.tobytes()).decode()
+
+
+type Cell = str | float | tuple[float, str] | None
+"""A text, a number, or a number (by which rows are sorted) with the text that is shown for it."""
+_MOST_IN_TEXT = 60
+_FINEST = 32000
+"""Counts in the greatest value of a curve."""
+
+
+def shown(cell: Cell) -> str:
+    """Return what a reader sees of a cell."""
+    if cell is None:
+        return "–"
+    if isinstance(cell, tuple):
+        return cell[1]
+    return cell if isinstance(cell, str) else f"{cell:.3g}"
+
+
+@dataclass(frozen=True)
+class Group:
+    """Members that are drawn in one colour."""
+
+    name: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class SortableTable:
+    """A table that a reader sorts by any column and searches; only rows in view are drawn."""
+
+    kind: ClassVar[str] = "sortable"
+    name: str
+    """Short, without spaces; one of its own in a page."""
+    caption: str
+    header: Sequence[str]
+    cells: Sequence[Sequence[Cell]]
+    links: Sequence[str] = ()
+    """Of the rows' first cells; empty for none."""
+    notes: Mapping[str, str] | None = None
+    """What a column's short name means."""
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What ``many.js`` reads."""
+        return {"rows": self.cells, "links": self.links}
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """Return the first rows as texts, and how many more there are."""
+        texts = [list(map(shown, row)) for row in self.cells[:_MOST_IN_TEXT]]
+        left = len(self.cells) - len(texts)
+        return [*texts, [f"and {left} more", *[""] * (len(self.header) - 1)]] if left else texts
+
+
+@dataclass(frozen=True)
+class ForestMetric:
+    """One parameter of all members."""
+
+    label: str
+    unit: str
+    values: Sequence[float | None]
+    low: Sequence[float | None]
+    high: Sequence[float | None]
+
+
+@dataclass(frozen=True)
+class Forest:
+    """Values with their intervals, one line a member, sorted."""
+
+    kind: ClassVar[str] = "forest"
+    caption: str
+    names: Sequence[str]
+    groups: Sequence[Group]
+    group: Sequence[int]
+    """Number of each member's."""
+    metrics: Sequence[ForestMetric]
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What ``many.js`` reads."""
+        return {
+            "names": self.names,
+            "colours": [one.colour for one in self.groups],
+            "group": self.group,
+            "metrics": [vars(one) for one in self.metrics],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """Curves of all members over one abscissa, coloured by group."""
+
+    kind: ClassVar[str] = "bundle"
+    caption: str
+    names: Sequence[str]
+    groups: Sequence[Group]
+    group: Sequence[int]
+    x: FloatArray
+    """(n,)."""
+    x_label: str
+    y_label: str
+    values: FloatArray
+    """(members, n); NaN where there is none."""
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What ``many.js`` reads."""
+        most = float(np.nanmax(np.abs(self.values), initial=0.0)) or 1.0
+        counts = np.where(np.isfinite(self.values), self.values * (_FINEST / most), -_FINEST - 1)
+        return {
+            "names": self.names,
+            "colours": [one.colour for one in self.groups],
+            "group": self.group,
+            "x": np.round(self.x, 3).tolist(),
+            "labels": [self.x_label, self.y_label],
+            "most": most,
+            "finest": _FINEST,
+            "counts": packed(counts, "<i2"),
+        }

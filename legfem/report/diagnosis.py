@@ -12,13 +12,11 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
 from legfem.legs.diagnosis import doubts_of
-from legfem.legs.elastography import elastography_priors
 from legfem.legs.notices import disagreement
-from legfem.legs.subject import Subject
+from legfem.legs.subject import Subject, elastography_priors
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.diagnosis_channels import channel_chapter, misfit_in_section
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_numbers import known_of
@@ -30,6 +28,7 @@ from legfem.report.diagnosis_sentences import (
     to_do,
     verdict_sentence,
 )
+from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.page import PressedSection
 from legfem.report.section import still_section
 from legfem.report.style import LAW_NAMES

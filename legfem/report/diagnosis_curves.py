@@ -11,8 +11,7 @@ from legfem.inverse.explanation import Explanation, Statement
 from legfem.inverse.location import runs
 from legfem.inverse.predictive import nearest_fit
 from legfem.inverse.verdict import Diagnosis
-from legfem.report.curves import Curves, Line
-from legfem.report.render.figure import curves_figure
+from legfem.report.curves import Curves, Line, curves_figure
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
 
 BASE_COLOUR = "#D55E00"

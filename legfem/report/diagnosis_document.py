@@ -22,8 +22,8 @@ from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.subject import MeasuredEffect, Subject
-from legfem.report.diagnosis_channels import channel_misfits, channel_sentences
 from legfem.report.diagnosis_sentences import next_experiments
+from legfem.report.further_channels import channel_misfits, channel_sentences
 
 SCHEMA = "legfem.diagnose/5"
 

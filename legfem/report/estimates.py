@@ -16,8 +16,7 @@ from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
 from legfem.inverse.fit import Fit, Goodness, TestFit
 from legfem.inverse.parameter import Parameter
-from legfem.legs.elastography import ShearModulus
-from legfem.legs.subject import Subject
+from legfem.legs.subject import ShearModulus, Subject
 from legfem.report.page import Block, Known, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
 from legfem.report.words import ENERGIES, fit_probability, moduli_text, number

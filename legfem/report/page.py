@@ -8,9 +8,8 @@ from datetime import date
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from legfem.report.curves import Curves
+from legfem.report.curves import Bundle, Curves, Forest, SortableTable
 from legfem.report.folder import ReportFile
-from legfem.report.many import Bundle, Forest, SortableTable
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
 
 PAGE = "report.html"

@@ -16,10 +16,10 @@ from legfem.fem.fields import FieldReader, LegFields
 from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import BONES, PARTS, LegSection
 from legfem.legs.subject import Subject
-from legfem.mechanics.integration_domain import Skin
+from legfem.mechanics.model import Skin
 from legfem.meshing.section import REGIONS
+from legfem.report.curves import packed
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.many import packed
 from legfem.report.page import PressedSection, StillSection
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 

@@ -11,8 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from legfem.common.units import FloatArray, mpa_to_mmhg
-from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.geometry.section import outward_normals
 from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.report.style import (
     BONE_COLOUR,

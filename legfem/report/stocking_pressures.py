@@ -6,7 +6,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
-from legfem.geometry.leg_shape_motion import inward, stretch_round
+from legfem.geometry.motion import inward, stretch_round
 from legfem.inverse.intervals import quantile
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable

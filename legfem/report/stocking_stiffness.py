@@ -11,8 +11,8 @@ from legfem.report.words import short_probability
 from legfem.stockings.assessment import TISSUES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
+from legfem.stockings.equilibrium import PARAMETERS
 from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
-from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.misfit import CONTOUR_NAMES
 
 STIFFNESS = "Stiffness of muscle and fat"

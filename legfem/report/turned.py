@@ -9,8 +9,8 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.experiments.indenter_pose import IndenterInPose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.legs.film_3d import PressedLeg
-from legfem.report.many import packed
+from legfem.legs.details import PressedLeg
+from legfem.report.curves import packed
 from legfem.report.page import Slider, TurnedLeg, View
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, TOOL_COLOUR
 

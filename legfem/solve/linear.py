@@ -8,8 +8,6 @@ to PETSc options: with the prefix ``legfem_`` for factors, ``legfem_mixed_`` or
 ``legfem_displacement_`` for iterations on either form.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -23,7 +21,7 @@ from petsc4py import PETSc
 from legfem.fem.compiled import compiled
 from legfem.fem.spaces import LegSpaces
 from legfem.fem.system import System
-from legfem.mechanics.integration_domain import Body
+from legfem.mechanics.model import Body
 from legfem.mechanics.terms.tissue import Tissue
 
 

@@ -7,8 +7,6 @@ accepted only where the residual is small; SNES' test on the length of the updat
 accepts impossible steps.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

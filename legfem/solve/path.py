@@ -1,7 +1,5 @@
 """What a solution gives: force, further channels and derivatives along its path, and the report of its work."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -224,7 +222,7 @@ class SolveReport:
     """Whether more points of integration went on where the usual ones had stopped."""
     without_pressures: bool = False
     """Whether a form of displacements alone went on where that with pressures had stopped."""
-    earlier_attempts: tuple[SolveReport, ...] = ()
+    earlier_attempts: "tuple[SolveReport, ...]" = ()
 
     @property
     def factorisations(self) -> int:

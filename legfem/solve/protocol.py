@@ -1,7 +1,5 @@
 """How the indenter moves in time: waypoints, straight in between."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -104,7 +102,7 @@ class Protocol:
             )
 
     @classmethod
-    def through(cls, displacements: Sequence[float], rate: float) -> Protocol:
+    def through(cls, displacements: Sequence[float], rate: float) -> "Protocol":
         """Return the path from 0 mm through displacements (mm) at one speed (mm/s)."""
         _check("rate", rate)
         at = [0.0]
@@ -113,18 +111,18 @@ class Protocol:
         return cls(tuple(walked / rate), tuple(at))
 
     @classmethod
-    def ramp(cls, depth: float, rate: float) -> Protocol:
+    def ramp(cls, depth: float, rate: float) -> "Protocol":
         """Return loading to a depth (mm) at a rate (mm/s)."""
         _check("depth", depth)
         return cls.through([depth], rate)
 
     @classmethod
-    def ramp_and_hold(cls, depth: float, rate: float, hold: float) -> Protocol:
+    def ramp_and_hold(cls, depth: float, rate: float, hold: float) -> "Protocol":
         """Return loading to a depth (mm) at a rate (mm/s), then a hold (s)."""
         return cls.ramp(depth, rate)._held(hold)
 
     @classmethod
-    def cycle(cls, depth: float, rate: float, hold: float = 0.0, unloading_rate: float | None = None) -> Protocol:
+    def cycle(cls, depth: float, rate: float, hold: float = 0.0, unloading_rate: float | None = None) -> "Protocol":
         """Return loading, a hold (s; 0 for none), and unloading to 0 mm (rates in mm/s)."""
         back = rate if unloading_rate is None else unloading_rate
         _check("unloading_rate", back)
@@ -132,7 +130,7 @@ class Protocol:
         end = loaded.duration + depth / back
         return cls((*loaded.time, end), (*loaded.displacement, 0.0))
 
-    def then(self, other: Protocol, pause: float = 0.0) -> Protocol:
+    def then(self, other: "Protocol", pause: float = 0.0) -> "Protocol":
         """Return this protocol with another after it, after a pause at its end (s).
 
         The other has to start where this one ends.
@@ -179,7 +177,7 @@ class Protocol:
             joined.append(Phase(segment.phase, start, segment.end))
         return tuple(joined)
 
-    def _held(self, hold: float) -> Protocol:
+    def _held(self, hold: float) -> "Protocol":
         _check("hold", hold)
         return Protocol((*self.time, self.time[-1] + hold), (*self.displacement, self.displacement[-1]))
 

@@ -11,8 +11,6 @@ history included. All partial derivatives are UFL's. Histories that the residual
 number which is zero, such as a branch's overstress at the ratio 0, aren't carried along.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Settings of a solution: when Newton's method has converged or gives up, and how long steps are."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import dataclass
@@ -81,6 +79,6 @@ class StepSettings:
     relaxes: bool = False
 
     @classmethod
-    def regular(cls, **sizes: Any) -> StepSettings:
+    def regular(cls, **sizes: Any) -> "StepSettings":
         """Return steps that grow however much work they were, and shrink only after a failure."""
         return cls(easy=sys.maxsize, hard=sys.maxsize, **sizes)

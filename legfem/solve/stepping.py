@@ -1,7 +1,5 @@
 """Following a protocol by adaptive steps."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence

@@ -4,10 +4,8 @@ Alternatives are as probable beforehand. Intervals are those of the mixture, eac
 smooth error of unknown form (`legfem.specimens.misfit`), alike in all recordings, and summed over the laws that are
 fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence counts the
 less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video shows the
-specimen's side, weigh the alternatives beside the forces (`legfem.specimens.lateral_stretch`).
+specimen's side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`).
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,14 +25,13 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit, r_squared
 from legfem.inverse.intervals import identifiability, verdict_on
 from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
+from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
-from legfem.specimens.lateral_stretch import LateralFit
 from legfem.specimens.misfit import LawMisfit
-from legfem.specimens.size_dependence import SizeDependence
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of, resized
 
 type _Fit = Fit[SpecimenDetails]
@@ -84,7 +81,7 @@ def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mappi
     return replace(found, warnings=(alternatives_text(every, to_know), *found.warnings))
 
 
-def _over_all(name: str, best: Estimate, every: Sequence[Weighed], fits: bool) -> Estimate:
+def _over_all(name: str, best: Estimate, every: "Sequence[Weighed]", fits: bool) -> Estimate:
     """Return an estimate with the mixture's interval."""
     known = [(one.probability, one.estimates[name]) for one in every if name in one.estimates]
     low, high = (_mixed(known, level) for level in (0.025, 0.975))
@@ -128,7 +125,7 @@ def _mixed(known: Sequence[tuple[float, Estimate]], level: float) -> float:
     return float(brentq(below, low, high))
 
 
-def alternatives_text(every: Sequence[Weighed], to_know: str) -> str:
+def alternatives_text(every: "Sequence[Weighed]", to_know: str) -> str:
     """Return what the recordings say of a test's alternatives, what that costs, and how to narrow it."""
     best, *others = every
     chances = ", ".join(f"{one.words} ({percent(one.probability)})" for one in every)
@@ -218,7 +215,7 @@ class SpecimenDetails:
     """How specimens' stiffness goes with their thickness, where it does."""
     lateral: LateralFit | None = None
     """Lateral stretches beside the fit, where a video showed them."""
-    alternatives: tuple[Weighed, ...] = ()
+    alternatives: "tuple[Weighed, ...]" = ()
     """Of what isn't known of the test, the most probable first; the fit is that of the first."""
 
 
@@ -283,7 +280,7 @@ class SampleFit:
     axes: ShownAxes
 
     @classmethod
-    def of(cls, one: TestFit) -> SampleFit:
+    def of(cls, one: TestFit) -> "SampleFit":
         """Samples of a test beside its fit."""
         recording = recording_of(one)
         return cls(one.name, recording.specimen, one.fitted, recording.course, one.force.predicted, recording.axes)

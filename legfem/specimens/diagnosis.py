@@ -21,14 +21,14 @@ from legfem.inverse.observations import Observations, observe
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis
-from legfem.jobs.key import code_fingerprint
+from legfem.jobs.store import code_fingerprint
 from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
-from legfem.legs.mechanisms.support import SupportCompliance
+from legfem.legs.mechanisms.rig import SupportCompliance
 from legfem.legs.nuisances import Accuracy
+from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
 from legfem.specimens.forward import SpecimenVariants
-from legfem.specimens.size_dependence import SizeDependence, size_dependence
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in, layered, slipping
 
 

@@ -16,14 +16,20 @@ from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 from legfem.specimens.course import course_of
 from legfem.specimens.kind import SizeError
 from legfem.specimens.laws import SpecimenTissue, tissues_of
-from legfem.specimens.plausibility import (
+from legfem.specimens.schema import SIZES, BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
+from legfem.specimens.sizes import (
+    LeftOut,
+    Sizes,
+    SpecimenRecording,
+    bare,
     doubts_about_course,
     doubts_about_shape,
     doubts_about_sizes,
     doubts_about_stiffness,
+    kind_in,
+    sizes_of,
+    under,
 )
-from legfem.specimens.schema import SIZES, BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
-from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, kind_in, sizes_of, under
 
 FILE = "specimen.toml"
 

@@ -1,7 +1,5 @@
 """Models of specimens' tests: all of a folder that are fitted together, and one with what a diagnosis weighs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,7 +14,7 @@ from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.responses import PLAIN, Displaced, Stopped
-from legfem.jobs.key import code_fingerprint
+from legfem.jobs.store import code_fingerprint
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.legs.mechanisms.viscoelasticity import TIMES_S
 from legfem.legs.nuisances import SIZE
@@ -82,7 +80,7 @@ class SpecimenForward(Picklable):
     @classmethod
     def of_tissues(
         cls, tests: tuple[Sizes, ...], depths: tuple[float, ...], tissues: Sequence[SpecimenTissue], c10: float
-    ) -> SpecimenForward:
+    ) -> "SpecimenForward":
         """Return the model of tissues whose stiffness is ``c10`` (MPa) if it isn't stated."""
         laws = {one.name: one.at(c10) for one in tissues}
         least = {one.name: 0.0 if one.poisson_ratio is not None else c10 for one in tissues}
@@ -272,7 +270,7 @@ class SpecimenVariants:
         """None: the sizes are numbers."""
         return ()
 
-    def moved_to(self, moved: MeshMotion) -> SpecimenVariants:
+    def moved_to(self, moved: "MeshMotion") -> "SpecimenVariants":
         """Refuse: a specimen has no outline.
 
         Raises
@@ -323,7 +321,7 @@ class SpecimenVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: LateralPlacement | None = None,
+        placement: "LateralPlacement | None" = None,
     ) -> Path | Stopped:
         """Solve a protocol, as `legfem.legs.variants.LegVariants.follow` does for a leg.
 
@@ -365,7 +363,7 @@ class SpecimenVariants:
             by[name] = rise / (_RESIZED * self.measured[name])
         return replace(found, force=scale * found.force, sensitivities={n: by[n] for n in sensitivities})
 
-    def _resized(self, name: str) -> SpecimenVariants:
+    def _resized(self, name: str) -> "SpecimenVariants":
         value = (1 + _RESIZED) * self.measured[name]
         return replace(self, sizes=resized(self.sizes, name.removeprefix(SIZE), value))
 

@@ -27,19 +27,24 @@ from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, warnings_about, weighed
-from legfem.specimens.fibre_ratio import check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.lateral_stretch import lateral_fit
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, begin_at, identified_law
 from legfem.specimens.misfit import LawMisfit, misfit_of
-from legfem.specimens.nuisances import SETTLED, deepest_of
-from legfem.specimens.plausibility import doubts_about_differing
+from legfem.specimens.nuisances import SETTLED, check_strained, deepest_of, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.relaxation import QUICKENING, shows_quickening
-from legfem.specimens.size_dependence import goes_with_thickness
-from legfem.specimens.sizes import OF_LAYER, LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of
+from legfem.specimens.sizes import (
+    OF_LAYER,
+    LeftOut,
+    Sizes,
+    SpecimenRecording,
+    doubts_about_differing,
+    kind_in,
+    lengths_of,
+)
 
 _BEYOND = 1.02
 # Of the depth that was reached: short of where a solution stopped.

@@ -1,7 +1,5 @@
 """The schema of ``specimen.toml``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -96,7 +94,7 @@ class LayerEntry(FileTable):
     """That of ``[tissue]`` without it."""
 
     @model_validator(mode="after")
-    def _has_what_is_stated(self) -> LayerEntry:
+    def _has_what_is_stated(self) -> "LayerEntry":
         if self.C20_kPa is not None and self.law not in (None, "reduced-polynomial"):
             raise trouble("C20_kPa", f"the {self.law} law isn't held by it", "remove one of them")
         return self

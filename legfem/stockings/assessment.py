@@ -5,8 +5,6 @@ of the second, beside the same of the model, less what rigid motions and errors 
 between stocking and skin are a channel of pressures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -26,7 +24,7 @@ from legfem.inverse.problem import prior_document
 from legfem.inverse.trial import SearchLog
 from legfem.legs.notices import disagreement
 from legfem.stockings.details import StockingDetails, StockingFit
-from legfem.stockings.equilibrium import EquilibriumSettings
+from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
 from legfem.stockings.estimates import (
     MISSED_BEYOND,
     StiffnessFit,
@@ -37,7 +35,6 @@ from legfem.stockings.estimates import (
     stiffness_estimates,
 )
 from legfem.stockings.leg import ComparedSensor
-from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.scan_fit import BOUNDS, by_name, stiffness_priors
 
 KIND = "stocking"

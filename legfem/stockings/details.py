@@ -1,7 +1,5 @@
 """What the fit of a leg in its stocking has beside that of any test: the leg as worn, its pressures, the searches."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -14,11 +12,10 @@ from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.fit import Fit
 from legfem.stockings.discrepancy import ModelDiscrepancy
-from legfem.stockings.equilibrium import Equilibrium
+from legfem.stockings.equilibrium import Equilibrium, LegModel3D
 from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
-from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.levels import LevelPressure, PressureAlong, pressures_at_levels
 from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.pressures import FatPressures, SectionPressures, TissuePressures, too_low_by

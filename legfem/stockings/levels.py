@@ -1,7 +1,5 @@
 """The pressure along a leg, and at the levels at which makers give it, beside the limits of a class."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -94,7 +92,9 @@ class PressureAlong:
     sd: FloatArray
 
     @classmethod
-    def of(cls, bare: LegShape, load: StockingLoad, on_bare: StockingLoad, accuracy: ContourAccuracy) -> PressureAlong:
+    def of(
+        cls, bare: LegShape, load: StockingLoad, on_bare: StockingLoad, accuracy: ContourAccuracy
+    ) -> "PressureAlong":
         """Return the pressures of a load on a leg, beside that on the leg if it didn't give way.
 
         They err by the fabric's tension, alike at all heights, by its scatter round the leg, and by the mesh.

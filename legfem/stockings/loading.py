@@ -16,7 +16,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa, mpa_to_kpa,
 from legfem.data import ranges
 from legfem.data.folder import RESOURCES, Catalogue
 from legfem.geometry.leg_shape import LegShape, perimeter
-from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.geometry.motion import rigidly_moved
 from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.label_volume import check_same_spacing
@@ -25,8 +25,8 @@ from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration
 from legfem.imaging.same_leg import check_scans_differ, doubts_about_registration, doubts_about_second_scan, registered
 from legfem.imaging.shape_schema import ShapeEntry, existing
-from legfem.legs.elastography import ShearModulus, doubts_about_elastography
 from legfem.legs.plausibility import doubts_about_size
+from legfem.legs.subject import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin

@@ -22,9 +22,9 @@ from scipy.spatial.transform import Rotation
 
 from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
-from legfem.geometry.curve import closed_lengths
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.geometry.motion import rigidly_moved
+from legfem.geometry.section import closed_lengths
 from legfem.geometry.slices import CONTOURS, SliceSet, slice_distances
 
 

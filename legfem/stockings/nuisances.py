@@ -27,12 +27,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.geometry.section import outward_normals
 from legfem.geometry.slices import distance_rates
-from legfem.stockings.equilibrium import RATE_TOLERANCE, Equilibrium, EquilibriumSolver
+from legfem.stockings.equilibrium import RATE_TOLERANCE, SURFACES, Equilibrium, EquilibriumSolver
 from legfem.stockings.leg import SensorArray
-from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.misfit import ContourMisfit, outline_errors
 
 RIGID, SECTORS = 6, 8

@@ -24,10 +24,9 @@ from legfem.experiments.compression import Compressed, LegCompression
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.inverse.intervals import quantile
-from legfem.stockings.equilibrium import RATE_TOLERANCE, Equilibrium, EquilibriumSolver, LinearisedCoupling
+from legfem.stockings.equilibrium import PARAMETERS, RATE_TOLERANCE, Equilibrium, EquilibriumSolver, LinearisedCoupling
 from legfem.stockings.fabric import StockingLoad
 from legfem.stockings.leg import Vein
-from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.nuisances import sectors
 
 END_ZONE = 10.0

@@ -17,7 +17,7 @@ from legfem.common.input_files import (
     trouble,
 )
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
-from legfem.legs.elastography import ElastographyEntry, check_once
+from legfem.legs.subject import ElastographyEntry, check_once
 from legfem.stockings.leg import KINDS
 
 

@@ -15,11 +15,11 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
-from legfem.legs.experiments import tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.variants import tissues_of
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.report.render.text import table
+from legfem.report.render import table
 from legfem.report.style import FAINT, new_figure, panel, save, styled
 from legfem.solve.path import ForceCurve, SolveReport
 from legfem.solve.settings import StepSettings

@@ -12,16 +12,14 @@ import pandas as pd
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.data.folder import RESOURCES
-from legfem.jobs.pool import Workers
-from legfem.jobs.ranks import leading
+from legfem.jobs.pool import Workers, leading
 from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 from legfem.report.folder import REPORT, RESULT, ReportFile
 from legfem.report.page import PAGE
-from legfem.report.render.text import table
-from legfem.report.write import write_page
+from legfem.report.render import table, write_page
 from legfem.study.doe import tables
 from legfem.study.doe.claims import verdict_documents, verdicts
 from legfem.study.doe.design import Definition, read_definition

@@ -23,9 +23,9 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data.recording import RecordedChannel, Recording
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
-from legfem.geometry.typical_calf import Calf, calf_section
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
+from legfem.legs.placement import Calf, calf_section
 from legfem.legs.subject import Subject, TissueParameters
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, flicker, record
 from studies.other_code.plane_leg import OtherCase, OtherCode

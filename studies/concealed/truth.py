@@ -229,7 +229,7 @@ class Truths:
         return ForceCourse.of(time, path.force_at(time), {name: path.channel_at(name, time) for name in path.channels})
 
     def _made(self, settings: Any) -> LegVariants:
-        from legfem.legs.experiments import tissues_of
+        from legfem.legs.variants import tissues_of
 
         return LegVariants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings, sights=self.sights)
 

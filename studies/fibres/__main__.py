@@ -15,7 +15,7 @@ from legfem.common.documents import markdown_table, write_atomically
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
-from legfem.experiments.indentation_3d import IdealisedLegSettings
+from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.jobs.pool import Workers
 from legfem.legs.correction import smooth_ratio
 from legfem.legs.correction_of_leg import TABLE

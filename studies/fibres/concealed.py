@@ -16,7 +16,7 @@ import numpy as np
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
 from legfem.data import segment_all
-from legfem.experiments.indentation_3d import IdealisedLegIndentation
+from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
@@ -25,7 +25,7 @@ from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import diagnose_body, with_correction
 from legfem.legs.mechanisms.end_effects import EndEffects
-from legfem.legs.mechanisms.muscle_fibres import MuscleFibres
+from legfem.legs.mechanisms.muscle import MuscleFibres
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material

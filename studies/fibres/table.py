@@ -17,7 +17,7 @@ from numpy.polynomial import Polynomial
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.experiments.indentation_3d import IdealisedLegSettings
+from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.legs.correction import FIRST_RATIO, mesh_error
 from legfem.legs.correction_of_leg import FibreTable
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings

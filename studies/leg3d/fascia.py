@@ -15,10 +15,15 @@ from legfem.common.command_line import command_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.experiments.indentation import IndentationTest
-from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.indenter_pose import Pose
-from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
-from legfem.geometry.leg_shape_motion import without_layer
+from legfem.experiments.leg_3d import (
+    IdealisedLegIndentation,
+    IdealisedLegSettings,
+    LegIndentation3D,
+    SolidLegSettings,
+    membrane_of,
+)
+from legfem.geometry.motion import without_layer
 from legfem.mechanics.materials import Hyperelastic, NeoHookean
 from legfem.mechanics.terms import Fascia
 from studies.command_line import new_app

@@ -15,12 +15,17 @@ from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.indentation import IndentationTest
-from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.indenter_pose import Pose
-from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of
-from legfem.legs.experiments import spatial_test
+from legfem.experiments.leg_3d import (
+    IdealisedLegIndentation,
+    IdealisedLegSettings,
+    LegIndentation3D,
+    SolidLegSettings,
+    fibres_of,
+)
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
+from legfem.legs.variants import spatial_test
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fascia
 from legfem.meshing.idealised_leg import LegMeshSettings

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from legfem.data.recording import write_recording
-from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.indenter_pose import Cylinder
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
 from legfem.mechanics.indenters import RigidIndenter, TurnedCylinder
 from legfem.meshing.idealised_leg import LegMeshSettings

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
-from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.indenter_pose import Cylinder
 from legfem.jobs.store import Store
 from legfem.meshing.idealised_leg import IdealisedLeg
 from legfem.solve.path import ForceCurve

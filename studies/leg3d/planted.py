@@ -15,8 +15,8 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data import Recording
 from legfem.experiments.indentation import IndentationTest
-from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
-from legfem.experiments.leg_3d import fibres_of
+from legfem.experiments.indenter_pose import Cylinder
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings, fibres_of
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import LegSection
 from legfem.jobs.store import Store

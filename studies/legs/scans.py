@@ -9,10 +9,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.geometry.curve import outward_normals
-from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.geometry.leg_shape_motion import rigidly_moved
+from legfem.geometry.motion import RigidTransform, rigidly_moved
+from legfem.geometry.section import outward_normals
 from legfem.imaging.label_volume import BONE, DEEP, SUPERFICIAL, LabelVolume
 
 
@@ -126,7 +125,7 @@ def simulated_scan(
     Parameters
     ----------
     shape : LegShape
-        The leg; see `legfem.geometry.leg_shape_motion.displaced` for a deformed one.
+        The leg; see `legfem.geometry.motion.displaced` for a deformed one.
     seed : int
         Of the noise and of where the leg lies in the grid, by a part of a voxel.
     noise : SegmentationNoise, optional

@@ -13,11 +13,11 @@ from shapely import Polygon
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, shape_of_contours
 from legfem.geometry.leg_shape_from_outlines import smoothed
+from legfem.geometry.section import outward_normals
 from legfem.geometry.section_from_outlines import Clearances, nested_outlines
-from legfem.geometry.typical_calf import bone_outline, oval
+from legfem.legs.placement import bone_outline, oval
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -13,9 +13,8 @@ from rich.table import Table
 from legfem.common.command_line import study_context
 from legfem.common.documents import write_document
 from legfem.common.progress import progress_on
-from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store, finish
+from legfem.jobs.store import Contents, Store, finish
 from legfem.legs.schema import SUBJECTS
 from studies.command_line import Jobs, Out, new_app
 from studies.planted.truths import Planted, PlantedTruth, coverage, identify_truth, planted_truths

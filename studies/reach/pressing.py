@@ -14,12 +14,11 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, Tissues
 from legfem.geometry.contours import check_section
-from legfem.geometry.curve import outward_normals
 from legfem.geometry.indenter import Indenter
-from legfem.geometry.section import LegSection, depth_to_bone
-from legfem.geometry.typical_calf import bone_outline, oval
+from legfem.geometry.section import LegSection, depth_to_bone, outward_normals
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.legs.placement import bone_outline, oval
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.solve.newton import RELAXED
 from legfem.solve.path import ForceCurve

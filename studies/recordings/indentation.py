@@ -23,8 +23,8 @@ from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.mechanisms import Mechanism
-from legfem.legs.mechanisms.instrument import ContactOnset, ForceDrift
 from legfem.legs.mechanisms.muscle import StrainStiffening
+from legfem.legs.mechanisms.rig import ContactOnset, ForceDrift
 from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
 from legfem.specimens.diagnosis import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves

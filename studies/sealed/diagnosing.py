@@ -28,8 +28,7 @@ from legfem.legs.diagnosis import (
     shown_mechanisms,
     with_correction,
 )
-from legfem.legs.mechanisms import mechanisms
-from legfem.legs.mechanisms.occurrence import OCCURRENCES
+from legfem.legs.mechanisms import OCCURRENCES, mechanisms
 from legfem.legs.subject import Subject
 from legfem.legs.variants import solved_responses
 from legfem.report.diagnosis_sentences import headline

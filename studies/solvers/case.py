@@ -20,7 +20,8 @@ from petsc4py import PETSc
 
 from legfem.common.documents import write_document
 from legfem.common.units import kpa_to_mpa
-from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.indenter_pose import Cylinder
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.idealised_leg import Cells, IdealisedLeg, LegMeshSettings, grid_counts
 from legfem.solve.linear import LinearSettings

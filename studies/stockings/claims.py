@@ -16,10 +16,9 @@ from legfem.geometry.leg_shape import LegShape, fat_thickness_around, horizontal
 from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import settings_for_cells
-from legfem.stockings.equilibrium import EquilibriumSolver
+from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
-from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures
 from studies.legs.shapes import ParametricLeg, parametric_leg
 from studies.stockings.truth import D1

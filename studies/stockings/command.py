@@ -14,9 +14,8 @@ from mpi4py import MPI
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.jobs.key import Contents, key_of
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store, finish
+from legfem.jobs.store import Contents, Store, finish, key_of
 from legfem.stockings.identification import StockingSettings
 from studies.legs.shapes import parametric_leg, read_legs
 from studies.stockings import command as page

@@ -13,17 +13,16 @@ from legfem.common.documents import write_atomically
 from legfem.common.progress import Silent
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
 from legfem.experiments.compression import CompressionSettings
-from legfem.geometry.frames import RigidTransform
 from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.motion import RigidTransform
 from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import settings_for_cells
 from legfem.stockings.details import StockingDetails
-from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver
+from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver, LegModel3D
 from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
-from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.loading import load_leg
 from studies.legs.scans import SegmentationNoise, simulated_scan
 from studies.legs.shapes import ParametricLeg, parametric_leg

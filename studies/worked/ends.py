@@ -14,14 +14,13 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.data import Recording, segment_all
 from legfem.data.recording import Origin, write_recording
-from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.mechanism import Solution
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
-from legfem.jobs.key import code_fingerprint
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, code_fingerprint
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms, with_correction
 from legfem.legs.mechanisms import Mechanism, TissueMechanism
@@ -127,7 +126,7 @@ def plane_responses(case: CorrectionCase, folder: Path | None) -> SolvedResponse
     fingerprint = {
         "model": "idealised leg in plane strain",
         "case": asdict(case),
-        "code": code_fingerprint("legfem.experiments.indentation_3d"),
+        "code": code_fingerprint("legfem.experiments.leg_3d"),
     }
     variants = PlaneLegVariants(case)
     return SolvedResponses(variants, case.depth, folder, fingerprint)

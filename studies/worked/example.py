@@ -14,7 +14,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis_curves import recording_figure
 from legfem.report.diagnosis_document import Recorded, document, r_squared_of
-from legfem.report.diagnosis_folder import write_diagnosis_report
+from legfem.report.results import write_diagnosis_report
 
 FIGURE = "example.png"
 """The recordings with the models, small."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from legfem.experiments.indentation_3d import IdealisedLegSettings
+from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.legs.correction import smooth_ratio
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.linear import LinearSettings

@@ -13,9 +13,9 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import NewtonSettings
+from legfem.stockings.equilibrium import LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
-from legfem.stockings.leg_model import LegModel3D
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
 from studies.legs.shapes import parametric_leg, read_legs
 

@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
-from legfem.jobs.ranks import Together, leading
+from legfem.jobs.pool import Together, leading
 
 comm = MPI.COMM_WORLD
 

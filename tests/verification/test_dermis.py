@@ -15,7 +15,7 @@ from legfem.fem.system import System
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.model import LegModel
 from legfem.mechanics.terms import SkinPressure, Tissue
-from legfem.mechanics.terms.dermis import Dermis
+from legfem.mechanics.terms.membranes import Dermis
 from legfem.meshing.section import BONE, DEEP, SKIN
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol

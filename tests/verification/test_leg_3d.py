@@ -10,11 +10,16 @@ from making_derivatives import PRECISE
 from making_mechanics import at_skin
 
 from legfem.common.errors import InputError
-from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
-from legfem.experiments.indenter_pose import Pose
-from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
+from legfem.experiments.indenter_pose import Cylinder, Pose
+from legfem.experiments.leg_3d import (
+    IdealisedLegIndentation,
+    IdealisedLegSettings,
+    LegIndentation3D,
+    SolidLegSettings,
+    membrane_of,
+)
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.leg_shape_motion import without_layer
+from legfem.geometry.motion import without_layer
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia, Fibres
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings

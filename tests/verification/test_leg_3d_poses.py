@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from legfem.experiments.indentation_3d import Cylinder
-from legfem.experiments.indenter_pose import Ball, Indenting, Pose, Punch
+from legfem.experiments.indenter_pose import Ball, Cylinder, Indenting, Pose, Punch
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, LegIndentation3D, SolidLegSettings, fibres_of
 from legfem.geometry.leg_shape import LegShape
 from legfem.mechanics.materials import NeoHookean

@@ -15,7 +15,7 @@ from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, Yeoh
 from legfem.mechanics.terms import Contraction, Fibres, Prestress, Sliding, Tissue, Viscoelasticity
-from legfem.mechanics.terms.fascia import contour_tangents
+from legfem.mechanics.terms.membranes import contour_tangents
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.stepping import follow

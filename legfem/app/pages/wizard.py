@@ -35,7 +35,7 @@ from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 from legfem.data.recording import OWN_COLUMNS, QUANTITIES, SourceColumns
 from legfem.geometry.contours import read_contours
-from legfem.geometry.frames import CuttingPlane
+from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import PARTS, LegSection, line_of_travel
 from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.legs.schema import SectionEntry

@@ -1,7 +1,5 @@
 """Forces and the moment of the cylinder on the skin beside that along its travel, by a load cell of several axes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -61,7 +59,7 @@ class ContactForces(ChannelFile):
         ),
     )
 
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return the force to the left; of a leg in 3D that along it, of a section the moment."""
         found = {LATERAL.name: seen.force(seen.left)}
         if len(seen.left) == 3:

@@ -9,8 +9,6 @@ of the nodes' normal loads :math:`q_n` (N per mm of the cylinder) at :math:`s_n`
 1 over :math:`\pm w`, by which a film spreads a load. Sensels side by side add up to the whole load.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar
@@ -54,7 +52,7 @@ class ContactPressures(FramesFile):
     entry = PRESSURE.name
     columns = ("angle_deg", "pressure_kPa")
 
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return the pressures of the sensels that there are."""
         places = seen.places(PRESSURE.name)
         if not len(places):

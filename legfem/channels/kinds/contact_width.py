@@ -6,8 +6,6 @@ face but for the gap :math:`g` at which the contact's pressure begins: :math:`|x
 slides along the outline so that it stays there.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -45,7 +43,7 @@ class ContactWidths(ChannelFile):
         ),
     )
 
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return the width; nothing before the skin touches."""
         skin, radius = seen.line("skin"), seen.radius
         reach = radius + seen.onset

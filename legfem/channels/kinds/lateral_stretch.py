@@ -4,8 +4,6 @@ Where ends stick to the plates the side bulges: its middle is wider than volume 
 as wide as the tissue's compressibility has it.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -33,7 +31,7 @@ class LateralStretches(ChannelFile):
 
     kinds: ClassVar = (LATERAL_STRETCH,)
 
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return the stretch of the side's lowest node: the mirror is at height 0."""
         spaces, state = seen.model.system.spaces, seen.state
         places = spaces.displacement_space.tabulate_dof_coordinates()[:, :2]

@@ -1,7 +1,5 @@
 """Thicknesses of the layers under the cylinder, along the line of travel, by ultrasound."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -68,7 +66,7 @@ class LayerThicknesses(ChannelFile):
         ),
     )
 
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return the layers' thicknesses, of those whose outlines the line of travel meets."""
         found = {}
         for name, between in _BETWEEN.items():

@@ -13,8 +13,6 @@ with the gradient of a thin-plate spline through what is predicted of the frame;
 third of itself, which is an error of each place alone (`gradient_error`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
@@ -61,7 +59,7 @@ class SectionDisplacements(FramesFile):
     entry = INSIDE.name
     columns = ("x_mm", "y_mm", "ux_mm", "uy_mm")
 
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return the displacements at the places where somebody looked."""
         places = seen.places(INSIDE.name)
         if not len(places):

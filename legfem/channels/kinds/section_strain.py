@@ -10,8 +10,6 @@ with the travel's direction :math:`e`. Where an image lies is known as for displ
 (`legfem.channels.kinds.section_displacement`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
@@ -58,7 +56,7 @@ class SectionStrains(FramesFile):
     entry = STRAIN.name
     columns = ("x_mm", "y_mm", "strain")
 
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return the strains at the places where somebody looked."""
         places = seen.places(STRAIN.name)
         if not len(places):

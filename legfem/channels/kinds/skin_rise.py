@@ -8,8 +8,6 @@ and travel are the stated ones: a cylinder that is tilted doesn't turn the image
 that is steep there already.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
@@ -67,7 +65,7 @@ class SkinRises(FramesFile):
     entry = "skin_profile"
     columns = ("x_mm", "y_mm")
 
-    def read(self, seen: Seen) -> Channels:
+    def read(self, seen: "Seen") -> Channels:
         """Return the rises, of those whose line meets the skin."""
         skin, found = seen.profile, {}
         for offset, kind in RISES.items():

@@ -45,8 +45,11 @@ def _zipped(path: Path) -> list[Sheet]:
         if "content.xml" in names:
             return _open_document(path)
         files = [one for one in archive.infolist() if not one.is_dir() and not is_litter(Path(one.filename))]
+        files = [one for one in files if Path(one.filename).suffix.lower() in READERS] or files
         if len(files) != 1:
-            raise InputError(path, "file", f"holds {len(files)} files", "unpack it, and look at one of them")
+            few = ", ".join(one.filename for one in files[:4]) + (", ..." if len(files) > 4 else "")
+            told = f"holds {len(files)} files ({few})" if files else "holds no files"
+            raise InputError(path, "file", told, "unpack it, and look at one of them")
         check_size(path, files[0].file_size)
         return _read_within(path, Path(files[0].filename).name, archive.read(files[0]))
 
@@ -108,8 +111,9 @@ def recording_files(folder: Path) -> list[Path]:
 
 
 def is_litter(path: Path) -> bool:
-    """Tell whether a file is macOS' double of another (``._x``), hidden, or a lock of an open workbook (``~$x``)."""
-    return path.name.startswith((".", "~$")) or "__MACOSX" in path.parts
+    """Tell whether a system left a file beside others: a double of macOS, a hidden one, an open workbook's lock."""
+    left = path.name.lower() in ("desktop.ini", "thumbs.db")
+    return left or path.name.startswith((".", "~$")) or "__MACOSX" in path.parts
 
 
 def _reader_of(path: Path) -> Reader | None:

@@ -10,11 +10,15 @@ import numpy as np
 from pymatreader import read_mat
 from scipy.io import whosmat
 
+from legfem.data.formats.labels import name_and_unit, one_unit
 from legfem.data.formats.labview import check_lengths
-from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, Column, Sheet, check_size, name_and_unit
+from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, Column, Sheet, check_size
 
 _NAMES = ("columns", "colheaders", "headers", "labels", "names")
 """What the names of a matrix' columns are called; ``importdata`` of MATLAB says colheaders."""
+_UNITS = ("unit", "units", "unit_string", "ni_unitdescription", "y_unit")
+_VALUES = ("data", "value", "values", "signal")
+"""What a structure of one channel calls its readings, beside its unit and perhaps its name."""
 
 type Arrays = dict[str, tuple[Any, Any]]
 """Values and unit by name."""
@@ -53,17 +57,34 @@ def read_hdf5(path: Path) -> list[Sheet]:
             for name, item in group.items():
                 if not isinstance(item, h5py.Dataset):
                     continue
-                names = next((item.attrs[key] for key in _NAMES if key in item.attrs), None)
+                names, unit = _said(item.attrs, _NAMES), _said(item.attrs, _UNITS)
                 if item.dtype.names:
                     table = {field: (item[field], None) for field in item.dtype.names}
                     sheets += _sheet(path, item.name.strip("/"), table)
                 elif item.ndim == 2 and names is not None:
-                    matrix = {n: (v, None) for n, v in _of_matrix(item[()], names).items()}
-                    sheets += _sheet(path, item.name.strip("/"), matrix)
+                    matrix = _of_matrix(item[()], names)
+                    units = np.ravel(unit) if np.size(unit) == len(matrix) else [None] * len(matrix)
+                    columns = {n: (v, one) for (n, v), one in zip(matrix.items(), units, strict=True)}
+                    sheets += _sheet(path, item.name.strip("/"), columns)
                 else:
-                    arrays[name] = (_unpacked(item), item.attrs.get("unit", item.attrs.get("units")))
-            sheets += _sheet(path, group.name.strip("/"), arrays)
+                    arrays[name] = (_unpacked(item), unit)
+            sheets += _of_pandas(path, group) or _sheet(path, group.name.strip("/"), arrays)
     return sheets
+
+
+def _said(fields: Mapping[str, Any], keys: tuple[str, ...]) -> Any:
+    """Return what stands under one of the keys, whatever its capitals."""
+    return next((value for name, value in fields.items() if name.lower() in keys), None)
+
+
+def _of_pandas(path: Path, group: Any) -> list[Sheet]:
+    """Read a data frame that pandas stored: blocks of columns, each with their names."""
+    blocks = [name.removesuffix("_items") for name in group if name.startswith("block") and name.endswith("_items")]
+    if not all(f"{name}_values" in group for name in blocks):
+        return []
+    found = [_of_matrix(group[f"{name}_values"][()], group[f"{name}_items"][()]) for name in blocks]
+    columns = {name: (values, None) for one in found for name, values in one.items()}
+    return _sheet(path, group.name.strip("/"), columns) if columns else []
 
 
 def _unpacked(item: h5py.Dataset) -> Any:
@@ -85,6 +106,7 @@ def _is_group(item: object) -> bool:
 def _sheets_of(path: Path, name: str, content: Mapping[str, Any]) -> list[Sheet]:
     units = content.get("units")
     named = units if isinstance(units, Mapping) else {}
+    content = {key: value for name, field in content.items() for key, value in _channels(name, field).items()}
     arrays: Arrays = {
         key: (value, named.get(key, content.get(f"{key}_unit")))
         for key, value in content.items()
@@ -104,13 +126,32 @@ def _sheets_of(path: Path, name: str, content: Mapping[str, Any]) -> list[Sheet]
     return sheets
 
 
+def _channels(name: str, field: Any) -> dict[str, Any]:
+    """Return a field, or the channels in it: structures of readings with units and perhaps names."""
+    if isinstance(field, list) and field and all(isinstance(one, Mapping) for one in field):
+        return {key: value for k, one in enumerate(field) for key, value in _channels(f"{name}{k}", one).items()}
+    if not isinstance(field, Mapping):
+        return {name: field}
+    values, units = _said(field, _VALUES), _said(field, _UNITS)
+    names = _said(field, ("name", "label"))
+    if isinstance(values, list) and isinstance(names, list) and len(values) == len(names):
+        units = units if isinstance(units, list) and len(units) == len(names) else [None] * len(names)
+        found = zip(names, values, units, strict=True)
+    elif np.ndim(values) == 1 and isinstance(units, str):
+        found = zip([names if isinstance(names, str) else name], [values], [units], strict=True)
+    else:
+        return {name: field}
+    return {key: value for label, one, unit in found for key, value in ((label, one), (f"{label}_unit", unit))}
+
+
 def _of_matrix(values: Any, names: Any) -> dict[str, Any]:
     """Return the columns of a matrix by their names; nothing where these aren't as many."""
     texts = [
         one.decode() if isinstance(one, bytes) else str(one).strip()
         for one in np.ravel(np.asarray(names, dtype=object))
     ]
-    columns = list(np.transpose(np.asarray(values)))
+    rows = np.asarray(values)
+    columns = list(rows if len(rows) == len(texts) != rows.shape[-1] else rows.T)
     return dict(zip(texts, columns, strict=True)) if len(texts) == len(columns) else {}
 
 
@@ -123,8 +164,9 @@ def _sheet(path: Path, name: str, arrays: Arrays, remarks: tuple[str, ...] = ())
         if len(values) < FEWEST_ROWS:
             continue
         short, named = name_and_unit(label)
-        text = unit.decode() if isinstance(unit, bytes) else unit
-        columns.append(Column(short, str(text) if text else named, values.astype(np.float64)))
+        one = np.ravel(unit)[0] if np.size(unit) == 1 else None
+        text = one.decode() if isinstance(one, bytes) else one
+        columns.append(Column(short, one_unit(named, str(text) if text else None), values.astype(np.float64)))
     if not columns:
         return []
     check_lengths(path, name, columns)

@@ -15,7 +15,8 @@ from nptdms.log import log_manager
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data.formats.sheet import Column, Sheet, name_and_unit
+from legfem.data.formats.labels import name_and_unit, one_unit
+from legfem.data.formats.sheet import Column, Sheet
 
 # Of a file that breaks off it would print; the lengths of channels tell.
 log_manager.set_level(logging.ERROR)
@@ -118,7 +119,7 @@ def check_lengths(path: Path, name: str, columns: list[Column]) -> None:
 
 def _column(label: str, unit: object, values: FloatArray) -> Column:
     name, named = name_and_unit(label)
-    return Column(name, str(unit) if unit else named, values)
+    return Column(name, one_unit(named, str(unit) if unit else None), values)
 
 
 def _is_time(column: Column) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from legfem.common.errors import InputError
+from legfem.data.formats.labels import WORDS
 from legfem.data.formats.sheet import FEWEST_ROWS, THOUSANDS
 
 _MARKS = {
@@ -36,6 +37,7 @@ _SPACED_THOUSANDS = re.compile(r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))")
 _SPACED_CELL = re.compile(r'(?:^|(?<=[;\t"]))\s*[+-]?\d{1,3}(?: \d{3})+(?=(?:[.,]\d*)?\s*(?:[;\t"]|$))')
 _QUOTED_LINE = re.compile(r'\s*"([^"]*[,;\t][^"]*)"\s*')
 _MOST_LINES_OF_A_CELL = 5
+_HEAD_BYTES = 20_000
 
 
 @dataclass(frozen=True)
@@ -76,11 +78,13 @@ def read_lines(path: Path) -> TextLines:
     given = [_FORMULA.sub(r'"\1"', line) for line in _with_whole_cells(given)]
     # A line in quotes as a whole is one that a spreadsheet took for a cell.
     given = [found[1] if (found := _QUOTED_LINE.fullmatch(line)) else line for line in given]
+    given, told = _without_stamps(*_without_labels(given))
     first = _first_of_numbers(given)
     broken = next((k for k in range(first, len(given)) if "\0" in given[k]), None)
     if broken is not None:
         raise InputError(path, f"line {broken + 1}", "holds a null byte: it is damaged", "copy it again")
-    remarks = [f"{left} null bytes at its end are left out: it was not written to its end"] if left else []
+    remarks = [*told]
+    remarks += [f"{left} null bytes at its end are left out: it was not written to its end"] if left else []
     texts, grouped, comments = [], 0, 0
     for k, line in enumerate(given):
         if _COMMENT.match(line) and k > first:
@@ -99,6 +103,43 @@ def read_lines(path: Path) -> TextLines:
     if grouped:
         remarks.append(f"{grouped} numbers have thousands' separators, which are taken out")
     return TextLines(texts, first, encoding, text.endswith(("\n", "\r")), tuple(remarks))
+
+
+_STAMP = re.compile(r"\d\d:\d\d:\d\d\.\d{3} -> ")
+_LABELLED = re.compile(
+    r"\s*(?P<label>[^\W\d][\w ]*?)\s*[:=]\s*(?P<number>[+-]?\d+(?:\.\d*)?)\s*(?P<unit>[^\W\d_]{1,5})?\s*"
+)
+_MOSTLY = 0.9
+
+
+def _without_stamps(lines: list[str], told: tuple[str, ...]) -> tuple[list[str], tuple[str, ...]]:
+    """Return lines without the times at which a serial monitor received them."""
+    stamped = [_STAMP.match(line) for line in lines if line.strip()]
+    if sum(map(bool, stamped)) <= _MOSTLY * len(stamped):
+        return lines, told
+    return [_STAMP.sub("", line, count=1) for line in lines], (*told, "a serial monitor's times are left out")
+
+
+def _without_labels(lines: list[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Return lines of labels and values, as ``Force:1.25,Depth:3.5 mm``, as a table with a line of names."""
+    parted = [_labelled(_STAMP.sub("", line, count=1)) for line in lines]
+    filled = [k for k, line in enumerate(lines) if line.strip()]
+    begin = next((k for k in filled if parted[k]), None)
+    if begin is None or len(filled) < FEWEST_ROWS:
+        return lines, ()
+    names = [(label, unit) for label, _, unit in parted[begin]]
+    alike = [[(label, unit) for label, _, unit in parted[k]] == names for k in filled]
+    if len(names) < 2 or sum(alike) <= _MOSTLY * len(alike):
+        return lines, ()
+    found = [",".join(n for _, n, _ in cells) if cells else line for cells, line in zip(parted, lines, strict=True)]
+    head = ",".join(f"{label} ({unit})" if unit else label for label, unit in names)
+    return [*found[:begin], head, *found[begin:]], ("each value stands behind its name",)
+
+
+def _labelled(line: str) -> list[tuple[str, str, str]]:
+    """Return the labels, numbers and units in a line of nothing else; nothing for any other."""
+    cells = [_LABELLED.fullmatch(cell) for cell in re.split(r"[,;\t]", line)]
+    return [(c["label"], c["number"], c["unit"] or "") for c in cells if c] if all(cells) else []
 
 
 def _first_of_numbers(lines: Sequence[str]) -> int:
@@ -157,4 +198,18 @@ def _decoded(path: Path) -> tuple[str, str, int]:
     try:
         return whole.decode("utf-8"), "utf-8", left if left > 1 else 0
     except UnicodeDecodeError:
-        return whole.decode("cp1252", errors="replace"), "cp1252 (it isn't utf-8)", left if left > 1 else 0
+        name = _page_of(whole)
+        return whole.decode(name, errors="replace"), f"{name} (it isn't utf-8)", left if left > 1 else 0
+
+
+_PAGES = ("cp932", "gb18030", "cp949", "cp1251")
+_OTHER_LETTERS = re.compile("|".join(re.findall(r"[^|^$()\x00-\u024f]{2,}", "|".join(WORDS.values()))), re.IGNORECASE)
+"""Names of quantities in other than Latin letters."""
+
+
+def _page_of(raw: bytes) -> str:
+    """Return the code page in which a text names most quantities; Western Europe's where none is better."""
+    head = raw[:_HEAD_BYTES].rpartition(b"\n")[0] or raw
+    found = {name: len(set(_OTHER_LETTERS.findall(head.decode(name, errors="replace")))) for name in _PAGES}
+    best = max(_PAGES, key=lambda name: found[name])
+    return best if found[best] > 1 else "cp1252"

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.errors import InputError
+from legfem.data.formats.headings import Cell
 from legfem.data.formats.lines import TextLines, read_lines
-from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, Cell, Sheet, sheet_of_rows, why_no_number
+from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, Sheet, sheet_of_rows, why_no_number
 
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
 _NUMBER = {
@@ -59,12 +60,14 @@ def read_text(path: Path) -> list[Sheet]:
 
 
 def _with_row_numbers(lines: TextLines, parted: list[list[str]]) -> list[list[str]]:
-    """Return rows with a name for the rows' quoted numbers, which R's ``write.table`` leaves without one."""
+    """Return rows with a name for the rows' numbers, which R's ``write.table`` and pandas leave without one."""
     samples = [k for k in range(lines.first, len(parted)) if parted[k]]
     head = next((k for k in reversed(range(min(lines.first, len(parted)))) if parted[k]), None)
     if head is None or not samples or len(parted[head]) != len(parted[samples[0]]) - 1:
         return parted
-    if all(lines.texts[k].startswith(f'"{n}"') for n, k in enumerate(samples, 1)):
+    firsts = [parted[k][0] for k in samples]
+    counted = any(firsts == [str(n + first) for n in range(len(firsts))] for first in (0, 1))
+    if counted or all(lines.texts[k].startswith(f'"{n}"') for n, k in enumerate(samples, 1)):
         return [["row", *row] if k == head else row for k, row in enumerate(parted)]
     return parted
 
@@ -112,18 +115,13 @@ def _dialect(path: Path, lines: TextLines) -> tuple[str, str]:
     head = set(lines.texts[: lines.first] if lines.first < len(lines.texts) else ())
     # The middle, where no heading is, and the end, unless something follows there. A table of few rows has one
     # line above its numbers.
-    middle = len(filled) // 2 if len(filled) >= FEWEST_ROWS else 1
-    tried = [line for line in filled[middle:] if line not in head][:_LINES_TRIED] or filled
-    fits = [
-        (delimiter, decimal, widths.pop())
-        for delimiter in _DELIMITERS
-        # Of an empty column between tabs, and of nothing else, spaces would make no cell.
-        if delimiter != " " or not all("\t" in line.strip() for line in tried)
-        for decimal in ".,"
-        if decimal != delimiter or any('"' in line for line in tried)
-        if len(widths := _widths(tried, delimiter, decimal)) == 1
-    ]
-    fits = [fit for fit in fits if fit[2] >= 2] or _with_other_columns(tried)
+    count = len(filled)
+    # In the middle of several blocks another's heading may stand.
+    for begin in (count // 2, count // 4, 3 * count // 4) if count >= FEWEST_ROWS else (1,):
+        tried = [line for line in filled[begin:] if line not in head][:_LINES_TRIED] or filled
+        fits = _fitting(tried) or _with_other_columns(tried)
+        if fits:
+            break
     if len(filled) < 2 or not fits:
         raise InputError(path, "file", *_why_no_table(filled, tried))
     marked = [fit for fit in fits if any(fit[1] in line for line in tried)] or fits
@@ -134,6 +132,20 @@ def _dialect(path: Path, lines: TextLines) -> tuple[str, str]:
         ways = " or ".join(f"{_DELIMITERS[d]} ({w} columns)" for d, _, w in best)
         raise InputError(path, "file", f"its columns may be parted by {ways}", "part them by semicolons or tabs")
     return best[0][0], best[0][1]
+
+
+def _fitting(tried: list[str]) -> list[tuple[str, str, int]]:
+    """Return the dialects, and the columns, in which all that lines hold are numbers."""
+    fits = [
+        (delimiter, decimal, widths.pop())
+        for delimiter in _DELIMITERS
+        # Of an empty column between tabs, and of nothing else, spaces would make no cell.
+        if delimiter != " " or not all("\t" in line.strip() for line in tried)
+        for decimal in ".,"
+        if decimal != delimiter or any('"' in line for line in tried)
+        if len(widths := _widths(tried, delimiter, decimal)) == 1
+    ]
+    return [fit for fit in fits if fit[2] >= 2]
 
 
 def _why_no_table(filled: Sequence[str], tried: list[str]) -> tuple[str, str]:

@@ -14,7 +14,8 @@ from xml.etree import ElementTree
 import xlrd
 from openpyxl import load_workbook
 
-from legfem.data.formats.sheet import NOT_CALCULATED, Cell, Sheet, check_size, sheet_of_rows
+from legfem.data.formats.headings import Cell
+from legfem.data.formats.sheet import NOT_CALCULATED, Sheet, check_size, sheet_of_rows
 
 _NUMBER = re.compile(r"\s*[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?\s*")
 _MOST_COLUMNS = 1_000

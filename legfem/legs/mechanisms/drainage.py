@@ -1,7 +1,5 @@
 """Fluid drains from the deep tissue."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -48,7 +46,7 @@ class PoroelasticDrainage(TissueMechanism):
         "squared, relaxation does not"
     )
     variant: ClassVar[str] = "porous"
-    formulation: ClassVar[Formulation | None] = "porous"
+    formulation: "ClassVar[Formulation | None]" = "porous"
     along_path: ClassVar[bool] = True
     strengths: ClassVar[tuple[float, ...]] = (10.0, 80.0, 400.0, 1600.0)
 

@@ -85,7 +85,7 @@ class FatSliding(TissueMechanism):
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return what the fat's lowest elements lose of their resistance to shear along the fascia."""
-        from legfem.geometry.curve import smooth_closed_curve
+        from legfem.geometry.section import smooth_closed_curve
         from legfem.mechanics.terms import Sliding
 
         # What slides far along a polygon meets its corners.

@@ -94,7 +94,7 @@ class DermisTension(TissueMechanism):
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the membrane."""
-        from legfem.mechanics.terms.dermis import Dermis
+        from legfem.mechanics.terms.membranes import Dermis
 
         return [Dermis()]
 

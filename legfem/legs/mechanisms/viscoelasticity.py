@@ -1,7 +1,5 @@
 """The tissues relax, over a spectrum of times."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -119,11 +117,11 @@ class TissueRelaxation(TissueMechanism):
         """Return the branches."""
         return self._branches_of(getattr(leg.tissues, self.region))
 
-    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+    def terms_of(self, law: "Hyperelastic") -> Sequence[Any]:
         """Return the same of a body of one tissue, which is called deep."""
         return self._branches_of(law) if self.region == "deep" else ()
 
-    def _branches_of(self, law: Hyperelastic) -> Sequence[Any]:
+    def _branches_of(self, law: "Hyperelastic") -> Sequence[Any]:
         from legfem.mechanics.terms import Viscoelasticity
 
         return [Viscoelasticity(self.region, law, branch=str(k + 1)) for k in range(len(TIMES_S))]

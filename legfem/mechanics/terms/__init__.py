@@ -8,11 +8,10 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 from legfem.mechanics.terms.bone_springs import BoneSprings
 from legfem.mechanics.terms.contact import NormalContact, SkinPressure, TangentialContact
 from legfem.mechanics.terms.drainage import Drainage
-from legfem.mechanics.terms.fascia import Fascia, Prestress, Sliding
+from legfem.mechanics.terms.membranes import Fascia, Prestress, Sliding
 from legfem.mechanics.terms.muscle import Contraction, Fibres
 from legfem.mechanics.terms.nonuniform_stiffness import StiffnessGradient, UnevenStiffness
-from legfem.mechanics.terms.pressure_stabilisation import PressureStabilisation
-from legfem.mechanics.terms.tissue import Tissue, VolumeLoss
+from legfem.mechanics.terms.tissue import PressureStabilisation, Tissue, VolumeLoss
 from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
 
 __all__ = [

@@ -1,7 +1,5 @@
 """A bone that is a rigid body on springs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -9,9 +7,8 @@ from typing import Any, Literal
 import ufl
 
 from legfem.common.errors import check_positive
-from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import Memoryless, RegionTerm
+from legfem.mechanics.model import Body, Memoryless, RegionTerm
 
 HELD = 1e5
 """Stiffness (N/mm) at which a bone is as good as held: a leg's own is some newtons a mm."""

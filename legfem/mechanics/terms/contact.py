@@ -1,7 +1,5 @@
 """What presses on the skin: a rigid indenter, and a given pressure as a stocking's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,9 +8,8 @@ import ufl
 
 from legfem.mechanics.contact import PressureLaw, TangentialLaw
 from legfem.mechanics.indenters import RigidIndenter
-from legfem.mechanics.integration_domain import Skin, named_parameters
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.model import Memoryless
+from legfem.mechanics.model import Memoryless, Skin, named_parameters
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Drainage of the fluid in a tissue."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -10,10 +8,9 @@ from typing import Any, Literal
 import ufl
 
 from legfem.common.errors import InputError, check_positive
-from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import RegionTerm
+from legfem.mechanics.model import Body, RegionTerm
 
 
 @dataclass(frozen=True)

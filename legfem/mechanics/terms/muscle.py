@@ -1,7 +1,5 @@
 """Muscle: its fibres, and its contraction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -11,8 +9,8 @@ import ufl
 
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr, isochoric_first_invariant
+from legfem.mechanics.model import Body
 from legfem.mechanics.terms.tissue import EnergyTerm
 
 ALONG_THE_LEG = (0.0, 0.0, 1.0)
@@ -66,7 +64,7 @@ class Fibres(EnergyTerm):
     @classmethod
     def of_ratio(
         cls, region: str, C10: float, ratio: float, axis: tuple[float, float, float] = ALONG_THE_LEG
-    ) -> Fibres:
+    ) -> "Fibres":
         r"""Return fibres of a ratio of shear moduli, with :math:`E_L = 4 \mu_L - \mu_T`.
 
         See `USUAL_EXTENSION`.

@@ -1,16 +1,14 @@
 """Tissues whose stiffness varies: along the leg, or from place to place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
 import ufl
 
 from legfem.common.errors import check_positive
-from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.model import Body
 from legfem.mechanics.terms.tissue import EnergyTerm
 
 

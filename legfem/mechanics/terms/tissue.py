@@ -1,6 +1,4 @@
-"""The energy of a tissue, and volume that it loses when it is squeezed: blood that drains."""
-
-from __future__ import annotations
+"""The energy of a tissue, volume that it loses when it is squeezed, and its pressure's stabilisation."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -10,11 +8,10 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.common.errors import InputError
-from legfem.mechanics.integration_domain import Body
+from legfem.common.errors import InputError, check_positive
 from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import Memoryless, RegionTerm
+from legfem.mechanics.model import Body, Memoryless, RegionTerm
 
 
 class EnergyTerm(RegionTerm, Memoryless, ABC):
@@ -108,3 +105,67 @@ class VolumeLoss(RegionTerm, Memoryless):
     def nominal_stress(self, body: Body) -> Expr:
         """Return zero: what is lost acts through the pressure, which is the tissue's."""
         return ufl.zero(3, 3)
+
+
+@dataclass(frozen=True)
+class PressureStabilisation(RegionTerm, Memoryless):
+    r"""Polynomial pressure projection for linear displacements and pressures on simplices.
+
+    Equal degrees fail the inf-sup condition. What of the pressure the constants :math:`\Pi p` of an
+    element don't hold is penalised, with the shear modulus :math:`\mu = 2 C_{10}`:
+
+    .. math:: -\frac{1}{2 \mu} \int (p - \Pi p)^2\, dV.
+
+    It vanishes with the square of the element's size. P. B. Bochev, C. R. Dohrmann, M. D.
+    Gunzburger, SIAM J. Numer. Anal. 44 (2006) 82-101; at finite strain J. A. White, R. I. Borja,
+    Comput. Methods Appl. Mech. Eng. 197 (2008) 4353-4366.
+
+    Parameters
+    ----------
+    region : str
+        Region of the body.
+    law : Hyperelastic
+        The region's, whose symbol ``<region>.C10`` is shared.
+    strength : float
+        Factor on it, 1 in the source.
+    """
+
+    region: str
+    law: Hyperelastic
+    strength: float = 1.0
+    domain: Literal["body"] = "body"
+    effect = "stabilisation"
+    numbers = ("strength",)
+
+    def __post_init__(self) -> None:
+        """Check the factor."""
+        check_positive(self, "strength", zero_allowed=True)
+
+    def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
+        """Return the variation of the penalty."""
+        if self.region not in body.pressures:
+            raise InputError(
+                "formulation", self.name, "there is no pressure to stabilise", 'choose the formulation "continuous"'
+            )
+        law = body.symbols.of(self.region, self.law)
+        strength = body.symbols.scalar(f"{self.name}.strength", self.strength)
+        rest = _variance(body.pressures[self.region])
+        penalty = -strength / (4 * law.C10) * rest * body.regions[self.region]
+        return ufl.derivative(penalty, body.unknown, body.test)
+
+    def nominal_stress(self, body: Body) -> Expr:
+        """Return zero: only the pressures' equation is changed."""
+        return ufl.zero(3, 3)
+
+
+def _variance(p: Expr) -> Expr:
+    r"""Return the mean of :math:`(p - \Pi p)^2` over an element, for a linear :math:`p`.
+
+    The barycentric coordinates of a simplex of dimension d have the variance
+    :math:`d / ((d + 1)^2 (d + 2))` and, two of them, minus the d-th part of it.
+    """
+    domain = ufl.domain.extract_unique_domain(p)
+    slope = ufl.dot(ufl.grad(p), ufl.Jacobian(domain))
+    d = slope.ufl_shape[0]
+    total = sum(slope[i] for i in range(d))
+    return ((d + 1) * ufl.dot(slope, slope) - total**2) / ((d + 1) ** 2 * (d + 2))

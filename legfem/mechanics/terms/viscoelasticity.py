@@ -1,7 +1,5 @@
 """The tissues' relaxation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -9,10 +7,9 @@ from typing import Any, Literal
 import ufl
 
 from legfem.common.errors import check_positive
-from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import RegionTerm
+from legfem.mechanics.model import Body, RegionTerm
 
 
 @dataclass(frozen=True)

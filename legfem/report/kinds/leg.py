@@ -17,15 +17,14 @@ from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
 from legfem.report.cost_figure import cost_figure
-from legfem.report.curves import Curves, Dash, Line
+from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.folder import ReportFile
+from legfem.report.further_channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
-from legfem.report.render.figure import curves_figure
 from legfem.report.section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
 from legfem.report.turned import pressed_leg

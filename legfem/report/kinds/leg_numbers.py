@@ -11,13 +11,13 @@ from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
-from legfem.legs.experiments import tissues_of
 from legfem.legs.forward import values_of
 from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
+from legfem.legs.variants import tissues_of
 from legfem.mechanics.materials import Hyperelastic
-from legfem.report.channels import channel_name
 from legfem.report.estimates import estimated, held_text, how_found, wave_rows, words_of
+from legfem.report.further_channels import channel_name
 from legfem.report.page import Block, Known, Prose, Provenance, WebTable
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import fit_probability

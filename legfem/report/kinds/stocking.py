@@ -9,10 +9,9 @@ from mpi4py import MPI
 
 from legfem.fem.fields import fields_of
 from legfem.inverse.document import KindDocument
-from legfem.report.folder import ReportFile
+from legfem.report.folder import ReportFile, write_fields
 from legfem.report.kinds import ReportKind
 from legfem.report.page import PressedSection, WebPage
-from legfem.report.paraview import write_fields
 from legfem.report.stocking_figures import (
     stocking_contours_figure,
     stocking_fat_figure,

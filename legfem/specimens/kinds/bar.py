@@ -5,8 +5,7 @@ from typing import ClassVar, Literal
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import UniaxialSpecimen
-from legfem.specimens.homogeneous import HomogeneousKind
-from legfem.specimens.kind import needed
+from legfem.specimens.kind import HomogeneousKind, needed
 
 
 class BarEntry(FileTable):

@@ -13,8 +13,7 @@ import numpy as np
 
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import HomogeneousBody
-from legfem.specimens.homogeneous import HomogeneousKind
-from legfem.specimens.kind import needed
+from legfem.specimens.kind import HomogeneousKind, needed
 
 
 class EquibiaxialEntry(FileTable):

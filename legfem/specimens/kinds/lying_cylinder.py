@@ -47,7 +47,7 @@ class LyingCylinderKind(SpecimenKind[CylinderEntry, CylinderOnBlock]):
 
     def model(self, body: CylinderOnBlock, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
-        from legfem.experiments.lateral_cylinder import LateralCylinder
+        from legfem.experiments.plane_strain import LateralCylinder
         from legfem.specimens.shallow_tests import round_indenter
 
         radius = body.cylinder_radius

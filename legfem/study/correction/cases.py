@@ -10,11 +10,12 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.indenter_pose import Cylinder
+from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.fem.compat import evaluate
 from legfem.jobs.store import Store
-from legfem.mechanics.integration_domain import Skin
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.mechanics.model import Skin
 from legfem.mechanics.terms import Fibres, NormalContact
 from legfem.mechanics.terms.muscle import USUAL_EXTENSION
 from legfem.meshing.idealised_leg import IdealisedLeg

@@ -9,13 +9,12 @@ from mpi4py import MPI
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
-from legfem.experiments.indentation_3d import IdealisedLegIndentation
+from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.fem.fields import fields_of
 from legfem.legs.correction import smooth_ratio
+from legfem.report.folder import write_fields
 from legfem.report.page import PAGE, command_line
-from legfem.report.paraview import write_fields
-from legfem.report.render.html import rendered
-from legfem.report.render.text import table
+from legfem.report.render import rendered, table
 from legfem.study.correction.calibration import Calibration, LegTable, calibrate, coarsened, run_cases, tabulate_legs
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from legfem.study.correction.page import (

@@ -21,10 +21,8 @@ from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
 from legfem.report import page as web
-from legfem.report.curves import Curves, Line
-from legfem.report.render.figure import curves_figure
-from legfem.report.render.html import rendered
-from legfem.report.render.text import table
+from legfem.report.curves import Curves, Line, curves_figure
+from legfem.report.render import rendered, table
 from legfem.report.style import save
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import versions

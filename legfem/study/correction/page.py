@@ -11,8 +11,7 @@ from legfem.common.documents import Cells, column_cells, row_cells
 from legfem.common.units import FloatArray
 from legfem.legs.correction import DEFINITION, smooth_ratio
 from legfem.report import page as web
-from legfem.report.curves import Curves, Dash, Line
-from legfem.report.render.figure import curves_figure
+from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.style import FAINT, REGION_COLOURS, new_figure, panel, save, styled
 from legfem.study.correction.calibration import GRID, Calibrated, Calibration, versions
 from legfem.study.correction.cases import CorrectionCase

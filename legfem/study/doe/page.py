@@ -11,8 +11,7 @@ from legfem.common.units import FloatArray
 from legfem.report import page as web
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
-from legfem.report.render.markdown import markdown_chapters
-from legfem.report.render.text import bullets, fill
+from legfem.report.render import bullets, fill, markdown_chapters
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import ORIGINS
 from legfem.study.doe import tables

@@ -1,7 +1,5 @@
 """The simulations of a design: one solve, all of them done once and kept, tabulated with the curves' metrics."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -14,11 +12,10 @@ import pandas as pd
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.jobs.key import code_fingerprint
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store, finish
-from legfem.legs.experiments import tissues_of
+from legfem.jobs.store import Store, code_fingerprint, finish
 from legfem.legs.subject import Subject
+from legfem.legs.variants import tissues_of
 from legfem.solve.path import ForceCurve
 from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.study.doe.design import Definition
@@ -107,15 +104,15 @@ class Simulator(Protocol):
 class PlaneStrainSimulator:
     """A subject's plane-strain test; a mesh is made once for every geometry in a process."""
 
-    section: LegSection
-    indenter: Indenter
-    tissues: Tissues
+    section: "LegSection"
+    indenter: "Indenter"
+    tissues: "Tissues"
     _tests: dict[tuple[float, float, Fidelity], PlaneStrainIndentation] = field(
         default_factory=dict, init=False, repr=False
     )
 
     @classmethod
-    def of_subject(cls, subject: Subject) -> PlaneStrainSimulator:
+    def of_subject(cls, subject: Subject) -> "PlaneStrainSimulator":
         """Return the simulator of a subject's leg."""
         return cls(subject.section, subject.indenter, tissues_of(subject))
 

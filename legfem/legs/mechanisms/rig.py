@@ -1,15 +1,20 @@
-"""The leg moves under the cylinder, or its support gives way."""
+"""The rig: the skin slips along the cylinder, which is tilted; the support gives way; zero and contact are wrong."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
 from legfem.inverse.mechanism import IndentedLeg, Mechanism, Solution, TissueMechanism, Values, strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.mechanisms.timing import moments, shortest_programme, smooth_switch
+from legfem.legs.mechanisms import moments, shortest_programme, smooth_switch
+
+if TYPE_CHECKING:
+    from legfem.mechanics.contact import TangentialName
 
 
 @dataclass(frozen=True)
@@ -143,3 +148,106 @@ class SupportCompliance(TissueMechanism):
         names = [f"{bone}.springs.{axis}" for bone in BONES for axis in "xy"]
         springs = dict.fromkeys(names, 0.5 / compliance)
         return Solution(self.variant, springs, null=self.null_variant, null_in_series=compliance)
+
+
+@dataclass(frozen=True)
+class ContactSlip(TissueMechanism):
+    """Slip between none (the tape holds) and free.
+
+    The force is taken in proportion between that of a skin that sticks and that of one that slides
+    without friction, the two ends of Coulomb's law.
+    """
+
+    name: ClassVar[str] = "contact-slip"
+    statement: ClassVar[str] = "the skin slipped along the cylinder: the tape did not hold"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("slip", "-", "share of the way from sticking to free", 0.6, (0.0, 1.0)),
+    )
+    would_be: ClassVar[str] = "a skin that slips along the cylinder, {} of the way to no friction"
+    next_experiment: ClassVar[str] = "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
+    measured_sd: ClassVar[float | None] = 0.15
+    """An estimate: marks are read to 0.5 mm beside ways of some mm."""
+    variant: ClassVar[str] = "frictionless"
+    tangential: "ClassVar[TangentialName | None]" = "frictionless"
+    null_variant: ClassVar[str] = "sticking"
+    # Fat that slides folds more often under a contact as stiff and as sharp as the tape's. Compared
+    # with a skin that sticks to this one, the change is the same within 0.1 % of the greatest
+    # force.
+    contact_softness: ClassVar[float] = 0.4
+    contact_onset: ClassVar[float | None] = 0.03
+    strengths: ClassVar[tuple[float, ...]] = (1.0,)
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model without friction; only a whole slip is solved."""
+        return Solution(self.variant, null=self.null_variant)
+
+    def tabulated(self, values: Values) -> float:
+        """Return a whole slip."""
+        return self.strengths[0]
+
+    def share(self, values: Values) -> float:
+        """Return the share of the way to sliding."""
+        return values["slip"]
+
+
+@dataclass(frozen=True)
+class IndenterTilt(TissueMechanism):
+    """The line of travel, turned about the point of first touch."""
+
+    name: ClassVar[str] = "indenter-tilt"
+    statement: ClassVar[str] = "the cylinder did not travel in the direction stated"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("angle", "degrees", "of the travel from the one stated", 8.0, (-20.0, 20.0)),
+    )
+    would_be: ClassVar[str] = "a travel turned by {} from the one stated"
+    next_experiment: ClassVar[str] = "photograph the cylinder against the leg at both ends of the travel"
+    measured_sd: ClassVar[float | None] = 1.5
+    """An estimate."""
+    strengths: ClassVar[tuple[float, ...]] = (-8.0, 8.0)
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model pressed along the turned line."""
+        return Solution(tilt_deg=values["angle"])
+
+
+@dataclass(frozen=True)
+class ForceDrift(Mechanism):
+    """The load cell's zero moves with time, from the start of each trial."""
+
+    name: ClassVar[str] = "force-drift"
+    statement: ClassVar[str] = "the load cell's zero drifted in time"
+    parameters: ClassVar[tuple[Parameter, ...]] = (strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),)
+    would_be: ClassVar[str] = "a zero that drifts by {}"
+    next_experiment: ClassVar[str] = "record a minute in air before and after each trial, and compare the zeros"
+    measured_sd: ClassVar[float | None] = 0.0005
+    """An estimate: 0.05 N over 100 s."""
+
+    def added_force(self, values: Values, observed: Observations) -> FloatArray:
+        """Return the drift."""
+        return values["rate"] * observed.time
+
+
+@dataclass(frozen=True)
+class ContactOnset(Mechanism):
+    """Displacement doesn't count from first touch, though it is stated to."""
+
+    name: ClassVar[str] = "contact-onset"
+    statement: ClassVar[str] = (
+        "the displacement was not counted from first contact: the leg was touched later or earlier"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("offset", "mm", "displacement at first contact", 1.0, (-3.0, 5.0)),
+    )
+    next_experiment: ClassVar[str] = (
+        "start the recording in air, 2 mm before the skin, so that first contact can be seen"
+    )
+
+    def untestable(self, observed: Observations) -> str | None:
+        """Return whether first contact is stated."""
+        if observed.starts_at_contact:
+            return None
+        return "first contact isn't stated to be at zero, so that every fit finds it"
+
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
+        """Return the offset."""
+        return np.full(len(force), values["offset"])

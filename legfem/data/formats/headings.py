@@ -1,0 +1,111 @@
+"""What stands above a table's numbers: the columns' names, and perhaps their units."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from legfem.data.formats.labels import WORDS, name_and_unit, unit_named
+
+type Cell = str | float | None
+
+
+def cell_at(row: Sequence[Cell], k: int) -> Cell:
+    """Return a row's cell; None beyond its end."""
+    return row[k] if k < len(row) else None
+
+
+def text_of(cell: Cell) -> str:
+    """Return what a cell says, without spaces around it."""
+    return str(cell or "").strip()
+
+
+def width_of(row: Sequence[Cell]) -> int:
+    """Return the number of cells without empty ones at the end."""
+    filled = [k for k, cell in enumerate(row) if cell not in (None, "")]
+    return filled[-1] + 1 if filled else 0
+
+
+def titles_and_units(
+    above: Sequence[Sequence[Cell]], columns: Sequence[int]
+) -> tuple[Sequence[Cell] | None, list[str | None] | None]:
+    """Return the row of names and, where they have a row of their own, the columns' units.
+
+    Of several rows that are wide enough the names are the one most of whose cells name a quantity or a unit.
+    """
+    above = [_paired(row, len(columns)) for row in _without_keys(above)]
+    rows = [row for row in above if _says(row, columns)] or _listed(above, columns)
+    if not rows:
+        return None, None
+    full = [[text_of(cell_at(row, c)) for c in columns] for row in rows]
+    units = next((k for k in reversed(range(len(full))) if _are_units(full[k])), None)
+    # Above the units, or below where nothing stands above; a row of units alone names the columns too.
+    first, last = (0, units or len(full)) if units != 0 else (min(1, len(full) - 1), len(full))
+    scores = [sum(map(names_something, cells)) for cells in full[first:last]]
+    named = last - 1 - int(np.argmax(scores[::-1]))
+    own = None if units is None else [text.strip("()[]<> ") or None for text in full[units]]
+    return rows[named], own
+
+
+def _paired(row: Sequence[Cell], count: int) -> Sequence[Cell]:
+    """Return a row of names each followed by its unit, as ``Time;s;Force;N`` above two columns, as a row of labels."""
+    units = [text_of(cell) for cell in row[1::2]]
+    if len(units) != count or width_of(row) != 2 * count or not all(map(unit_named, units)):
+        return row
+    return [f"{text_of(name)} ({unit})" for name, unit in zip(row[::2], units, strict=True)]
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Tell whether a row holds units: most of what it holds are known."""
+    bare = [text.strip("()[]<> ") for text in cells if text]
+    return sum(unit_named(text) is not None for text in bare) > 0.5 * len(bare)
+
+
+def _says(row: Sequence[Cell], columns: Sequence[int]) -> bool:
+    """Tell whether a row says something of all columns, or the units of those that have one."""
+    cells = [cell_at(row, c) for c in columns]
+    texts = [text_of(cell) for cell in cells if isinstance(cell, str) and text_of(cell)]
+    if 2 * len(texts) < sum(cell not in (None, "") for cell in cells) or not texts:
+        return False
+    units = len(texts) > 1 and 2 * len(texts) > len(columns) and all(map(unit_named, texts))
+    return width_of(row) > columns[-1] or units
+
+
+_LISTED = re.compile(
+    r"#?\s*(?:sig|signal|col|column|channel|ch)\s*\.?\s*(?P<number>\d+)\s*[:=]?\s*(?P<label>.*)", re.IGNORECASE
+)
+
+
+def _listed(above: Sequence[Sequence[Cell]], columns: Sequence[int]) -> list[list[Cell]]:
+    """Return the names that stand a line each above the numbers, as ``Sig1  Time (min)``, as one row."""
+    lines = [_LISTED.fullmatch(" ".join(text_of(cell) for cell in row if isinstance(cell, str))) for row in above]
+    labels = {int(found["number"]): found["label"].strip() for found in lines if found and found["label"].strip()}
+    if sorted(labels) not in ([c + 1 for c in columns], list(columns)):
+        return []
+    row: list[Cell] = [None] * (columns[-1] + 1)
+    for c, number in zip(columns, sorted(labels), strict=True):
+        row[c] = labels[number]
+    return [row]
+
+
+_KEY = re.compile(r"(?P<key>\w+)=")
+_NAMES_OF_CHANNELS, _RANGES = "ChannelTitle", "Range"
+
+
+def _without_keys(above: Sequence[Sequence[Cell]]) -> list[Sequence[Cell]]:
+    """Return rows in which LabChart's keys are names and units: ``ChannelTitle=``, and ``Range=`` with ``20.0 N``."""
+    keyed = {found["key"]: row for row in above if (found := _KEY.fullmatch(text_of(cell_at(row, 0))))}
+    if _NAMES_OF_CHANNELS not in keyed:
+        return list(above)
+    names = ["Time", *keyed[_NAMES_OF_CHANNELS][1:]]
+    units = ["s", *(text_of(cell).rpartition(" ")[2] for cell in keyed.get(_RANGES, ())[1:])]
+    stated = any(name_and_unit(text_of(name))[1] for name in names)
+    return [["Time (s)", *names[1:]]] if stated or len(units) < len(names) else [names, units]
+
+
+def names_something(label: str) -> bool:
+    """Tell whether a label names a quantity, or a unit that is known."""
+    name, unit = name_and_unit(label)
+    if unit is not None and name and unit_named(unit) is not None:
+        return True
+    return any(re.search(words, label, re.IGNORECASE) for words in WORDS.values())

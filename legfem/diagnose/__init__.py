@@ -1,1 +1,0 @@
-"""The command ``legfem diagnose``, and the callable ``legfem.diagnose(...)``."""

@@ -1,1 +1,0 @@
-"""Identification: from recordings to the deep tissue's stiffness with its uncertainty."""

@@ -1,1 +1,0 @@
-"""Renderers of a page: one for each form that it is given in."""

@@ -1,1 +1,0 @@
-"""The command ``legfem stocking``; the room is `legfem.stockings`."""
