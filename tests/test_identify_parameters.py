@@ -67,7 +67,7 @@ def test_three_planted_stiffnesses_are_found(tmp_path: Path, truth: tuple[float,
     assert document["search"]["solves"][0].keys() >= {"c10_kPa", "c20_kPa", "c10_superficial_kPa"}
     text = said_of(found, subject)
     assert re.search(r"C10 of the superficial tissue \(fat\), reduced polynomial law: \d", text)
-    assert "C10 C20 superficial.C10 C10 +1.000" in text and "nan" not in text
+    assert "C10 C20 C10 of the fat C10 +1.000" in text and "nan" not in text
     kind_of([found]).figure([found])
 
 
@@ -287,7 +287,7 @@ def test_fat_is_identified_beside_muscle_from_the_command(tmp_path: Path) -> Non
 
 def test_progress_tells_stiffnesses_in_kpa_and_the_fibres_ratio():
     values = {"deep.C10": 1.2e-3, "fascia.C10": 0.1, "deep.fibre_ratio": 2.5, "deep.D1": 28.0}
-    assert stiffness_in_words(values) == "C10 1.2 kPa, fascia.C10 100 kPa, fibres 2.5"
+    assert stiffness_in_words(values) == "C10 1.2 kPa, C10 of the fascia 100 kPa, fibres 2.5"
 
 
 def test_a_standard_error_along_a_curved_valley_is_that_of_the_profile(tmp_path):
