@@ -66,6 +66,18 @@ REFUSED = {
     ),
     "a factor before a run": ("Time (s),Position (mm),Force (N) x10\n" + rows(T, D, F), "states no unit"),
     "two units of one column": ("Time_s,Position_mm,Force_N\ns,mm,mN\n" + rows(T, D, F), "'N or mN' of 'Force'"),
+    "commas in and between numbers": (
+        "Zeit (s),Weg (mm),Kraft (N)\n" + rows(T, D, F, decimal=","),
+        "line 2: 3 names stand above 6 cells: its decimals have commas",
+    ),
+    "thousands without quotes": (
+        "Zeit [ms];Kraft [N];Weg [µm]\n" + "".join(f"{k},5;1,0;1.{k:03d},25\n" for k in range(60)),
+        "line 2: '1.000,25' has a thousands' separator without quotes (60 such numbers)",
+    ),
+    "a force that was read less often": (
+        "Time (s),Depth (mm),Force (N)\n" + "".join(f"{k},{k},{'' if k % 2 else k + 0.5}\n" for k in range(60)),
+        "column 'Force (N)': is empty in many rows: it was read less often than the others",
+    ),
     "results": ("Specimen,Fmax (N),Modulus (kPa)\n1,12.1,3.1\n2,12.2,3.0\n3,11.9,3.2\n", "export all three columns"),
 }
 
