@@ -63,7 +63,7 @@ def own_subject(number: str) -> Any:
 
 def forces() -> Entries:
     """F(d) with given stiffness (N), and its derivatives by two parameters (N/MPa)."""
-    test_of = module("legfem.legs.variants").plane_strain_test
+    test_of = module("legfem.legs.finite_element_models").plane_strain_test
     cases = {
         f"subject {number}": (own_subject(number), {"deep.C10": 1e-3 * c10, "deep.C20": 1e-3 * c20}, 30.0)
         for number, (c10, c20) in PAPER.items()
@@ -107,7 +107,7 @@ def corrections() -> Entries:
         own = choice.correction_of(own_subject(number))
         found[f"P(d) subject {number}"] = list(own.correction(at, *stiffness).ravel())
     experiment = module("legfem.experiments.leg_3d")
-    meshing = module("legfem.meshing.idealised_leg")
+    meshing = module("legfem.meshing.structured")
     cases = module("legfem.study.correction.cases")
     mesh = meshing.LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
     settings = replace(experiment.IdealisedLegSettings(), mesh=mesh)

@@ -323,7 +323,7 @@ class SpecimenVariants:
         sensitivities: Sequence[str] = (),
         placement: "LateralPlacement | None" = None,
     ) -> Path | Stopped:
-        """Solve a protocol, as `legfem.legs.variants.LegVariants.follow` does for a leg.
+        """Solve a protocol, as `legfem.legs.finite_element_models.LegVariants.follow` does for a leg.
 
         Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
         are as much softer in the solution as the force is scaled up.
