@@ -26,6 +26,8 @@ import typer
 HERE = Path(__file__).resolve().parent
 CROSSCHECK = HERE / "data" / "crosscheck"
 OLD_NAMES = {
+    "legfem.legs.finite_element_models": "legfem.legs.experiments",
+    "legfem.meshing.structured": "legfem.meshing.idealised_leg",
     "legfem.legs.loading": "legfem.legs.subject",
     "legfem.legs.subject": "legfem.subject",
     "legfem.legs.correction_of_leg": "legfem.identify.correction",
@@ -107,6 +109,8 @@ def corrections() -> Entries:
         own = choice.correction_of(own_subject(number))
         found[f"P(d) subject {number}"] = list(own.correction(at, *stiffness).ravel())
     experiment = module("legfem.experiments.leg_3d")
+    if not hasattr(experiment, "IdealisedLegSettings"):
+        experiment = module("legfem.experiments.indentation_3d")
     meshing = module("legfem.meshing.structured")
     cases = module("legfem.study.correction.cases")
     mesh = meshing.LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
@@ -139,8 +143,8 @@ def designed() -> Entries:
 def stocking() -> Entries:
     """The first leg in its stocking, coarse, with given stiffness: pressure and shape."""
     legs = module("legfem.stockings.loading")
-    model_of = module("legfem.stockings.equilibrium").LegModel3D
-    worn_leg, meshing = module("legfem.stockings.equilibrium").EquilibriumSolver, module("legfem.meshing.solid_leg")
+    worn, meshing = module("legfem.stockings.equilibrium"), module("legfem.meshing.solid_leg")
+    worn_leg, model_of = worn.EquilibriumSolver, worn.LegModel3D
     leg = legs.load_leg(legs.LEGS.find("1"))
     mesh = meshing.SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
     model = model_of(leg.bare, leg.tissues, mesh)

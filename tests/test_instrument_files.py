@@ -71,7 +71,7 @@ def test_a_file_as_instruments_write_it_is_read_right_without_a_hand(tmp_path, m
     np.testing.assert_allclose(away, D - D[0], atol=1e-4)
     np.testing.assert_allclose(read.force, F, atol=1e-4)
     assert f"{path.name}: grade A" in run.output
-    for word in ("time: '", "displacement: '", "force: '", "directions: it moves by"):
+    for word in ("time: '", "displacement: '", "force: '", "directions: the displacement changes by"):
         assert word in run.output
 
 

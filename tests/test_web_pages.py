@@ -271,6 +271,11 @@ def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
     assert kinds == ["turned", "still"]
     words = read(rendered(page)).words
     assert "The leg in 3D (the section, extruded) with the reduced polynomial law at C10 0.8" in words
+    assert (
+        "The leg itself was solved in 3D (1 full solve; 2 more" in words and "gives the force per length" not in words
+    )
+    # Wide tables are stacked on a phone, where each number has its column's name beside it.
+    assert '<td role="cell" data-label="D1 (1/MPa)">28</td>' in rendered(page)
     found = pages.result(
         "reduced-polynomial", pages.measured_curve(depth=pages.DEPTH), pages.subject_in(tmp_path / "other")
     )

@@ -142,7 +142,7 @@ def cohort(
     dry_run: bool = False,
     progress: bool = False,
 ) -> Cohort | ExpectedRun:
-    """Identify, diagnose or dress every leg of a cohort, and look at all together.
+    """Identify or diagnose every leg of a cohort, or compute its stocking, and compare all of them.
 
     A member that fails costs its own row. What is done is kept in ``out``: the same call goes on where it was stopped,
     and does again only members whose files, options or code have changed.

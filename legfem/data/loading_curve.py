@@ -266,6 +266,9 @@ class LoadingCurve:
     """(n,), N: standard error of ``force``."""
     covariance: FloatArray
     """(n, n), N^2, of ``force``: its diagonal is ``force_sd``**2. Neighbours are correlated."""
+    few_repeats: FloatArray
+    """(n, n), N^2: the part of ``covariance`` that widens intervals, since a few repeats tell poorly by how much they
+    differ. Errors of many curves have ``covariance`` less this."""
     trial_force: FloatArray
     """(R, n), N: each trial's own curve."""
     n_trials: int
@@ -350,8 +353,9 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
     apart = np.abs(grid[:, None] - grid[None, :])
     drift = np.sqrt(jitter) * slope
     wander = instrument.wander_sd(float(np.sqrt(np.mean(readings)))) * slope
+    of_trial = noise.trial_covariance(grid, force, slope)
     covariance = (
-        noise.trial_covariance(grid, force, slope)
+        of_trial
         + np.diag(white_variance)
         + np.outer(drift, drift) * np.exp(-apart / JITTER_LENGTH_MM)
         + np.outer(wander, wander) * np.exp(-apart / WANDER_LENGTH_MM)
@@ -361,6 +365,9 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
         force=frozen_array(force),
         force_sd=frozen_array(np.sqrt(np.diag(covariance))),
         covariance=frozen_array(covariance),
+        few_repeats=frozen_array(
+            (of_trial - replace(noise, repeat_dof=0).trial_covariance(grid, force, slope)) / len(trials)
+        ),
         trial_force=frozen_array(curves),
         n_trials=len(trials),
         n_samples=frozen_array(np.sum([fit.count for fit in fits], axis=0)),

@@ -18,7 +18,7 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.mechanisms.uneven_muscle import RADIUS_MM, UnevenMuscle, place_in_section
+from legfem.legs.mechanisms.uneven_muscle import UnevenMuscle, place_in_section
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
@@ -350,4 +350,4 @@ def _stiffness_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:
             continue
         x, y = place_in_section(subject, one.shape["depth"], one.shape["side"])
         how = "stiffer" if float(one.direction @ fitted.augmented_residual) > 0 else "softer"
-        yield Mark(f"a {how} region here matches {100 * share:.0f} %", x, -y, RADIUS_MM, REPAIRED_COLOUR)
+        yield Mark(f"a {how} region here matches {100 * share:.0f} %", x, -y, one.shape["radius"], REPAIRED_COLOUR)

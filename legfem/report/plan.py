@@ -34,7 +34,7 @@ def plan_lines(ranked: Sequence[DesignValue]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
     return [
         f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates"
-        + (f" (it takes {one.design.effort})" if one.design.effort else "")
+        + (f"; needed: {one.design.effort}" if one.design.effort else "")
         for one in ranked
     ]
 

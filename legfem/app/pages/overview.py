@@ -36,7 +36,7 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
             for text, (folder, name) in _EXAMPLES.items():
                 ui.button(text, on_click=lambda f=folder, n=name: _begin(workspace, f, n)).props("outline dense")
         if workspace.inputs:
-            tag("h2", "What is there")
+            tag("h2", "Legs and specimens in this workspace")
             with ui.element("ul").classes("cards"):
                 for name in workspace.inputs:
                     _card(workspace, name)
@@ -136,7 +136,7 @@ def compare_page(workspace: Workspace) -> None:
             tag("p", "There are no runs yet.")
             return
         with ui.element("p").classes("inrow"):
-            tag("span", "All numbers with their intervals, for other programs:")
+            tag("span", "Download all numbers with their intervals:")
             for kind in ("csv", "xlsx"):
                 ui.link(f"results as {kind.upper()}", f"/table.{kind}")
         _differences([found for run in runs for found in answers_of(run)])
@@ -153,7 +153,8 @@ def compare_page(workspace: Workspace) -> None:
 def _differences(rows: list[Answer]) -> None:
     """Put the table of results, with differences of C10 from a chosen one."""
     known = {f"{row.run} {row.law}".strip(): row.c10_ends for row in rows if row.c10_ends is not None}
-    chosen = ui.select(list(known), value=next(iter(known), None), label="differences from")
+    chosen = ui.select(list(known), value=next(iter(known), None), label="compare all results with")
+    chosen.props["hint"] = "differences of C10 are from this result"
     chosen.set_visibility(len(known) > 1)
     place = ui.element("div")
 
@@ -201,7 +202,7 @@ def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
             f'numbers" font-size="15">{drawn}</svg>',
             sanitize=False,
         )
-        tag("figcaption", f"C10 of muscle or specimen with its 95 % interval; shaded: the interval of {chosen}")
+        tag("figcaption", f"C10 of muscle or specimen with its 95 % interval. The interval of {chosen} is shaded.")
 
 
 _LONGEST_NAME = 44
@@ -232,6 +233,7 @@ def _row(row: Answer, reference: tuple[float, float, float] | None) -> None:
 def _one(reports: dict[str, Run], first: str) -> None:
     with ui.element("div"):
         chosen = ui.select(list(reports), value=first, label="report of").classes("full")
+        chosen.props["hint"] = "the run whose report is shown beneath"
         shown = ui.element("div")
 
         def draw() -> None:
