@@ -16,8 +16,8 @@ from making_cohort import Truth, fabricated
 from reading_page import read
 
 import legfem as lf
+from legfem.cohort.anomalies import largest_step, missing, suspicions
 from legfem.cohort.rows import Options, Row, Shape
-from legfem.cohort.suspicions import largest_step, missing, suspicions
 from legfem.report.cohort import _kind_of, cohort_web_page
 from legfem.report.render import markdown_page, plain_page, rendered
 

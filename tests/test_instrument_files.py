@@ -55,7 +55,7 @@ from legfem.legs.loading import load_subject
 def look(*arguments: object):
     """Run the command without its pictures, which take most of its time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("legfem.report.look.draw_look", lambda *_: Path("left-out.png"))
+        patch.setattr("legfem.report.instrument_file.draw_look", lambda *_: Path("left-out.png"))
         return CliRunner().invoke(app, ["look", *map(str, arguments)])
 
 

@@ -24,12 +24,12 @@ from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.motion import inward, stretch_round
 from legfem.report.curves import Curves, Line
+from legfem.report.leg_3d_view import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
 from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_pressures import by_height
-from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.page import not_seen, study_web_page, to_measure
 from studies.legs.shapes import round_leg

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 import legfem.report.page as web
+from legfem.cohort.anomalies import Suspicion, listed, missing, suspicions
 from legfem.cohort.members import Member, Members
 from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
-from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
 from legfem.common.documents import versions_of
 from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics

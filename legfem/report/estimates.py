@@ -201,6 +201,7 @@ class Remedies:
         """Return what to do where most of an error has a source."""
         return {
             "recordings": f"{self.recordings}, or state what you already know of it (--prior)",
+            "few_repeats": "few repeats tell poorly by how much they differ, so record more of them",
             "differences": "the recordings differ from one another by a factor, so test more specimens",
             "model": "most of the uncertainty comes from the model itself, and further recordings will not reduce it; "
             "state what you already know (--prior)",

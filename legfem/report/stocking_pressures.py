@@ -9,9 +9,9 @@ from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.geometry.motion import inward, stretch_round
 from legfem.inverse.intervals import quantile
 from legfem.report.curves import Curves, Line
+from legfem.report.leg_3d_view import Marked, SkinField, turned_leg
 from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE

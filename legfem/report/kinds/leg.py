@@ -23,11 +23,11 @@ from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
+from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
-from legfem.report.section import still_section
+from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
-from legfem.report.turned import pressed_leg
 from legfem.report.words import BEYOND_A_FIT, fit_probability, options_of
 
 type LegFit = Fit[LegDetails]
