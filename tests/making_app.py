@@ -19,7 +19,13 @@ def begun(page, text):
     return page.value("decodeURIComponent(location.pathname.split('/')[2])")
 
 
+_UNEXPLAINED = """[...document.querySelectorAll('.q-field')].filter((field) => field.offsetParent
+  && !field.querySelector('.q-field__messages')?.innerText.trim())
+  .map((field) => field.querySelector('[aria-label]')?.getAttribute('aria-label'))"""
+
+
 def accessible(page):
-    found = page.inaccessible(browser.axe())
-    assert found == []
+    """Whether axe-core finds nothing, and every field says beside it what it is."""
+    assert page.inaccessible(browser.axe()) == []
+    assert page.value(_UNEXPLAINED) == []
     return True

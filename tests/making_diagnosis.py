@@ -19,11 +19,11 @@ from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
+from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.variants import LegVariants, tissues_of
 from legfem.solve.protocol import Protocol
 
 SOUGHT = tuple(

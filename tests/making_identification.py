@@ -44,6 +44,8 @@ class AnalyticLeg:
     killed_after: int = 10**9
     compromise: str = ""
     depth: float = DEPTH
+    early: float = 0.05
+    """Of the fat's own share; without it a curve tells what both give together, and no more."""
     calls: int = field(default=0)
 
     def prepare(self) -> None:
@@ -69,7 +71,7 @@ class AnalyticLeg:
         soft = 1 + deep / (3 * fat)
         rise, cubic = 0.35 * (d + 0.04 * d**2), 6e-4 * d**3
         # Fat gives way first: its share fades with depth.
-        early = 0.05 * d * np.exp(-d / 6)
+        early = self.early * d * np.exp(-d / 6)
         force = rise * deep / soft + cubic * stiffening + early * (fat - 2)
         by = {
             "deep.C10": 1e3 * rise / soft**2,

@@ -212,9 +212,11 @@ def test_errors_by_source_add_up(subject):
     curve = measured_curve(subject)
     test = SiteTest(subject, curve, beside=site_channels(subject, curve))
     errors = test.own_errors
-    assert set(errors) == {"recordings", "model", "channels"}
+    assert set(errors) == {"recordings", "few_repeats", "model", "channels"}
     np.linalg.cholesky(total_of(errors))
     forces = test.data.spans[0]
     assert not errors["channels"][forces].any()
-    np.testing.assert_array_equal(errors["recordings"][forces, forces], curve.covariance)
+    both = errors["recordings"] + errors["few_repeats"]
+    np.testing.assert_allclose(both[forces, forces], curve.covariance, rtol=1e-12)
+    assert np.linalg.eigvalsh(errors["few_repeats"])[-1] > 0
     assert test.data.channels[1].unit == CHANNELS["fat_thickness"].unit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -15,8 +16,8 @@ from making_cohort import Truth, fabricated
 from reading_page import read
 
 import legfem as lf
+from legfem.cohort.anomalies import largest_step, missing, suspicions
 from legfem.cohort.rows import Options, Row, Shape
-from legfem.cohort.suspicions import largest_step, missing, suspicions
 from legfem.report.cohort import _kind_of, cohort_web_page
 from legfem.report.render import markdown_page, plain_page, rendered
 
@@ -100,10 +101,11 @@ def test_the_page_says_who_can_be_believed_and_links_to_each():
     html, text, notes = rendered(page), plain_page(page, []), markdown_page(page)
     words = read(html).words
     counts = [sum(row.judged.tone == tone for row in rows) for tone in ("sound", "caution")]
-    assert f"Of 24 members: {counts[0]} model fits, {counts[1]} with caution, 1 no result." in words
-    assert "does not show in a fit: a hard region in the muscle" in words and "reliable" not in words
+    assert f"Of 24 members, {counts[0]} fit the model, {counts[1]} need caution, 1 has no result." in words
+    assert re.search(r"C10 of the muscle: [\d.]+ kPa in the median of 2[0-3] members \([\d.]+ to [\d.]+\), ", words)
+    assert "does not rule out a hard region in the muscle" in words and "reliable" not in words
     diagnosed = plain_page(cohort_web_page(members, rows, "diagnose"), [])
-    assert f"{counts[0]} reliable" in diagnosed and "does not show in a fit" not in diagnosed
+    assert f"{counts[0]} are reliable" in diagnosed and "does not rule out" not in diagnosed
     assert "23 of 24 can be used" in words and "A: " in words
     for said in (html, text, notes):
         assert "diametre" in said

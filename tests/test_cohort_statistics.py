@@ -34,15 +34,17 @@ def test_the_limits_are_those_of_bland_and_altman():
     assert np.diff(found.low95)[0] / 2 == pytest.approx(34.6, rel=0.01)
 
 
-def made(seed: int, own: float, people: int = 24) -> MixedModel:
+def made(seed: int, own: float, people: int = 24, alike: float = 0.0) -> MixedModel:
     rng = np.random.default_rng(seed)
     person, leg = np.repeat(np.arange(people), 4), np.repeat(np.arange(2 * people), 2)
     x = np.column_stack([np.ones(4 * people), person % 2, rng.normal(size=4 * people)])
     errors = own * np.exp(0.5 * rng.normal(size=4 * people))
     y = x @ [0.1, 0.3, 0.0] + 0.3 * rng.normal(size=people)[person] + 0.1 * rng.normal(size=2 * people)[leg]
     y += 0.06 * rng.normal(size=4 * people) + errors * rng.normal(size=4 * people)
+    together = alike * np.exp(0.2 * rng.normal(size=4 * people)) if alike else np.zeros(4 * people)
+    y += together * rng.normal(size=2 * people)[leg]
     kept = rng.permutation(4 * people)[: 4 * people - 7]  # some tests are missing
-    return MixedModel(y[kept], x[kept], errors[kept], person[kept], leg[kept])
+    return MixedModel(y[kept], x[kept], errors[kept], together[kept], person[kept], leg[kept])
 
 
 def test_without_own_errors_the_model_is_statsmodels_mixedlm():
@@ -59,15 +61,16 @@ def test_without_own_errors_the_model_is_statsmodels_mixedlm():
     assert found.sd == pytest.approx(sd, rel=1e-3)
 
 
-def test_own_errors_enter_as_a_dense_covariance_says():
-    model = made(1, 0.1)
+def test_own_errors_and_those_of_a_legs_tests_together_enter_as_a_dense_covariance_says():
+    model = made(1, 0.1, alike=0.12)
     owner = np.zeros(model.leg.max() + 1, dtype=int)
     owner[model.leg] = model.person
 
     def dense(sd):
         same_person = model.person[:, None] == model.person
         same_leg = model.leg[:, None] == model.leg
-        whole = sd[0] ** 2 * same_person + sd[1] ** 2 * same_leg + np.diag(sd[2] ** 2 + model.own**2 + 1e-12)
+        whole = sd[0] ** 2 * same_person + (sd[1] ** 2 + np.outer(model.alike, model.alike)) * same_leg
+        whole += np.diag(sd[2] ** 2 + model.own**2 + 1e-12)
         inverse = np.linalg.inv(whole)
         information = model.x.T @ inverse @ model.x
         effects = np.linalg.solve(information, model.x.T @ inverse @ model.y)

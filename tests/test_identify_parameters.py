@@ -22,6 +22,7 @@ from legfem.data import Recording
 from legfem.data.ranges import C10 as PLAUSIBLE
 from legfem.inverse import settings as room
 from legfem.inverse.catalogue import parameter_of, stiffness_in_words
+from legfem.inverse.intervals import quantile
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import ParameterTexts, read_prior, read_value
 from legfem.inverse.population import CALF, population
@@ -66,7 +67,7 @@ def test_three_planted_stiffnesses_are_found(tmp_path: Path, truth: tuple[float,
     assert document["search"]["solves"][0].keys() >= {"c10_kPa", "c20_kPa", "c10_superficial_kPa"}
     text = said_of(found, subject)
     assert re.search(r"C10 of the superficial tissue \(fat\), reduced polynomial law: \d", text)
-    assert "C10 C20 superficial.C10 C10 +1.000" in text and "nan" not in text
+    assert "C10 C20 C10 of the fat C10 +1.000" in text and "nan" not in text
     kind_of([found]).figure([found])
 
 
@@ -286,4 +287,20 @@ def test_fat_is_identified_beside_muscle_from_the_command(tmp_path: Path) -> Non
 
 def test_progress_tells_stiffnesses_in_kpa_and_the_fibres_ratio():
     values = {"deep.C10": 1.2e-3, "fascia.C10": 0.1, "deep.fibre_ratio": 2.5, "deep.D1": 28.0}
-    assert stiffness_in_words(values) == "C10 1.2 kPa, fascia.C10 100 kPa, fibres 2.5"
+    assert stiffness_in_words(values) == "C10 1.2 kPa, C10 of the fascia 100 kPa, fibres 2.5"
+
+
+def test_a_standard_error_along_a_curved_valley_is_that_of_the_profile(tmp_path):
+    """Layers in series: of the fat no more is known than before, and the muscle's C10 follows it out of line."""
+    fat = Parameter("superficial.C10", "MPa", (1e-5, 1.0), Prior(2e-3, 1.0, "log"), role="nuisance", scale="log")
+    deep = Parameter("deep.C10", "MPa", (1e-5, 0.1), scale="log")
+    model = AnalyticLeg(depth=DEPTH, early=0.0)
+    subject = pressed_leg(tmp_path, 0.9, 0.3, noise=0.01)
+    (fit,) = identify(subject, laws=("neo-hookean",), parameters=(deep, fat), model=model)
+    muscle, other = fit.estimates["deep.C10"], fit.estimates["superficial.C10"]
+    assert other.standard_error == pytest.approx(1.0 * other.value, rel=0.02)
+    low, high = muscle.ci95
+    times = quantile(len(subject.recordings) - 1)
+    assert muscle.standard_error / muscle.value == pytest.approx(np.log(high / low) / (2 * times), rel=1e-6)
+    tangent = abs(fit.correlations[0, 1]) * muscle.value**2 / (3 * other.value)
+    assert muscle.standard_error > 1.5 * tangent

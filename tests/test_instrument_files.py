@@ -55,7 +55,7 @@ from legfem.legs.loading import load_subject
 def look(*arguments: object):
     """Run the command without its pictures, which take most of its time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("legfem.report.look.draw_look", lambda *_: Path("left-out.png"))
+        patch.setattr("legfem.report.instrument_file.draw_look", lambda *_: Path("left-out.png"))
         return CliRunner().invoke(app, ["look", *map(str, arguments)])
 
 
@@ -71,7 +71,7 @@ def test_a_file_as_instruments_write_it_is_read_right_without_a_hand(tmp_path, m
     np.testing.assert_allclose(away, D - D[0], atol=1e-4)
     np.testing.assert_allclose(read.force, F, atol=1e-4)
     assert f"{path.name}: grade A" in run.output
-    for word in ("time: '", "displacement: '", "force: '", "directions: it moves by"):
+    for word in ("time: '", "displacement: '", "force: '", "directions: the displacement changes by"):
         assert word in run.output
 
 

@@ -29,7 +29,7 @@ def test_the_command_predicts_what_it_leaves_out(bars: Path, tmp_path: Path) -> 
     ]
     done = CliRunner().invoke(app, asked)
     assert done.exit_code == 0, done.output
-    assert "left out, slow: predicted with R2 0.9" in done.output
+    assert "left out, slow: predicted with R² 0.9" in done.output
     (document,) = json.loads((out / "result.json").read_text())["laws"].values()
     assert [one["fitted"] for one in document["tests"]] == [True, True, False]
     report = (out / "report.txt").read_text()

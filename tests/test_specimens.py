@@ -163,7 +163,22 @@ def test_a_solve_that_makes_it_worse_is_no_sign_of_convergence(bars: Path, monke
     monkeypatch.setattr(Search, "solve", worse)
     monkeypatch.setattr(Search, "is_stationary", lambda search: False)
     monkeypatch.setattr(Search, "newton_step", lambda search: 0.01 * search.best.point)
+    monkeypatch.setattr(Search, "_is_settled_at", lambda *_: False)
     found = lf.identify(lf.load_specimen(bars), "reduced-polynomial")["reduced-polynomial"]
     assert any(gained < 0 for gained in gains)
     assert not found.log.converged
     assert "ended before it converged" in found.warnings[0]
+
+
+def test_a_step_that_goes_too_far_is_refuted_and_the_emulators_optimum_stands(
+    bars: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As along a curved valley, where derivatives promise more than there is."""
+    folder = lf.load_specimen(bars)
+    asked = lf.identify(folder, "reduced-polynomial")["reduced-polynomial"]
+    monkeypatch.setattr(Search, "is_stationary", lambda search: False)
+    monkeypatch.setattr(Search, "newton_step", lambda search: 0.05 * search.best.point)
+    found = lf.identify(folder, "reduced-polynomial")["reduced-polynomial"]
+    assert found.log.converged and found.log.forward_solves > asked.log.forward_solves
+    for name, one in found.estimates.items():
+        assert one.value == pytest.approx(asked.estimates[name].value, rel=2e-3)

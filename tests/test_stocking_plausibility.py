@@ -8,16 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_stocking import laws
+from making_stocking import laws, write_scanned
 
 from legfem.common.errors import InputError
+from legfem.common.progress import Silent
 from legfem.geometry.leg_shape import LegShape, perimeter
 from legfem.imaging.same_leg import check_scans_differ
 from legfem.mechanics.materials import NeoHookean
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking
 from legfem.stockings.leg import StockingLeg
-from legfem.stockings.loading import LEAST_LENGTH_MM, doubts_about_leg
-from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.loading import LEAST_LENGTH_MM, doubts_about_leg, load_leg
 from studies.legs.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
@@ -172,3 +173,21 @@ def test_one_scan_given_twice_is_refused_and_a_second_one_is_not(leg):
     again = {part: xy + 0.01 for part, xy in leg.bare.contours.items()}
     check_scans_differ(leg.bare, LegShape(leg.bare.levels, again), TOML)
     check_scans_differ(leg.bare, leg.bare.at_levels(leg.bare.levels[2:]), TOML)
+
+
+class Stages(Silent):
+    """Progress whose stages are kept."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def stage(self, text: str, total: int | None = None) -> None:
+        self.told.append(text)
+
+
+def test_loading_says_before_it_reads_scans_that_too_little_of_the_leg_is_asked_for(tmp_path: Path):
+    toml = write_scanned(tmp_path) / "leg.toml"
+    toml.write_text(toml.read_text() + "segment = {from_mm = 60, to_mm = 105}\n")
+    stages = Stages()
+    load_leg(tmp_path, stages)
+    assert stages.told == ["outlines of the bare leg, 45 mm of it as [segment] asks; model 80 mm or more"]

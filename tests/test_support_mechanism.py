@@ -12,8 +12,8 @@ from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.library_build import CHANGES_AT, build_library, rounded
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import SolvedResponses, Stopped
+from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.mechanisms import mechanism_named
-from legfem.legs.variants import LegVariants
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from making_results import measured_curve, result
 
 from legfem.common.errors import InputError
 from legfem.geometry.section import first_crossing, girth
@@ -15,6 +16,7 @@ from legfem.legs.problem import leg_problem
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.site_test import TYPICAL_SHAPE
 from legfem.legs.subject import TYPICAL_FORCE_SD, SitedLeg
+from legfem.report.kinds.leg import leg_page
 
 
 def described(folder: Path, section: str, indenter: str = "") -> Path:
@@ -39,6 +41,9 @@ def test_a_calf_has_the_girth_and_the_fat_that_were_measured(tmp_path: Path, aro
     assert girth(section) == pytest.approx(around, rel=1e-3)
     assert fascia - skin == pytest.approx(fat, rel=0.02)
     assert subject.typical_shape
+    found = result("neo-hookean", measured_curve(depth=4.0), subject)
+    (row,) = [one for one in leg_page([found]).known if "girth" in one.name]
+    assert (row.provenance, row.source, row.value) == ("assumed", "subject.toml", f"{around:.0f} mm")
 
 
 def test_the_interval_carries_the_error_of_the_shape(tmp_path: Path):

@@ -178,7 +178,7 @@ class Walk:
         page.sees("identifying the", 3 * _MINUTES)
         self.look("running")
         page.click("Stop")
-        page.sees("goes on from what is finished", 3 * _MINUTES)
+        page.sees("goes on from the finished part", 3 * _MINUTES)
         page.click("Go on")
         page.sees("running")
         self.server.kill()

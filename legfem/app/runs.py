@@ -287,7 +287,7 @@ class Action:
         return [self.folder, str(folder), "--out", str(out), *stated, *typed]
 
 
-_DEPTH = Choice("--depth", "use recordings down to (mm)", "deeper readings are left out; empty: none are")
+_DEPTH = Choice("--depth", "use recordings down to (mm)", "deeper readings are left out; leave it empty to use all")
 _LEG = (
     Action(
         "identify",
@@ -316,9 +316,9 @@ _LEG = (
         "Say which tests of this leg would show which effects, before any is made.",
         (
             Choice("--c10", "expected C10 (kPa)", "the muscle's, as well as it is known before the test"),
-            Choice("--c20", "expected C20 (kPa)", "the same; 0 for a neo-Hookean muscle"),
+            Choice("--c20", "expected C20 (kPa)", "the muscle's stiffening; 0 for a neo-Hookean muscle"),
             Choice("--depth", "to press to (mm)", "the greatest displacement that the leg and the rig allow"),
-            Choice("--rate", "rate (mm/s)", "of the indenter"),
+            Choice("--rate", "rate (mm/s)", "speed of the indenter"),
         ),
     ),
 )
@@ -354,7 +354,13 @@ ACTIONS: Mapping[str, Sequence[Action]] = {
             "diagnose",
             "--specimen-dir",
             "Say of each specimen whether the model describes its recordings, and which physics is missing if not.",
-            (Choice("--specimen", "one specimen alone (its name)", "empty: all of them, one after the other"),),
+            (
+                Choice(
+                    "--specimen",
+                    "one specimen alone (its name)",
+                    "leave it empty to diagnose all of them, one after the other",
+                ),
+            ),
         ),
     ),
 }

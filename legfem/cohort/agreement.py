@@ -7,11 +7,13 @@ agreement is ICC(2,1) of Shrout and Fleiss (1979), ICC(A,1) of McGraw and Wong (
 The mixed model knows each value's own error, and is fitted by restricted maximum likelihood:
 
 .. math::
-    y_i = x_i^T \beta + u_{person} + v_{leg} + e_i + \epsilon_i, \qquad \epsilon_i \sim N(0, s_i^2),
+    y_i = x_i^T \beta + u_{person} + v_{leg} + a_i z_{leg} + e_i + \epsilon_i, \qquad
+    z \sim N(0, 1), \quad \epsilon_i \sim N(0, s_i^2),
 
 with the variances of people, of legs within them and of tests within legs unknown and every :math:`s_i` known, as in a
-meta-analysis of several levels. (statsmodels' MixedLM takes no known errors; without them both agree.) Covariances are
-inverted level by level by the Sherman-Morrison formula, so that thousands of people take a fraction of a second.
+meta-analysis of several levels; so is what a leg's tests err by alike, :math:`a_i`, which no repeat averages out.
+(statsmodels' MixedLM takes no known errors; without them both agree.) Covariances are inverted level by level by the
+Sherman-Morrison formula, so that thousands of people take a fraction of a second.
 """
 
 import math
@@ -62,7 +64,9 @@ class MixedModel:
     x : (n, p) array
         Design, of full rank.
     own : (n,) array
-        Standard error of each value.
+        Standard error of each value, by what no other test of the leg has.
+    alike : (n,) array
+        Standard error of each by what the leg's tests have together.
     person, leg : (n,) arrays
         Numbers from 0; legs are numbered through all people.
     """
@@ -70,6 +74,7 @@ class MixedModel:
     y: FloatArray
     x: FloatArray
     own: FloatArray
+    alike: FloatArray
     person: Numbers
     leg: Numbers
 
@@ -110,11 +115,17 @@ class MixedModel:
         weighted = both / variance[:, None]
         inner = both.T @ weighted
         log_det = float(np.sum(np.log(variance)))
-        precision, sums = 1 / variance, weighted
-        for level, of in ((1, self.leg), (0, owner)):
-            size = int(of.max()) + 1
-            total = np.bincount(of, precision, size)
-            summed = np.column_stack([np.bincount(of, column, size) for column in sums.T])
+        slips = self.alike / variance
+        grown = 1 + _by_group(self.leg, self.alike * slips)
+        slipped = _by_group(self.leg, self.alike[:, None] * weighted)
+        inner -= (slipped / grown[:, None]).T @ slipped
+        log_det += float(np.sum(np.log(grown)))
+        # What the other levels see of a leg: its sums less those along what its tests err by alike.
+        along = _by_group(self.leg, slips) / grown
+        precision = _by_group(self.leg, 1 / variance) - along * _by_group(self.leg, slips)
+        sums = _by_group(self.leg, weighted) - along[:, None] * slipped
+        for level, of in ((1, np.arange(len(owner))), (0, owner)):
+            total, summed = _by_group(of, precision), _by_group(of, sums)
             grown = 1 + sd[level] ** 2 * total
             inner -= (summed * (sd[level] ** 2 / grown)[:, None]).T @ summed
             log_det += float(np.sum(np.log(grown)))
@@ -124,6 +135,14 @@ class MixedModel:
         effects = covariance @ right
         left = float(inner[-1, -1] - right @ effects)
         return log_det + left + float(np.linalg.slogdet(information)[1]), effects, covariance
+
+
+def _by_group(of: Numbers, values: FloatArray) -> FloatArray:
+    """Return the sums (g, ...) of values (n, ...) by numbers (n,) from 0."""
+    size = int(of.max()) + 1
+    if values.ndim == 1:
+        return np.bincount(of, values, size).astype(np.float64)
+    return np.column_stack([np.bincount(of, column, size) for column in values.T])
 
 
 def _intervals(cost: Callable[[FloatArray], float], at: FloatArray, scale: float) -> list[tuple[float, float]]:

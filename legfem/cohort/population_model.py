@@ -6,25 +6,26 @@ Of a parameter's logarithm in test i, of a leg of a person at a visit,
     \theta_i = x_i^T \beta + u_{person} + v_{leg} + w_{visit} + r_{rater} + g_{rig} + e_i,
 
 with normal effects of unknown standard deviations, groups, logarithms of covariates (whose factors are exponents) and
-steps of a rig at a date in x. Each test enters with its likelihood: a normal one of the logarithm whose two halves have
-the widths of its interval's two sides (flat where the recordings close none), or over a diagnosis' explanations the sum
-of theirs, each with its probability (paths cross between explanations a few standard deviations apart, not between
-far ones). NumPyro samples it (NUTS); `studies.cohort` has the calibration by simulation.
+steps of a rig at a date in x. Each test enters with its likelihood: a normal one of the logarithm whose two halves are
+to each other as its interval's two sides, with the standard error over both (flat where the recordings close none), or
+over a diagnosis' explanations the sum of theirs, each with its probability (paths cross between explanations a few
+standard deviations apart, not between far ones). What a leg's tests err by alike moves their likelihoods together.
+NumPyro samples it (NUTS); `studies.cohort` has the calibration by simulation.
 """
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.cohort.anomalies import rig_steps
 from legfem.cohort.members import Member, Members
 from legfem.cohort.rows import Measure, Row, cohort_model, measured
 from legfem.cohort.statistics import COVARIATES, design_of, values_of
-from legfem.cohort.suspicions import rig_steps
 from legfem.common.documents import json_types
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -51,19 +52,37 @@ class Likelihoods:
     below: FloatArray
     """Standard deviation below the centre."""
     above: FloatArray
+    alike: FloatArray | float = 0.0
+    """(n,): standard deviation of what a test of a leg errs by as its others do."""
 
     @classmethod
-    def of(cls, measures: Sequence[Measure]) -> "Likelihoods":
-        """Return those of results, which are positive."""
+    def of(cls, measures: Sequence[Measure], repeated: bool = False) -> "Likelihoods":
+        """Return those of results, which are positive; with errors apart that a leg's tests have alike if repeated."""
         every = [one.explanations or ((1.0, one.value, one.low, one.high),) for one in measures]
         shape = len(every), max(map(len, every))
-        found = cls(np.full(shape, -np.inf), np.zeros(shape), np.ones(shape), np.ones(shape))
+        found = cls(np.full(shape, -np.inf), np.zeros(shape), np.ones(shape), np.ones(shape), np.zeros(len(every)))
         for i, parts in enumerate(every):
             for k, (weight, value, low, high) in enumerate(parts):
                 found.log_weight[i, k], found.centre[i, k] = math.log(weight), math.log(value)
                 found.below[i, k] = math.log(value / low) / _NORMAL if low and low < value else OPEN
                 found.above[i, k] = math.log(high / value) / _NORMAL if high and high > value else OPEN
-        return found
+        widths = np.array([_width(one) for one in measures])
+        alike = np.array([one.alike if repeated and not one.explanations else 0.0 for one in measures])
+        own = (widths * np.sqrt(1 - alike))[:, None]
+        closed = (found.below < OPEN) & (found.above < OPEN)
+        return replace(
+            found,
+            below=np.where(closed, own, 1.0) * found.below,
+            above=np.where(closed, own, 1.0) * found.above,
+            alike=widths * np.sqrt(alike) * np.where(closed, 0.5 * (found.below + found.above), 0.0)[:, 0],
+        )
+
+
+def _width(one: Measure) -> float:
+    """Return the standard error over a normal interval's: less than 1 where that allows for few repeats."""
+    if one.explanations or one.sd is None or one.low is None or one.high is None or not one.high > one.low:
+        return 1.0
+    return min(1.0, one.sd * 2 * _NORMAL / (one.high - one.low))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +93,8 @@ class Hierarchy:
     design: FloatArray
     shared: Mapping[str, Numbers]
     """Without ``test``, which is each its own; what has as many as a level above it isn't there."""
+    leg: Numbers | None = None
+    """Whose tests err alike in part; None where each was tested once."""
 
     @property
     def levels(self) -> tuple[str, ...]:
@@ -117,7 +138,8 @@ class PopulationSampler:
         from numpyro.diagnostics import effective_sample_size
 
         numpyro.enable_x64()
-        parts = (known.log_weight, known.centre, known.below, known.above)
+        alike = np.broadcast_to(known.alike, len(known.centre))
+        parts = (known.log_weight, known.centre, known.below, known.above, alike)
         self._mcmc.run(jax.random.PRNGKey(seed), *parts, extra_fields=("diverging",))
         found = {name: np.asarray(values) for name, values in self._mcmc.get_samples().items()}
         divergent = int(np.sum(self._mcmc.get_extra_fields()["diverging"]))
@@ -131,7 +153,7 @@ class PopulationSampler:
             min(float(effective_sample_size(values[None])) for values in watched),
         )
 
-    def _model(self, log_weight: Any, centre: Any, below: Any, above: Any) -> None:
+    def _model(self, log_weight: Any, centre: Any, below: Any, above: Any, alike: Any) -> None:
         import jax.numpy as jnp
         import numpyro
         import numpyro.distributions as dist
@@ -149,7 +171,11 @@ class PopulationSampler:
             own = numpyro.sample(f"own_{level}", about.expand([int(of.max()) + 1]).to_event(1))
             theta = theta + (own[of] if level == "person" else sd * own[of])
         numpyro.deterministic("theta", theta)
-        apart = theta[:, None] - centre
+        seen = theta
+        if given.leg is not None:
+            slip = numpyro.sample("slip", dist.Normal(0.0, 1.0).expand([int(given.leg.max()) + 1]).to_event(1))
+            seen = theta + alike * slip[given.leg]
+        apart = seen[:, None] - centre
         width = jnp.where(apart < 0, below, above)
         # Two halves that meet at the centre have one height: 2 / (below + above).
         each = log_weight - 0.5 * (apart / width) ** 2 - jnp.log(below + above)
@@ -196,7 +222,9 @@ def hierarchy_of(members: Sequence[Member], rows: Sequence[Row], key: str) -> tu
     several = {name: np.unique(text[name], return_inverse=True)[1] for name in ("rater", "rig")}
     found |= {name: of for name, of in several.items() if of.max() > 0}
     names = tuple(text.replace(", by one more", "'s exponent") for text, _ in shown)
-    return Hierarchy(names, design[:, 1:], found), Likelihoods.of(list(kept["measure"])), list(kept["row"])
+    repeated = counts["leg"] < len(kept)
+    given = Hierarchy(names, design[:, 1:], found, shared["leg"] if repeated else None)
+    return given, Likelihoods.of(list(kept["measure"]), repeated), list(kept["row"])
 
 
 def sampled(members: Sequence[Member], rows: Sequence[Row], key: str, seed: int = 0) -> "PopulationFit":

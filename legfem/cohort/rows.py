@@ -14,6 +14,7 @@ from legfem.cohort.members import DESIGN, Member, Members, Task
 from legfem.common.documents import literal
 from legfem.common.progress import duration
 from legfem.inverse.catalogue import unit_suffix
+from legfem.inverse.comparison import ErrorSource
 from legfem.jobs.store import Contents, Store
 
 
@@ -25,12 +26,14 @@ class Measure:
     low: float | None
     high: float | None
     sd: float | None
-    """Standard error."""
+    """Standard error, without what an interval allows for few repeats: over many tests its square is the variance."""
     unit: str
     verdict: str = ""
     """``identifiable``, ``weakly identifiable``, ``not identifiable``, or empty."""
     explanations: tuple[tuple[float, float, float | None, float | None], ...] = ()
     """Of a diagnosis: probability, value and interval under each; interval and value are over all."""
+    alike: float = 0.0
+    """Share of ``sd``**2 that all tests of a leg have alike."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,9 @@ class Row:
         return not self.problem
 
 
+_ALIKE: frozenset[ErrorSource] = frozenset({"model", "misfit", "ends", "fibres", "shape", "sizes", "priors"})
+"""What all tests of a leg err by alike, whatever the day: its outlines and sizes, its layers' other stiffnesses, the
+model."""
 _NORMAL = 1.96
 """Standard errors in half a 95 % interval."""
 _POINTS = 40
@@ -157,7 +163,13 @@ def _measure(entry: Mapping[str, Any]) -> Measure:
     sd = entry.get("standard_error")
     if sd is None and low is not None and high is not None:
         sd = (high - low) / (2 * _NORMAL)
-    return Measure(entry["value"], low, high, sd, entry["unit"], entry.get("identifiability") or "")
+    shares = entry.get("share_of_squared_error") or {}
+    kept = 1 - shares.get("few_repeats", 0.0)
+    alike = sum(share for source, share in shares.items() if source in _ALIKE)
+    verdict = entry.get("identifiability") or ""
+    if sd is None or kept <= 0:
+        return Measure(entry["value"], low, high, sd, entry["unit"], verdict)
+    return Measure(entry["value"], low, high, sd * kept**0.5, entry["unit"], verdict, alike=min(alike / kept, 1.0))
 
 
 def _curve(law: Mapping[str, Any]) -> Curve | None:
@@ -187,13 +199,14 @@ def measured(rows: Sequence[Row], model: str) -> Iterator[tuple[Row, ModelResult
 
 
 CSV, UNITS, WORKBOOK, PARQUET = "cohort.csv", "cohort-units.csv", "cohort.xlsx", "cohort.parquet"
+STANDARD_ERROR = "standard error, without what the interval allows for few repeats,"
 _MEANINGS = {
     "member": "folder of the member, below the cohort's",
     "subject": "person",
     "problem": "why there is no result; empty where there is one",
-    "judgement": "sound (the model fits; that nothing else hides, a diagnosis alone can tell), caution, open or wrong",
+    "judgement": "sound (the model fits; only a diagnosis can find hidden effects), caution, open or wrong",
     "verdict": "of a diagnosis",
-    "model": "strain energy that the recordings ask for, or the model that the numbers are of",
+    "model": "strain energy that the recordings need, or the model that the numbers belong to",
     "warnings": "number of warnings on the member's own page",
     "fat_thickness_mm": "thickness of the fat under the indenter, from the outlines",
     "girth_mm": "perimeter of the section, from the outlines",
@@ -249,7 +262,7 @@ def units_frame(frame: pd.DataFrame, rows: Sequence[Row]) -> pd.DataFrame:
                     column(model, name, suffix): (one.unit, f"{name}{under}"),
                     column(model, name, "low", suffix): (one.unit, f"lower end of the 95 % interval {of}"),
                     column(model, name, "high", suffix): (one.unit, f"upper end of the 95 % interval {of}"),
-                    column(model, name, "standard_error", suffix): (one.unit, f"standard error {of}"),
+                    column(model, name, "standard_error", suffix): (one.unit, f"{STANDARD_ERROR} {of}"),
                     column(model, name, "identifiability"): ("", f"how well the recordings determine {name}{under}"),
                 }
     given = {name: ("", "as in the cohort's table") for name in frame if name not in known}

@@ -21,7 +21,7 @@ FACTORS = ("group", "side", "session", "rater", "rig", "sex")
 COVARIATES = ("age", "bmi")
 REPEATS = {"session": ("person", "side", "rater"), "rater": ("person", "side", "session")}
 """What makes a target of repeated tests: all but the column itself."""
-_COLUMNS = ("value", "own", "person", "measure", "row", "date")
+_COLUMNS = ("value", "own", "alike", "person", "measure", "row", "date")
 _LEAST_TARGETS = 5
 _LEAST_PEOPLE = 4
 """Beyond the number of effects."""
@@ -52,7 +52,7 @@ class Repeated:
     agreement: Agreement
     pairs: tuple[Pair, ...]
     own: float
-    """Root mean square of the tests' own standard errors."""
+    """Root mean square of the tests' own standard errors, without what a leg's tests have alike."""
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,9 @@ def _analysed(members: Sequence[Member], rows: Sequence[Row], name: str, reasons
     logarithmic = bool((table["value"] > 0).all())
     if logarithmic:
         table["own"] /= table["value"]
+        table["alike"] /= table["value"]
         table["value"] = np.log(table["value"])
-    own = float(np.sqrt(np.mean(table["own"] ** 2)))
+    own = float(np.sqrt(np.mean(table["own"] ** 2 + table["alike"] ** 2)))
     repeated = tuple(one for by in REPEATS if (one := _repeated(table, by, reasons)) is not None)
     effects, fitted = _effects(table, reasons)
     needed: tuple[tuple[float, int], ...] = ()
@@ -184,7 +185,8 @@ def values_of(members: Sequence[Member], rows: Sequence[Row], name: str) -> tupl
         entries.append(
             {
                 "value": one.value,
-                "own": one.sd or 0.0,
+                "own": (one.sd or 0.0) * math.sqrt(1 - one.alike),
+                "alike": (one.sd or 0.0) * math.sqrt(one.alike),
                 "person": member.person,
                 **given,
                 "measure": one,
@@ -230,7 +232,8 @@ def _effects(table: pd.DataFrame, reasons: dict[str, None]) -> tuple[tuple[Effec
         need = count + _LEAST_PEOPLE
         reasons[f"No mixed model: {people} people are too few for {count} effects ({need} are needed)."] = None
         return (), None
-    model = MixedModel(kept["value"].to_numpy(), design, kept["own"].to_numpy(), person, leg)
+    own, alike = kept["own"].to_numpy(), kept["alike"].to_numpy()
+    model = MixedModel(kept["value"].to_numpy(), design, own, alike, person, leg)
     fitted = model.fit()
     effects = (Effect(text, *fitted.effect(k + 1), of_group) for k, (text, of_group) in enumerate(shown))
     return tuple(effects), fitted

@@ -25,36 +25,39 @@ def _option(text: str) -> Any:
 
 @app.command(cls=FiniteNumbers)
 def cohort(
-    folder: Annotated[Path, typer.Argument(help="That holds the members' folders, and cohort.csv or .xlsx.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder with the members' folders and, if you have one, cohort.csv or .xlsx.")
+    ],
     do: Annotated[
-        Literal["identify", "diagnose", "stocking"], _option("What to do with each; identify by default.")
+        Literal["identify", "diagnose", "stocking"], _option("What to do with each member; identify by default.")
     ] = "identify",
     layout: Annotated[
         str,
         _option(
-            "Pattern of the members' folders, 'P*/leg-*'; every folder below with a subject.toml or specimen.toml "
-            "(of stockings leg.toml) by default."
+            "Pattern of the members' folders, such as 'P*/leg-*'; by default every folder below that has a "
+            "subject.toml or specimen.toml (for stockings, a leg.toml)."
         ),
     ] = "",
-    table: Annotated[Path | None, _option("In place of FOLDER/cohort.csv.")] = None,
-    law: Annotated[str | None, _option("As of identify; both by default.")] = None,
-    identify: Annotated[list[str] | None, _option("As of identify; may be given again.")] = None,
-    prior: Annotated[list[str] | None, _option("As of identify; may be given again.")] = None,
-    fix: Annotated[list[str] | None, _option("As of identify; may be given again.")] = None,
-    depth: Annotated[float | None, _option("As of identify, mm.")] = None,
-    correction: Annotated[str | None, _option("As of identify or diagnose.")] = None,
-    model: Annotated[Literal["2d", "3d"] | None, _option("As of identify.")] = None,
+    table: Annotated[Path | None, _option("Table of the members, in place of FOLDER/cohort.csv.")] = None,
+    law: Annotated[str | None, _option("Strain energy, as for identify; both by default.")] = None,
+    identify: Annotated[list[str] | None, _option("Parameter to identify, as for identify; repeatable.")] = None,
+    prior: Annotated[list[str] | None, _option("What is known of a parameter, as for identify; repeatable.")] = None,
+    fix: Annotated[list[str] | None, _option("Value to hold, as for identify; repeatable.")] = None,
+    depth: Annotated[float | None, _option("Greatest depth to use (mm), as for identify.")] = None,
+    correction: Annotated[str | None, _option("3D correction, as for identify or diagnose.")] = None,
+    model: Annotated[Literal["2d", "3d"] | None, _option("Model of the leg, as for identify.")] = None,
     mesh: Annotated[
-        Literal["coarse"] | None, _option("For a quick look at all legs, and no result to rely on.")
+        Literal["coarse"] | None, _option("A coarse mesh, for a quick look at all legs; do not rely on its results.")
     ] = None,
-    library: Annotated[Path | None, _option("As of diagnose.")] = None,
-    cells: Annotated[int | None, _option("As of stocking.")] = None,
-    seed: Annotated[int | None, _option("As of identify or diagnose.")] = None,
+    library: Annotated[Path | None, _option("Folder of the legs' responses, as for diagnose.")] = None,
+    cells: Annotated[int | None, _option("About how many tetrahedra, as for stocking.")] = None,
+    seed: Annotated[int | None, _option("Seed, as for identify or diagnose.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/cohort-NAME by default.")] = None,
     on: Annotated[
         Literal["local", "mpi", "dask"],
         _option(
-            "What does members at once: processes here (the default), ranks of mpirun, or a dask scheduler's workers."
+            "Where several members run at once: in processes here (the default), on ranks of mpirun, or on a dask "
+            "scheduler's workers."
         ),
     ] = "local",
     scheduler: Annotated[
@@ -62,7 +65,7 @@ def cohort(
     ] = None,
     jobs: Jobs = None,
     population: Annotated[
-        bool, typer.Option("--population", help="Fit what people are like too; writes population.json, for --prior.")
+        bool, typer.Option("--population", help="Also fit how people differ; writes population.json, for --prior.")
     ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would be done, for how long and with how much memory.")
@@ -70,7 +73,7 @@ def cohort(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Identify, diagnose or dress every leg of a cohort, and look at all together.
+    """Identify or diagnose every leg of a cohort, or compute its stocking, and compare all of them.
 
     Reads a folder of subject, specimen or stocking folders and, if it is there, cohort.csv or
     cohort.xlsx (subject, folder, group, side, session, date, rater, rig, age, sex, BMI, any columns);

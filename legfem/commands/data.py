@@ -25,17 +25,17 @@ def look(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or one of them zipped; one trial each.",
+            help="Recordings, one trial a file: CSV, text, xlsx, xls, ods, TDMS, LVM, MAT, HDF5, or a zip of one.",
             show_default=False,
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/look by default.")] = None,
-    time: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT of the column.")] = None,
-    displacement: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT.")] = None,
-    force: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT.")] = None,
-    sheet: Annotated[str | None, typer.Option(help="Sheet or group, where several hold one.")] = None,
+    time: Annotated[str | None, typer.Option(help="Column of the time: NAME or NAME:UNIT.")] = None,
+    displacement: Annotated[str | None, typer.Option(help="Column of the displacement, likewise.")] = None,
+    force: Annotated[str | None, typer.Option(help="Column of the force, likewise.")] = None,
+    sheet: Annotated[str | None, typer.Option(help="Sheet or group, if several have recordings.")] = None,
     specimens: Annotated[
-        bool, typer.Option("--specimens", help="Of specimens, not of a leg: any depth will do.")
+        bool, typer.Option("--specimens", help="The recordings are of specimens, so any depth will do.")
     ] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -61,7 +61,7 @@ def look(
         from legfem.data.quality import quality_of
         from legfem.data.reader import Proposal, propose
         from legfem.data.recording import OWN_COLUMNS, read_own, recording_of
-        from legfem.report.look import (
+        from legfem.report.instrument_file import (
             LOOK,
             Looked,
             channels_toml,
@@ -141,7 +141,7 @@ def look(
 
 @app.command()
 def preview(
-    folder: Annotated[Path, typer.Argument(help="Of a leg, a leg in a stocking, or specimens.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of a leg, of a leg in a stocking, or of specimens.")],
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/preview by default.")] = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -155,6 +155,7 @@ def preview(
     Example: legfem data preview path/to/folder --out seen
     """
     with command_context(quiet=quiet):
+        from legfem.common.progress import progress_on
         from legfem.report.preview import PREVIEW, preview_of
 
         target = out or Path("results") / "preview"
@@ -162,7 +163,8 @@ def preview(
         if not folder.is_dir():
             raise InputError(folder, "folder", "not found", "give the path of one")
         target.mkdir(parents=True, exist_ok=True)
-        seen = preview_of(folder, target)
+        with progress_on(quiet=quiet) as progress:
+            seen = preview_of(folder, target, progress)
         seen.write(target)
         with brief_output(quiet, as_json) as written:
             written.append(target / PREVIEW)

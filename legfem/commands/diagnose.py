@@ -21,7 +21,7 @@ def diagnose(
         list[str] | None,
         typer.Option(
             "--specimen",
-            help="Of several specimens the one to diagnose; may be given again. All by default.",
+            help="Specimen to diagnose, if the folder has several; repeatable. All by default.",
             show_default=False,
         ),
     ] = None,
@@ -33,17 +33,19 @@ def diagnose(
         ),
     ] = None,
     correction: Annotated[
-        Path | None, typer.Option(help="3D correction behind end-effects; the one in legfem by default.")
+        Path | None, typer.Option(help="3D correction for the cylinder's ends; legfem's own by default.")
     ] = None,
     prior: Annotated[
         list[str] | None,
         typer.Option(
-            help="Of C10 of the deep tissue, as of identify: 'deep.C10=population.json' of a cohort.",
+            help="What is known of C10 of the muscle, as for identify: 'deep.C10=population.json' of a cohort.",
             show_default=False,
         ),
     ] = None,
     jobs: Jobs = None,
-    seed: Annotated[int, typer.Option(help="Of the draws behind p-values; 0 by default.", show_default=False)] = 0,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the random draws behind p-values; 0 by default.", show_default=False)
+    ] = 0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:

@@ -31,11 +31,13 @@ def convert(
     surface: Annotated[
         list[str] | None, typer.Option(help="PART=FILE (STL, PLY, OBJ, VTU); repeat it, for single muscles too.")
     ] = None,
-    level: Annotated[float | None, typer.Option(help="Level of the section, mm.", show_default=False)] = None,
+    level: Annotated[
+        float | None, typer.Option(help="Level at which the section is cut (mm).", show_default=False)
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Subject folder to make.", show_default=False)] = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
-    fascia_thickness: Annotated[float, typer.Option(help="mm.")] = 0.6,
+    fascia_thickness: Annotated[float, typer.Option(help="Thickness of the fascia (mm).")] = 0.6,
     aim: Annotated[
         tuple[float, float] | None,
         typer.Option(help="Point on the line of travel, mm; by default the one that faces it."),

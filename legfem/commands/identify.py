@@ -26,7 +26,7 @@ def run(
     site: Site = None,
     specimen_dir: SpecimenDir = None,
     leave_out: Annotated[
-        list[str] | None, _option("Recording or specimen to predict and not to fit; may be given again.")
+        list[str] | None, _option("Recording or specimen to predict instead of fitting it; repeatable.")
     ] = None,
     law: Annotated[
         Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential", "both"] | None,
@@ -56,7 +56,7 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/identify-ID by default.")] = None,
     jobs: Jobs = None,
-    seed: Annotated[int, _option("Of the genetic algorithm; 1 by default.")] = 1,
+    seed: Annotated[int, _option("Seed of the genetic algorithm; 1 by default.")] = 1,
     depth: Annotated[float | None, typer.Option(help="Use the recordings down to this depth only, mm.")] = None,
     correction: Annotated[
         str,
@@ -80,10 +80,10 @@ def run(
         ),
     ] = None,
     c10_bounds: Annotated[
-        tuple[float, float] | None, _option("Of the search for deep.C10, kPa; 0.02 30 by default.")
+        tuple[float, float] | None, _option("Bounds of the search for deep.C10 (kPa); 0.02 30 by default.")
     ] = None,
     c20_bounds: Annotated[
-        tuple[float, float] | None, _option("Of the search for deep.C20, kPa; 0 50 by default.")
+        tuple[float, float] | None, _option("Bounds of the search for deep.C20 (kPa); 0 50 by default.")
     ] = None,
     emulator: Annotated[
         bool, _option("Search on an emulator (the default), or call the full model each time (slow).")

@@ -20,17 +20,19 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 @app.command(cls=FiniteNumbers)
 def export(
     out: Annotated[Path, typer.Option(help="File: .msh, .xdmf, .vtu or .inp.", show_default=False)],
-    subject: Annotated[str | None, typer.Option(help="Section of a subject of legfem's.")] = None,
+    subject: Annotated[str | None, typer.Option(help="Mesh the section of one of legfem's subjects.")] = None,
     subject_dir: Annotated[
-        Path | None, typer.Option(help="Folder of a leg of your own: subject.toml or leg.toml.")
+        Path | None, typer.Option(help="Folder of your own leg, with subject.toml or leg.toml.")
     ] = None,
-    stocking: Annotated[str | None, typer.Option(help="Leg of legfem's that wears a stocking, bare and in 3D.")] = None,
+    stocking: Annotated[
+        str | None, typer.Option(help="Mesh one of legfem's legs for stockings, bare and in 3D.")
+    ] = None,
     idealised: Annotated[
         bool, typer.Option("--idealised", help="A quarter of the 3D correction's reference leg.")
     ] = False,
-    finer: Annotated[float, typer.Option(min=0.2, max=5.0, help="Divides the sizes of the elements.")] = 1.0,
+    finer: Annotated[float, typer.Option(min=0.2, max=5.0, help="Factor by which elements are smaller.")] = 1.0,
     extrude: Annotated[
-        float, typer.Option(min=0.0, max=1000.0, help="Makes a slab of a section, so thick (mm).")
+        float, typer.Option(min=0.0, max=1000.0, help="Extrude the section to a slab of this thickness (mm).")
     ] = 0.0,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -123,7 +125,7 @@ def idealised_mesh(finer: float = 1.0) -> MadeMesh:
     """Mesh a quarter of the reference leg of the 3D correction."""
     from legfem.experiments.indenter_pose import Cylinder
     from legfem.meshing.exchange import named_mesh
-    from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
+    from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, mesh_leg
 
     leg, cylinder, sizes = IdealisedLeg(), Cylinder(), LegMeshSettings().refined(finer)
     made = mesh_leg(leg, cylinder.radius, cylinder.length, sizes)

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from legfem.legs.subject import Subject as LoadedLeg
     from legfem.specimens.folder import SpecimenFolder
 
-Subject = Annotated[str | None, typer.Option(help="Id of a subject that comes with legfem.")]
-SubjectDir = Annotated[Path | None, typer.Option(help="Folder of a subject of your own, instead.")]
-Site = Annotated[str | None, typer.Option(help="Of a leg with several [[site]] the one to take.", show_default=False)]
+Subject = Annotated[str | None, typer.Option(help="Id of one of legfem's own subjects.")]
+SubjectDir = Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")]
+Site = Annotated[str | None, typer.Option(help="Site to use, if the leg has several [[site]].", show_default=False)]
 SpecimenDir = Annotated[Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")]
 Jobs = Annotated[int | None, typer.Option(help="Processes; all cores by default.")]
 

@@ -19,10 +19,12 @@ def plan(
     site: Site = None,
     c10: Annotated[float, typer.Option(min=0.05, max=50.0, help="Expected C10 (kPa).")] = 0.8,
     c20: Annotated[float, typer.Option(min=0.0, max=50.0, help="Expected C20 (kPa).")] = 0.0,
-    depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="To press to (mm).")] = 20.0,
-    rate: Annotated[float, typer.Option(min=0.01, max=50.0, help="mm/s.")] = 0.5,
+    depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="Depth to press to (mm).")] = 20.0,
+    rate: Annotated[float, typer.Option(min=0.01, max=50.0, help="Speed of pressing (mm/s).")] = 0.5,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/plan-ID by default.")] = None,
-    library: Annotated[Path | None, typer.Option(help="Folder of the legs' responses, shared with diagnoses.")] = None,
+    library: Annotated[
+        Path | None, typer.Option(help="Folder of the legs' responses, which diagnoses use too.")
+    ] = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
     as_json: AsJson = False,

@@ -15,12 +15,12 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def stocking(
-    subject: Annotated[str | None, typer.Option(help="Id of a leg that comes with legfem.")] = None,
-    subject_dir: Annotated[Path | None, typer.Option(help="Folder of a leg of your own, instead.")] = None,
+    subject: Annotated[str | None, typer.Option(help="Id of one of legfem's own legs.")] = None,
+    subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own leg, in place of --subject.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/stocking-ID by default.")] = None,
     cells: Annotated[int, typer.Option(help="About how many tetrahedra.")] = 15_000,
     nelder_mead: Annotated[
-        bool, typer.Option("--nelder-mead", help="Search as the paper does, too: some 50 equilibria.")
+        bool, typer.Option("--nelder-mead", help="Also search as the paper does (some 50 solutions).")
     ] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -37,9 +37,12 @@ def stocking(
         from mpi4py import MPI
 
         from legfem.api.identification import stocking as stocking_in_full
+        from legfem.common.progress import progress_on
         from legfem.stockings.loading import LEGS, load_leg
 
-        leg, first = load_leg(LEGS.named(subject, subject_dir)), MPI.COMM_WORLD.rank == 0
+        first = MPI.COMM_WORLD.rank == 0
+        with progress_on(quiet=quiet or not first) as progress:
+            leg = load_leg(LEGS.named(subject, subject_dir), progress)
         folder = results_folder(out, "stocking", leg.id)
         if first:
             log_doubts(leg.doubts)

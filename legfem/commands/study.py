@@ -33,11 +33,11 @@ app = typer.Typer(
 
 @app.command(cls=FiniteNumbers)
 def convergence(
-    subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
-    subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
+    subject: Annotated[str, typer.Option(help="Id of one of legfem's own subjects.")] = "3",
+    subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")] = None,
     c10_kpa: Annotated[float, typer.Option("--c10", min=0.0, help="Deep C10 (kPa).")] = 0.70,
     c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Deep C20 (kPa).")] = 0.80,
-    depth: Annotated[float, typer.Option(min=1.0, max=60.0, help="mm.")] = 30.0,
+    depth: Annotated[float, typer.Option(min=1.0, max=60.0, help="Depth to press to (mm).")] = 30.0,
     out: Out = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -64,14 +64,12 @@ class Weighting(StrEnum):
 
 @app.command(cls=FiniteNumbers)
 def reproduce(
-    seed: Annotated[int, typer.Option(min=0, help="Of the genetic algorithm.")] = 1,
-    corrected: Annotated[bool, typer.Option("--corrected", help="Also with each leg's own 3D correction.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the genetic algorithm.")] = 1,
+    corrected: Annotated[bool, typer.Option("--corrected", help="Also apply each leg's own 3D correction.")] = False,
     weighting: Annotated[
         Weighting, typer.Option(help="Objective: the paper's unweighted sum (Eq. 12), or weighted with the covariance.")
     ] = Weighting.PAPER,
-    cost_maps: Annotated[
-        bool, typer.Option("--cost-maps", help="Also figures of the cost over the parameters.")
-    ] = False,
+    cost_maps: Annotated[bool, typer.Option("--cost-maps", help="Also draw the cost over the parameters.")] = False,
     out: Out = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -105,8 +103,8 @@ def doe(
             "those around the identified values, by default."
         ),
     ] = None,
-    subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
-    subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
+    subject: Annotated[str, typer.Option(help="Id of one of legfem's own subjects.")] = "3",
+    subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")] = None,
     count: Annotated[
         CountChoice,
         typer.Option(
@@ -115,9 +113,10 @@ def doe(
         ),
     ] = CountChoice.COEFFICIENTS,
     factorial_only: Annotated[
-        bool, typer.Option("--factorial-only", help="No numerical error, Sobol indices, information.")
+        bool,
+        typer.Option("--factorial-only", help="Leave out the numerical error, the Sobol indices and the information."),
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the emulator's points.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the emulator's points.")] = 1,
     out: Out = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -166,22 +165,28 @@ def correction(
             "--subject", help="Folder of a subject, whose own leg is solved in 3D and compared with the table."
         ),
     ] = None,
-    length: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Of the leg's segment (mm).")] = 120.0,
-    radius: Annotated[float, typer.Option(min=1.0, max=200.0, help="Of the leg (mm).")] = 57.0,
-    bone_radius: Annotated[float, typer.Option(min=1.0, max=100.0, help="mm.")] = 15.0,
-    bone_offset: Annotated[float, typer.Option(help="Of the bone towards the cylinder (mm).")] = 0.0,
+    length: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Length of the leg's segment (mm).")] = 120.0,
+    radius: Annotated[float, typer.Option(min=1.0, max=200.0, help="Radius of the leg (mm).")] = 57.0,
+    bone_radius: Annotated[float, typer.Option(min=1.0, max=100.0, help="Radius of the bone (mm).")] = 15.0,
+    bone_offset: Annotated[
+        float, typer.Option(help="Distance by which the bone is moved towards the cylinder (mm).")
+    ] = 0.0,
     held: Annotated[bool, typer.Option("--held", help="Hold the end faces along the leg.")] = False,
-    cylinder_length: Annotated[float, typer.Option(min=1.0, max=500.0, help="mm.")] = 50.0,
+    cylinder_length: Annotated[float, typer.Option(min=1.0, max=500.0, help="Length of the cylinder (mm).")] = 50.0,
     edge_radius: Annotated[
         float, typer.Option(min=0.01, max=100.0, help="Rounding of the cylinder's end edges (mm).")
     ] = 2.0,
-    c10_kpa: Annotated[float, typer.Option("--c10", min=1e-3, help="Reference (kPa).")] = 2.0,
-    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Of the subject's leg (kPa).")] = 0.0,
-    depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="mm.")] = 25.0,
-    finer: Annotated[float, typer.Option(min=0.1, max=10.0, help="Divides the sizes of the mesh's elements.")] = 1.0,
-    trends: Annotated[bool, typer.Option("--trends", help="Also P against length, stiffness and radius.")] = False,
-    legs: Annotated[bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")] = False,
-    fields: Annotated[bool, typer.Option("--fields", help="Also the 3D model's fields for ParaView.")] = False,
+    c10_kpa: Annotated[float, typer.Option("--c10", min=1e-3, help="Reference C10 (kPa).")] = 2.0,
+    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="C20 of the subject's leg (kPa).")] = 0.0,
+    depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="Depth to press to (mm).")] = 25.0,
+    finer: Annotated[
+        float, typer.Option(min=0.1, max=10.0, help="Factor by which the mesh's elements are smaller.")
+    ] = 1.0,
+    trends: Annotated[
+        bool, typer.Option("--trends", help="Also compute P for other lengths, stiffnesses and radii.")
+    ] = False,
+    legs: Annotated[bool, typer.Option("--legs", help="Also tabulate P for legs of other girth and bone.")] = False,
+    fields: Annotated[bool, typer.Option("--fields", help="Also write the 3D model's fields for ParaView.")] = False,
     out: Out = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -198,7 +203,7 @@ def correction(
 
         from legfem.experiments.indenter_pose import Cylinder
         from legfem.experiments.leg_3d import IdealisedLegSettings
-        from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+        from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
         from legfem.study.correction import command as correction_command
         from legfem.study.correction.calibration import Calibration
         from legfem.study.correction.cases import CorrectionCase, Material

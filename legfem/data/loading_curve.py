@@ -19,7 +19,7 @@ from scipy.linalg import cholesky, helmert, solve_triangular
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.data.contact import SLOW_WAYS, Contact, Onset, common_onset, enough_gain
+from legfem.data.contact import Contact, Onset, common_onset, enough_gain, slow_correlation
 from legfem.data.noise import (
     JITTER_LENGTH_MM,
     UNSTATED,
@@ -236,7 +236,7 @@ def _zeros_sd(contacts: Sequence[Contact], instrument: Instrument) -> FloatArray
 def _own_errors(grid: FloatArray, force: FloatArray, slope: FloatArray, instrument: Instrument) -> FloatArray:
     """Return the covariance (n, n), N^2, of what a trial errs by besides its place and its zero."""
     apart = np.abs(grid[:, None] - grid[None, :])
-    alike = np.mean([np.exp(-apart / ways) for ways in SLOW_WAYS], axis=0) + _WHITE * np.eye(len(grid))
+    alike = slow_correlation(grid) + _WHITE * np.eye(len(grid))
     wander = instrument.displacement_sd * slope
     return np.asarray(
         max(instrument.force_sd, 1e-4 * float(np.ptp(force))) ** 2 * alike
@@ -266,6 +266,9 @@ class LoadingCurve:
     """(n,), N: standard error of ``force``."""
     covariance: FloatArray
     """(n, n), N^2, of ``force``: its diagonal is ``force_sd``**2. Neighbours are correlated."""
+    few_repeats: FloatArray
+    """(n, n), N^2: the part of ``covariance`` that widens intervals, since a few repeats tell poorly by how much they
+    differ. Errors of many curves have ``covariance`` less this."""
     trial_force: FloatArray
     """(R, n), N: each trial's own curve."""
     n_trials: int
@@ -350,8 +353,9 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
     apart = np.abs(grid[:, None] - grid[None, :])
     drift = np.sqrt(jitter) * slope
     wander = instrument.wander_sd(float(np.sqrt(np.mean(readings)))) * slope
+    of_trial = noise.trial_covariance(grid, force, slope)
     covariance = (
-        noise.trial_covariance(grid, force, slope)
+        of_trial
         + np.diag(white_variance)
         + np.outer(drift, drift) * np.exp(-apart / JITTER_LENGTH_MM)
         + np.outer(wander, wander) * np.exp(-apart / WANDER_LENGTH_MM)
@@ -361,6 +365,9 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
         force=frozen_array(force),
         force_sd=frozen_array(np.sqrt(np.diag(covariance))),
         covariance=frozen_array(covariance),
+        few_repeats=frozen_array(
+            (of_trial - replace(noise, repeat_dof=0).trial_covariance(grid, force, slope)) / len(trials)
+        ),
         trial_force=frozen_array(curves),
         n_trials=len(trials),
         n_samples=frozen_array(np.sum([fit.count for fit in fits], axis=0)),

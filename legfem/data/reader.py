@@ -114,14 +114,14 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
         )
     d_sign = int(np.sign(away[turned - 1]))
     f_sign = int(np.sign(together)) * d_sign
-    moves = f"it moves by {away[turned - 1]:+.3g} mm"
-    reads = f"the force changes by {change[:turned][np.argmax(np.abs(change[:turned]))]:+.3g} N"
+    moves = f"the displacement changes by {away[turned - 1]:+.3g} mm"
+    reads = f"the force by {change[:turned][np.argmax(np.abs(change[:turned]))]:+.3g} N"
     return (
         d_sign,
         f_sign,
         (
-            f"directions: {moves} as {reads}, and both are to grow as the test loads: "
-            f"sign {d_sign:+d} of displacement, {f_sign:+d} of force"
+            f"directions: {moves} and {reads}; both must grow during loading, so the sign of displacement is "
+            f"{d_sign:+d} and that of force {f_sign:+d}"
         ),
     )
 

@@ -26,11 +26,22 @@ from legfem.solve.path import ForceCurve
 Weighting = Literal["paper", "covariance"]
 """What is minimised: the plain sum of squares (Eq. 12 of the paper), or the sum weighted by the errors."""
 ErrorSource = Literal[
-    "recordings", "differences", "model", "misfit", "sizes", "ends", "fibres", "shape", "channels", "priors"
+    "recordings",
+    "few_repeats",
+    "differences",
+    "model",
+    "misfit",
+    "sizes",
+    "ends",
+    "fibres",
+    "shape",
+    "channels",
+    "priors",
 ]
-"""Readings of the force; a factor by which recordings or specimens differ; the model's numerical error; what the law
-misses; sizes of specimens; the correction for the cylinder's ends; muscle fibres' part in it; a typical shape in place
-of measured outlines; instruments of what else was recorded; what was known beforehand."""
+"""Readings of the force; what intervals are wider by since few repeats tell poorly how much they differ; a factor by
+which recordings or specimens differ; the model's numerical error; what the law misses; sizes of specimens; the
+correction for the cylinder's ends; muscle fibres' part in it; a typical shape in place of measured outlines;
+instruments of what else was recorded; what was known beforehand."""
 Covariances = Mapping[ErrorSource, FloatArray]
 """Covariances of the readings (n, n), in their units squared, by source; they add up."""
 
@@ -93,11 +104,6 @@ class Comparison(ABC):
     @abstractmethod
     def reach(self) -> str:
         """How far a solve has to come, in words."""
-
-    @property
-    def in_errors(self) -> bool:
-        """Whether the objective is in units of errors: 1 more of it is a standard error."""
-        return False
 
     @property
     def channels(self) -> Mapping[str, NDArray[np.int_]]:
@@ -299,11 +305,6 @@ class JointComparison(Comparison):
     def reach(self) -> str:
         """Depths of the tests."""
         return ", ".join(test.reach for test in self.tests)
-
-    @property
-    def in_errors(self) -> bool:
-        """Whether readings are weighed by their errors."""
-        return self.weighting == "covariance"
 
     def reached_by(self, outcome: Outcome) -> bool:
         """Whether every test came to its depth."""

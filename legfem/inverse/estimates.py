@@ -43,7 +43,8 @@ class Estimate:
     """With its bounds, role and prior."""
     value: float
     standard_error: float
-    """From the errors of the recordings and of the model, and the priors (see `ci95`)."""
+    """From the errors of the recordings and of the model, and the priors; of a profile that is closed, half its width
+    over the quantile behind `ci95`."""
     ci95: tuple[float, float]
     """95 % confidence interval; from a profile, so not always symmetric."""
     identifiability: Identifiability
@@ -184,6 +185,9 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             error = math.sqrt(spread[k, k])
             rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
             interval = profile_interval(optimum.residual, at, k, rise, bounds, optimum.times * error)
+            if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
+                # A tangent leaves a curved valley long before the sum of squares rises.
+                error = _half_width(parameter, float(at[k]), interval) / optimum.times
         else:  # it moves nothing here, as an exponent whose factor is zero
             low, high = map(float, bounds[k])
             error, interval = 0.5 * (high - low) / optimum.times, (low, high)
@@ -205,6 +209,13 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
             parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own, shares[k], told[k]
         )
     return found
+
+
+def _half_width(parameter: Parameter, value: float, interval: tuple[float, float]) -> float:
+    """Return half the width of an interval, of a logarithmic parameter's logarithm times its value."""
+    low, high = interval
+    logarithmic = parameter.scale == "log" and low > 0
+    return 0.5 * (value * math.log(high / low) if logarithmic else high - low)
 
 
 def _forces_alone(misfit: Comparison) -> FloatArray:

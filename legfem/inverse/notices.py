@@ -14,7 +14,7 @@ UNCONVERGED = (
     "The search ended before it converged: the optimum may lie elsewhere. Rerun with another --seed or narrower bounds."
 )
 LAW_MISSES = (
-    "The intervals of C10 and C20 are widened to contain what each third of the depth gives by itself; the values "
+    "Each interval is widened to contain the values that each third of the depth gives by itself; the values "
     "still depend on the depth used."
 )
 _FAR = 3.0

@@ -24,7 +24,7 @@ from legfem.inverse.catalogue import (
     unit_suffix,
     with_units,
 )
-from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting, total_of
+from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, JointComparison, Weighting, total_of
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
 from legfem.inverse.fit import EXACT, Cost, Fit, Goodness, OwnEstimate, r_squared
 from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture, departure_of
@@ -160,7 +160,8 @@ def optimum_of(
 def _departure(found: Found[Any], covariances: Covariances) -> PartDeparture:
     """What the law's misfit may do to a stiffness, beyond errors of readings and of the model's numbers."""
     comparison = found.search.misfit
-    errors = total_of({source: covariances[source] for source in ("recordings", "model") if source in covariances})
+    known: tuple[ErrorSource, ...] = ("recordings", "few_repeats", "model")
+    errors = total_of({source: covariances[source] for source in known if source in covariances})
     return departure_of(comparison.parts_along, comparison.measured, found.linear.prediction.values, errors)
 
 

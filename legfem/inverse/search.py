@@ -141,7 +141,7 @@ _AGREE_OF_ERROR, _AGREE_OF_VALUE = 0.1, 2e-3
 # ... and the full model's own Gauss-Newton step is no longer than this.
 _STEP_OF_ERROR, _STEP_OF_VALUE = 1e-3, 2e-5
 _LAST_STEP_OF_ERROR = 0.02
-# Of a sum of squares in units of errors, which rises by 1 within a standard error.
+# Of what the sum of squares rises by within a standard error.
 _FLAT = 0.1
 # Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
 _WORTH = 1e-4
@@ -259,7 +259,11 @@ class Search[C: Comparison]:
             proposal = self.propose(emulated, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
             near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
-            if near and (self.is_stationary() or (self._reads and is_settled(gained))):
+            step = self.domain.inside(self.best.point + self.newton_step())
+            # Along a curved valley it goes too far; the emulator knows better once that is solved.
+            tried = self._solved(step)
+            settled = self.is_stationary() or (self._reads and is_settled(gained))
+            if near and (settled or (tried and self._is_settled_at(step, emulated, proposal))):
                 ends = far_ends(self.linearised(self.best), self.trials)
                 if len(ends) and len(self.trials) + len(ends) <= self.settings.most_solves:
                     yield ends, "design"
@@ -269,20 +273,14 @@ class Search[C: Comparison]:
             if self._wide and refuted >= _REFUTED and self.is_stationary():
                 self.converged = True
                 return
-            step = self.domain.inside(self.best.point + self.newton_step())
             # Where forces grow without measure an emulator is wrong between its solves.
-            by_newton = near or (self._wide and gained < 0 and not self._solved(step))
+            by_newton = not tried and (near or (self._wide and gained < 0))
             if by_newton:
                 proposal = step
             if self._wide and not near and self._solved(proposal):
                 best = self.best.point[None]
                 proposal = half_way(self.coordinates, proposal[None], best)[0]
-            if self._solved(proposal):
-                # The model isn't smooth enough for a shorter step to gain anything.
-                short = self._is_short(self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE)
-                self.converged = near and (short or self._is_flat(proposal))
-                return
-            if len(self.trials) >= self.settings.most_solves:
+            if self._solved(proposal) or len(self.trials) >= self.settings.most_solves:
                 return
             expected, before = emulated.values(proposal), self.best.objective
             (trial,) = yield proposal[None], "proposal"
@@ -350,12 +348,21 @@ class Search[C: Comparison]:
         scale = np.maximum(of_error * self.standard_error(), of_value * sizes)
         return bool(np.all(np.abs(step) <= scale))
 
-    def _is_flat(self, point: FloatArray) -> bool:
-        """Whether a solved point fits as well as the best, by what errors leave open."""
-        if not self.misfit.in_errors:
-            return False
-        (tried,) = (trial for trial in self.trials if trial.values == self.law.values(point))
-        return tried.objective - self.best.objective < _FLAT
+    def _is_settled_at(self, step: FloatArray, emulated: Emulated, proposal: FloatArray) -> bool:
+        """Whether nothing is to be gained after the full model's own step was solved.
+
+        The model isn't smooth enough for a shorter one, or the step or the emulator's optimum fits as well as the best
+        solve, by what errors leave open.
+        """
+        if self._is_short(self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE):
+            return True
+        best = self.linearised(self.best)
+        curvature = np.diag(np.linalg.pinv(best.jacobian.T @ best.jacobian))
+        rise = float(np.min(self.standard_error() ** 2 / np.maximum(curvature, 1e-300)))
+        key = key_of_values(self.law.values(step))
+        (tried, *_) = (trial for trial in self.trials if key_of_values(trial.values) == key)
+        to_gain = self.best.objective - float(emulated.objective(proposal))
+        return tried.objective - self.best.objective < _FLAT * rise or to_gain < _AGREE_OF_ERROR**2 * rise
 
     def _solved(self, point: FloatArray) -> bool:
         key = key_of_values(self.law.values(point))

@@ -166,7 +166,7 @@ def _library(
     progress: Progress,
 ) -> Library:
     """Return the leg's responses to all tests."""
-    from legfem.legs.variants import solved_responses
+    from legfem.legs.finite_element_models import solved_responses
 
     blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
     fine, coarse = solved_responses(subject, blank, diagnoser.folder)

@@ -207,12 +207,15 @@ class SiteTest(Test):
     def own_errors(self) -> Covariances:
         """Errors of the recordings, the numerical model and further channels' instruments, (n, n)."""
         numerical = numerical_covariance(self.curve.displacement, self.curve.force, power=1.0)
+        few = self.curve.few_repeats
+        recordings = self.curve.covariance - few
         if not self.beside:
-            return {"recordings": self.curve.covariance, "model": numerical}
+            return {"recordings": recordings, "few_repeats": few, "model": numerical}
         blank = [np.zeros((len(one), len(one))) for one in self.beside]
         own = block_diag(numerical, *(one.numerical + one.outlines for one in self.beside))
         return {
-            "recordings": np.asarray(block_diag(self.curve.covariance, *blank)),
+            "recordings": np.asarray(block_diag(recordings, *blank)),
+            "few_repeats": np.asarray(block_diag(few, *blank)),
             "model": np.asarray(own),
             "channels": np.asarray(block_diag(np.zeros_like(numerical), *(one.instrument for one in self.beside))),
         }
@@ -289,6 +292,7 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
         force=curve.force[:n],
         force_sd=curve.force_sd[:n],
         covariance=curve.covariance[:n, :n],
+        few_repeats=curve.few_repeats[:n, :n],
         trial_force=curve.trial_force[:, :n],
         n_samples=curve.n_samples[:n],
     )

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 import legfem.report.page as web
+from legfem.cohort.anomalies import Suspicion, listed, missing, suspicions
 from legfem.cohort.members import Member, Members
 from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
-from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
 from legfem.common.documents import versions_of
 from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
@@ -21,7 +21,7 @@ from legfem.report.cohort_statistics import colours_of
 from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
 from legfem.report.render import plain_page, rendered
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import BEYOND_A_FIT, ORIGINS, number, short_probability
+from legfem.report.words import BEYOND_A_FIT, ORIGINS, capital, number, short_probability
 
 _DONE = {
     "identify": "Stiffness of the deep tissue was identified from indentation recordings of {what} by legfem {legfem}",
@@ -98,6 +98,14 @@ _JUDGED: Mapping[str, str] = {
     "sound": "reliable",
 }
 """By the tone of a member's own page, the gravest first."""
+_COUNTED: Mapping[str, tuple[str, str]] = {
+    "": ("has no result", "have no result"),
+    "wrong": ("does not fit the model", "do not fit the model"),
+    "open": ("is undecided", "are undecided"),
+    "caution": ("needs caution", "need caution"),
+    "sound": ("is reliable", "are reliable"),
+}
+"""The same of one member, and of several."""
 _FITS = "model fits"
 """What an identification that shows nothing wrong is called: what looks like another stiffness does not show."""
 _DOUBT = "DOUBTFUL INPUT: "
@@ -143,7 +151,7 @@ def cohort_web_page(
         f"Cohort {members.folder.resolve().name}: {len(rows)} members",
         f"legfem {task}, {len(rows)} members, {members.folder}",
         _origin(origins),
-        _headline(every, rows, odd, model, task),
+        _headline(every, rows, odd, model, task, found),
         [one.sentence for one in odd if len(one.members) != 1] + list(members.notes),
         (),
         chapters,
@@ -178,11 +186,41 @@ def _judged_words(task: str) -> Mapping[str, str]:
     return {**_JUDGED, "sound": _FITS} if task == "identify" else _JUDGED
 
 
+def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, ModelResult]) -> str:
+    """What members have in the median and from the least to the greatest, by group; empty without a number."""
+    trusted = [row for row in rows if row.name in found and row.judged.tone != "wrong"]
+    names = list(dict.fromkeys(name for row in trusted for name in found[row.name].measures))
+    if not names:
+        return ""
+    name, group = names[0], {one.name: str(one.given.get("group", "")) for one in members}
+    values: dict[str, list[float]] = {}
+    unit = ""
+    for row in trusted:
+        if (one := found[row.name].measures.get(name)) is not None:
+            values.setdefault(group[row.member], []).append(one.value)
+            unit = one.unit
+    every = [value for own in values.values() for value in own]
+    text = f"{capital(called(name))}: {np.median(every):.2g} {unit} in the median of {len(every)} members"
+    text += f" ({min(every):.2g} to {max(every):.2g})" if len(every) > 1 else ""
+    if len(values) > 1:
+        each = (f"{np.median(own):.2g} of {who or 'members without a group'}" for who, own in sorted(values.items()))
+        text += f", {' and '.join(each)}" if len(values) == 2 else f", {', '.join(each)}"
+    return f"{text}. "
+
+
 def _headline(
-    members: Sequence[Member], rows: Sequence[Row], odd: Sequence[Suspicion], model: str, task: str
+    members: Sequence[Member],
+    rows: Sequence[Row],
+    odd: Sequence[Suspicion],
+    model: str,
+    task: str,
+    found: Mapping[str, ModelResult],
 ) -> web.Headline:
-    counts, words = Counter(row.judged.tone for row in rows), _judged_words(task)
-    said = ", ".join(f"{counts[name]} {words[name]}" for name in reversed(list(words)) if counts[name])
+    counts = Counter(row.judged.tone for row in rows)
+    counted = {**_COUNTED, "sound": ("fits the model", "fit the model")} if task == "identify" else _COUNTED
+    said = ", ".join(
+        f"{counts[name]} {counted[name][counts[name] > 1]}" for name in reversed(list(counted)) if counts[name]
+    )
     good = counts["sound"] + counts["caution"]
     tone: web.Tone = "sound" if counts["sound"] == len(rows) and not odd else "caution" if good else "wrong"
     failed = [row.name for row in rows if not row.done]
@@ -193,7 +231,8 @@ def _headline(
         ("Unusual findings", f"{len(odd)} to look into; they are listed below." if odd else "None."),
         *([("Law used for the comparison", f"The {LAW_NAMES.get(model, model)} law.")] if model else []),
     ]
-    return web.Headline(tone, f"Of {len(rows)} members: {said}.", answers, f"{good} of {len(rows)} can be used")
+    sentence = f"{_answer(members, rows, found)}Of {len(rows)} members, {said}."
+    return web.Headline(tone, sentence, answers, f"{good} of {len(rows)} can be used")
 
 
 def _kind_of(warning: str) -> str:
@@ -203,6 +242,7 @@ def _kind_of(warning: str) -> str:
     doubt = warning.startswith(_DOUBT)
     parts = warning.removeprefix(_DOUBT).split(": ", 1)
     text = parts[-1].partition(";")[0] if doubt else re.split(r"(?<=\D)[.:;] ", warning, maxsplit=1)[0]
+    text = re.sub(r" \([^()]*(\([^()]*\)[^()]*)*\)", "", text)
     short = re.sub(r"(?<![\w.])[-+]?\d[\d.,]*(e[-+]?\d+)?(?!\w)", "…", text).rstrip(".")
     return f"doubtful input: {short}" if doubt else short
 
@@ -231,9 +271,10 @@ def _believed(members: Sequence[Member], rows: Sequence[Row], task: str) -> list
     legend = [f"{letters[kind]}: {kind} ({counts[kind]})" for kind in named]
     return [
         web.Prose(
-            f"The judgement is that of each member's own page: “{words['sound']}” where nothing shows that the model "
-            "leaves out, and its stiffness is determined; “with caution” where something limits it; “undecided” where "
-            "several explanations are left." + (f" {BEYOND_A_FIT}" if task == "identify" else "")
+            f"The judgement is that of each member's own page: “{words['sound']}” if the recordings show nothing that "
+            "the model leaves out, and determine the stiffness; “with caution” if something limits the result; "
+            "“undecided” if several explanations remain."
+            + (f" {BEYOND_A_FIT}" if task == "identify" and any(row.judged.tone == "sound" for row in rows) else "")
         ),
         SortableTable(
             "believed",
@@ -274,8 +315,11 @@ def _numbers(
         blocks.append(_forest(members, rows, found, names, units))
     if model:
         others = [row.name for row in rows if row.done and row.judged.preferred != model]
-        text = f"Members are compared under one law ({LAW_NAMES.get(model, model)}), which most recordings need."
-        if others:
+        name = LAW_NAMES.get(model, model)
+        text = f"Members are compared under one law ({name}), the one that most of them need."
+        if len({key for row in rows for key in row.models}) == 1:
+            text = f"All members were fitted with one law ({name})."
+        elif others:
             text += f" {len(others)} need another: {listed(others)}. The table in cohort.csv has both."
         blocks.append(web.Prose(text))
     table = SortableTable(

@@ -30,7 +30,7 @@ from legfem.report.diagnosis_sentences import (
 )
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.page import PressedSection
-from legfem.report.section import still_section
+from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import ORIGINS, capital
 
@@ -287,7 +287,7 @@ def _looks(found: Diagnosis) -> str:
     ends = ", the cylinder's ends included" if found.with_ends else ""
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
-        f"R2 = {r_squared_of(found.base.fit, found):.5f}. Probabilities weigh all explanations "
+        f"R² = {r_squared_of(found.base.fit, found):.4f}. Probabilities weigh all explanations "
         "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
         "“nothing is missing” and “one mechanism is missing” are taken to be equally probable, “two are missing” half "
         "as probable. “Nothing detectable” is nothing at all, or an effect that is too small for these recordings to "

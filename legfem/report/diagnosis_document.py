@@ -10,7 +10,7 @@ from legfem.common.documents import json_types, versions_of
 from legfem.common.errors import doubt_documents
 from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of, symbol_of
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.inverse.diagnosed_fit import base_fit, best_fit
 from legfem.inverse.document import estimate_document, fitted_document
 from legfem.inverse.estimates import Estimate
@@ -162,7 +162,9 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "between": [limit.low, limit.high],
                     "open": [limit.open_low, limit.open_high],
                     "greatest_change_of_force_N": limit.effect,
-                    "stiffness_kPa": {symbol_of(n): list(map(mpa_to_kpa, ends)) for n, ends in limit.stiffness.items()},
+                    "stiffness_kPa": {
+                        n.removeprefix("deep."): list(map(mpa_to_kpa, ends)) for n, ends in limit.stiffness.items()
+                    },
                     "unseen": [
                         {"at": dict(end.values), "open": end.open, "C10_kPa": mpa_to_kpa(end.c10)} for end in limit.ends
                     ],

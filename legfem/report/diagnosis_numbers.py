@@ -122,9 +122,9 @@ def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
     return [
         (
             name if len(every) == 1 else f"{name}, {len(every)} modes",
-            f"{every[0]:+.1f} sd from its prior"
+            f"moved by {every[0]:+.1f} sd"
             if len(every) == 1
-            else f"{min(every):+.1f} to {max(every):+.1f} sd from their priors",
+            else f"moved by {min(every):+.1f} to {max(every):+.1f} sd",
         )
         for name, every in moved.items()
     ]
@@ -205,7 +205,7 @@ def places_cells(found: Diagnosis) -> Cells:
         for place in places
         if place in kept
     ]
-    header = ["phase", "mm", "s", "size (N)", "noise (N)", "p", "trials"]
+    header = ["phase", "displacement (mm)", "time (s)", "size (N)", "noise (N)", "p", "trials"]
     return header, rows
 
 
@@ -238,7 +238,14 @@ def evidence_cells(found: Diagnosis) -> Cells:
             for model, held in zip(found.models, found.held_out, strict=True)
         ),
     ]
-    header = ["explanation", "probability", "ln Bayes factor", "of the misfit", "held-out (N)", "full solutions"]
+    header = [
+        "explanation",
+        "probability",
+        "ln Bayes factor",
+        "misfit explained",
+        "held-out error (N)",
+        "full solutions",
+    ]
     return header, rows
 
 

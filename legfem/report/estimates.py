@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 from legfem.common.units import mpa_to_kpa, readable_unit
 from legfem.data.ranges import PUBLISHED_C10, Published
 from legfem.data.recording import Origin
-from legfem.inverse.catalogue import parameter_of, symbol_of, unit_of
+from legfem.inverse.catalogue import UNITS, parameter_of, symbol_of, unit_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
 from legfem.inverse.fit import Fit, Goodness, TestFit
@@ -43,6 +43,8 @@ def interval_text(found: Estimate) -> str:
 def words_of(name: str) -> str:
     """Return a parameter's full name in words."""
     tissue, _, field = name.rpartition(".")
+    if tissue not in REGION_NAMES and field in UNITS:
+        return f"{field} of the {tissue}"
     if tissue not in REGION_NAMES:
         return parameter_of(name, {name: 1.0}).statement
     return f"{field} of the {REGION_NAMES[tissue]}"
@@ -53,7 +55,7 @@ def estimated(what: str, found: Estimate, recordings: int, isotropic: bool) -> K
 
     Of an isotropic tissue, C10 has the moduli beside it.
     """
-    moduli = f"; {_moduli(found)}" if isotropic and found.parameter.name.endswith(".C10") else ""
+    moduli = f"; {moduli_of(found)}" if isotropic and found.parameter.name.endswith(".C10") else ""
     bound = f"; at the {found.at_bound} bound of the search" if found.at_bound else ""
     prior = f"; {prior_text(found.parameter)}" if found.parameter.prior else ""
     return Known(
@@ -129,10 +131,11 @@ def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
 
 def stiffness_sentence(found: Estimate, tissue: str) -> str:
     """C10 with its interval, and the moduli at small strain that belong to it, as a page's first words."""
-    return f"{tissue} stiffness C10 = {value_text(found)} ({interval_text(found)}), {_moduli(found)}"
+    return f"{tissue} stiffness C10 = {value_text(found)} ({interval_text(found)}), {moduli_of(found)}"
 
 
-def _moduli(found: Estimate) -> str:
+def moduli_of(found: Estimate) -> str:
+    """Return the moduli at small strain that belong to an estimate of C10."""
     return moduli_text(found.shown.value, found.shown.standard_error, found.shown.unit)
 
 
@@ -147,7 +150,10 @@ def _known_within(name: str, found: Estimate) -> str:
     if not np.isfinite(half) or half > 1:
         return f"{symbol} cannot be determined from this test ({found.identifiability})"
     range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""
-    return f"{symbol} is known to within ± {100 * half:.0f} %{range_} ({found.identifiability})"
+    known = f"± {100 * half:.0f} %{range_}"
+    if found.identifiability == "not identifiable":
+        return f"{symbol} is known only to within {known}, which is too little to use (not identifiable)"
+    return f"{symbol} is known to within {known} ({found.identifiability})"
 
 
 def why_identifiable(parameters: Mapping[str, Estimate], law: str) -> list[str]:
@@ -195,6 +201,7 @@ class Remedies:
         """Return what to do where most of an error has a source."""
         return {
             "recordings": f"{self.recordings}, or state what you already know of it (--prior)",
+            "few_repeats": "few repeats tell poorly by how much they differ, so record more of them",
             "differences": "the recordings differ from one another by a factor, so test more specimens",
             "model": "most of the uncertainty comes from the model itself, and further recordings will not reduce it; "
             "state what you already know (--prior)",
@@ -379,15 +386,16 @@ def modulus_rows(moduli: Iterable[ShearModulus], origin: Origin) -> list[Known]:
 
 
 def own_value(one: TestFit, name: str) -> str:
-    """A parameter as one test has it by itself."""
+    """A parameter's value as one test has it by itself."""
     unit, factor = readable_unit(unit_of(name))
     found = one.by_itself[name]
-    return f"{symbol_of(name)} {factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
+    return f"{factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
 
 
 def chance(goodness: Goodness) -> str:
     """A sum of squares over its errors, in words."""
+    plural = "s" * (goodness.degrees_of_freedom != 1)
     return (
-        f"{goodness.chi_square:.3g} for {goodness.degrees_of_freedom} degrees of freedom "
+        f"{float(f'{goodness.chi_square:.3g}'):g} for {goodness.degrees_of_freedom} degree{plural} of freedom "
         f"({fit_probability(goodness.p_value)})"
     )

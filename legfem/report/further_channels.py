@@ -18,14 +18,14 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.mechanisms.uneven_muscle import RADIUS_MM, UnevenMuscle, place_in_section
+from legfem.legs.mechanisms.uneven_muscle import UnevenMuscle, place_in_section
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
 from legfem.report.diagnosis_figures import matched
 from legfem.report.page import Arrow, Mark, StillSection
-from legfem.report.section import still_section
+from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 
 SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"
@@ -350,4 +350,4 @@ def _stiffness_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:
             continue
         x, y = place_in_section(subject, one.shape["depth"], one.shape["side"])
         how = "stiffer" if float(one.direction @ fitted.augmented_residual) > 0 else "softer"
-        yield Mark(f"a {how} region here matches {100 * share:.0f} %", x, -y, RADIUS_MM, REPAIRED_COLOUR)
+        yield Mark(f"a {how} region here matches {100 * share:.0f} %", x, -y, one.shape["radius"], REPAIRED_COLOUR)

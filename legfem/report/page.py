@@ -24,9 +24,9 @@ TONES: Mapping[Tone, str] = {
     "wrong": "The model does not fit",
 }
 PROVENANCE: Mapping[Provenance, str] = {
-    "measured": "read off measurements of this leg",
-    "reconstructed": "read off reconstructed data; nothing was measured",
-    "simulated": "read off simulated data; nothing was measured",
+    "measured": "read from measurements of this leg",
+    "reconstructed": "read from reconstructed data; nothing was measured",
+    "simulated": "read from simulated data; nothing was measured",
     "estimated": "found here, by fitting the model to what was measured",
     "computed": "computed here, by the model with the numbers above and below",
     "assumed": "taken as exact; not checked here",

@@ -12,7 +12,7 @@ from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import plain
 from legfem.report.page import Bars, LabelledBar
-from legfem.report.section import still_section
+from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import options_of
 
@@ -34,7 +34,7 @@ def plan_lines(ranked: Sequence[DesignValue]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
     return [
         f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates"
-        + (f" (it takes {one.design.effort})" if one.design.effort else "")
+        + (f"; needed: {one.design.effort}" if one.design.effort else "")
         for one in ranked
     ]
 

@@ -1,11 +1,13 @@
 """What is seen in a folder before anything is solved: of a leg, of specimens, of recordings."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError, doubt_lines
+from legfem.common.progress import Progress
 from legfem.data import Scales, Segmentation, SourceColumn, seen_instrument, segment
 from legfem.data.channel_reader import is_channel_file
 from legfem.data.contact import LEG
@@ -19,8 +21,8 @@ from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.plausibility import doubts_about, room_before
 from legfem.legs.schema import RECORDINGS, SUBJECTS, site_names, subject_entry
 from legfem.legs.subject import Subject
+from legfem.report.instrument_file import draw_look, look_text
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure, slices_figure
-from legfem.report.look import draw_look, look_text
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file
@@ -86,9 +88,13 @@ class Preview:
         return "\n".join([self.title, *self.doubts, *facts, "", *seen])
 
 
-def preview_of(folder: Path, out: Path) -> Preview:
+def preview_of(folder: Path, out: Path, progress: Progress | None = None) -> Preview:
     """Look at a folder, and draw what is seen into another; nothing is solved."""
-    kinds = {SUBJECTS.file: _leg, LEGS.file: _stocking, FILE: _specimen}
+    kinds: dict[str, Callable[[Path, Path], Preview]] = {
+        SUBJECTS.file: _leg,
+        LEGS.file: partial(_stocking, progress=progress),
+        FILE: _specimen,
+    }
     kind = next((look for file, look in kinds.items() if (folder / file).is_file()), None)
     if kind is not None:
         return kind(folder, out)
@@ -185,9 +191,9 @@ def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
     ]
 
 
-def _stocking(folder: Path, out: Path) -> Preview:
+def _stocking(folder: Path, out: Path, progress: Progress | None) -> Preview:
     try:
-        leg = load_leg(folder)
+        leg = load_leg(folder, progress)
     except InputError as error:
         return Preview(folder.name, "", str(error))
     picture = save(slices_figure(leg), out, "slices")[0].name

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from legfem.common.units import FloatArray, percent
-from legfem.inverse.catalogue import DEEP_C10, RATIO, is_ratio, symbol_of
+from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import RELAXATION
 from legfem.report import estimates
@@ -11,7 +11,7 @@ from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
-from legfem.report.words import ORIGINS, fit_probability
+from legfem.report.words import ORIGINS, capital, fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent
 from legfem.specimens.sizes import kind_in, sizes_text
@@ -34,8 +34,9 @@ def procedure(result: SpecimenFit) -> str:
     untimed = (
         ""
         if first.recording.timed
-        else "They are tables of stretch and stress without a time, so that nothing is known of rates, and are taken "
-        "to be of a body of the stated size, or of a cube of 10 mm; their errors are what they are off a smooth curve. "
+        else "They are tables of stretch and stress without a time, so nothing is known of rates; forces are those "
+        "on a body of the stated size, or on a cube of 10 mm. The errors of the tables are their differences from a "
+        "smooth curve. "
     )
     relaxing = (
         "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
@@ -55,9 +56,14 @@ def procedure(result: SpecimenFit) -> str:
         if result.details.folder.returns
         else "to the first return; recordings after that were not used. "
     )
+    fitted = sum(one.fitted for one in result.tests)
+    together = (
+        f"{fitted} recordings were fitted together by one law, weighted equally relative to their greatest {axes.load},"
+        if fitted > 1
+        else "1 recording was fitted"
+    )
     return (
-        f"{sum(one.fitted for one in result.tests)} recordings were fitted together by one law, with equal weight "
-        f"relative to their greatest {axes.load}, from first contact {until}{untimed}{relaxing}"
+        f"{together} from first contact {until}{untimed}{relaxing}"
         f"{own}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
         "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
         "refined and confirmed. The intervals include the errors of the instrument and of the model, and the "
@@ -132,7 +138,7 @@ def _of_its_own(result: SpecimenFit, one: SampleFit) -> str:
 def predictions(result: SpecimenFit) -> list[str]:
     """Return how well what was left out is predicted."""
     return [
-        f"left out, {one.name}: predicted with R2 {one.r_squared:.3f}, rmse {one.axes.load_text(one.rmse)} "
+        f"left out, {one.name}: predicted with R² {one.r_squared:.3f}, rmse {one.axes.load_text(one.rmse)} "
         f"({100 * one.rmse / one.course.peak:.2g} % of {one.axes.load_text(one.course.peak)}){_of_its_own(result, one)}"
         for one in [one for one in compared(result) if not one.fitted]
     ]
@@ -220,7 +226,7 @@ def _headline(best: SpecimenFit) -> web.Headline:
                 else f"The recordings show an effect that the law leaves out "
                 f"({fit_probability(best.goodness.p_value)}).",
             ),
-            ("How stiff", f"{values}."),
+            ("How stiff", f"{capital(values)}."),
             ("How sure", estimates.how_sure(best.estimates)),
             ("What to do", _next(best)[0]),
         ],
@@ -235,9 +241,14 @@ def _unused(best: SpecimenFit) -> str:
 
 
 def _stiffness(best: SpecimenFit) -> str:
-    """The asked number as a sentence; nothing where C10 wasn't free, or the law doesn't fit."""
-    found = best.estimates.get(DEEP_C10)
-    return f"{estimates.stiffness_sentence(found, 'Tissue')}. " if found is not None and best.goodness.fits else ""
+    """The asked numbers as sentences; nothing where no C10 was free, or the law doesn't fit."""
+    if not best.goodness.fits:
+        return ""
+    found = {name.removesuffix(".C10"): one for name, one in best.estimates.items() if name.endswith(".C10")}
+    return "".join(
+        f"{estimates.stiffness_sentence(one, 'Tissue' if layer == 'deep' else capital(layer))}. "
+        for layer, one in found.items()
+    )
 
 
 _RELAXATION_WORDS = {

@@ -30,9 +30,10 @@ ENERGIES = {
 }
 
 BEYOND_A_FIT = (
-    "What looks like another stiffness does not show in a fit: a hard region in the muscle, fat stiffer or softer than "
-    "assumed. In a simulated leg a knot twelve times as stiff made C10 21 % too high, and the model fitted "
-    "(studies/cohort). legfem diagnose says what may hide, and what C10 would then be."
+    "A good fit does not rule out a hard region in the muscle, or fat that is stiffer or softer than assumed: they "
+    "look like another C10. In a simulated leg a knot twelve times as stiff as the muscle made C10 21 % too high, and "
+    "the model still fitted (studies/cohort). legfem diagnose says which effects may be hidden, and what C10 would be "
+    "then."
 )
 """Of an identification that shows nothing wrong."""
 

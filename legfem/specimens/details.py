@@ -1,10 +1,10 @@
 """What a fit of specimens has beside that of any test: what isn't known of a test, weighed; errors of sizes.
 
 Alternatives are as probable beforehand. Intervals are those of the mixture, each counting by its evidence beside a
-smooth error of unknown form (`legfem.specimens.misfit`), alike in all recordings, and summed over the laws that are
-fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence counts the
-less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video shows the
-specimen's side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`).
+smooth error of unknown form (`legfem.specimens.model_discrepancy`), alike in all recordings, and summed over the laws
+that are fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence
+counts the less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video
+shows the specimen's side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
-from legfem.specimens.misfit import LawMisfit
+from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of, resized
 
 type _Fit = Fit[SpecimenDetails]
@@ -100,7 +100,10 @@ def _over_all(name: str, best: Estimate, every: "Sequence[Weighed]", fits: bool)
         widened, standard_error=float(np.sqrt(variance)), identifiability=word, error_shares=MappingProxyType(shares)
     )
     ends = " to ".join(f"{end:.3g}" for end in found.shown.ci95)
-    why = f"95 % interval {ends} {found.shown.unit} over what isn't stated of the test; stated as found, {best.why}"
+    why = (
+        f"95 % interval {ends} {found.shown.unit}, with all alternatives of the test that the folder leaves open; with "
+        f"the most probable one alone, {best.why}"
+    )
     return replace(found, why=why)
 
 
@@ -126,19 +129,18 @@ def alternatives_text(every: "Sequence[Weighed]", to_know: str) -> str:
     """Return what the recordings say of a test's alternatives, what that costs, and how to narrow it."""
     best, *others = every
     chances = ", ".join(f"{one.words} ({percent(one.probability)})" for one in every)
-    text = f"The folder does not state this, so the recordings were used to weigh it: {chances}."
+    text = f"The folder does not state how the test was done. Judging by the recordings: {chances}."
     name = DEEP_C10 if DEEP_C10 in best.estimates else next(iter(best.estimates))
     value = best.estimates[name].value
-    moves = ", ".join(
-        f"{100 * (one.estimates[name].value / value - 1):+.0f} % with {one.words}"
-        for one in others
-        if name in one.estimates and value
+    ratios = [(one.estimates[name].value / value, one.words) for one in others if name in one.estimates and value]
+    moves = " and ".join(
+        f"{100 * abs(ratio - 1):.0f} % {'higher' if ratio > 1 else 'lower'} with {words}" for ratio, words in ratios
     )
     low, high = best.estimates[name].ci95
     alone = 50 * (high - low) / value if value else 0.0
     return (
-        f"{text} {symbol_of(name)} is that of the first, and would be {moves}; its interval goes over all. If that "
-        f"were known, ± {alone:.1f} % would be left. {to_know}."
+        f"{text} {symbol_of(name)} is given for {best.words}; it would be {moves}, and the interval includes these "
+        f"values. If you knew which is right, ± {alone:.1f} % would be left. {to_know}."
     )
 
 

@@ -67,7 +67,7 @@ _TOLD: Mapping[str, tuple[str, str]] = {
         "press deeper, or with a smaller indenter: larger strains",
     ),
     "compressibility": (
-        "the tissue loses or keeps more volume than Poisson's ratio as given says",
+        "the tissue is more (or less) compressible than the stated Poisson's ratio says",
         "measure the specimen's girth under load, and how its volume changes",
     ),
     "contact-slip": _FACES[1:],
@@ -195,7 +195,7 @@ def _of_specimen(mechanism: Mechanism, scale: Scale) -> Mechanism:
         most = max(_LEAST_FACTOR, scale.bulk / _LEAST_BULK)
         first = factor(
             "factor",
-            "on D1",
+            "D1 over the assumed one",
             (0.1, 1.5 * most),
             max(1.3, 0.5 * math.log(most)),
             "gels hardly lose volume, foams and drained tissues lose much",
@@ -375,7 +375,7 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
     if folder.alternatives:
         first = folder.alternatives[0]
         remarks.append(
-            f"What isn't stated of the test is taken to be {first}; slip at the faces is among what is weighed."
+            f"The folder leaves open how the test was done: {first} is assumed, and slip at the faces is weighed."
         )
     if len(folder.tissues) > 1:
         remarks.append(

@@ -11,6 +11,7 @@ import numpy as np
 
 from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.input_files import read_table
+from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.data import ranges
 from legfem.data.folder import RESOURCES, Catalogue
@@ -27,10 +28,10 @@ from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.plausibility import doubts_about_size
 from legfem.legs.subject import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
 from legfem.stockings.levels import PLACES, MakersLevels
-from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
 
 STRETCH = PhysicalRange(
@@ -61,8 +62,10 @@ CLEARANCES = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
 LEGS = Catalogue(RESOURCES / "dubuis" / "subjects", "leg.toml")
 
 
-def load_leg(directory: Path) -> StockingLeg:
+def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
     """Load the folder of a leg: ``leg.toml`` and the files it names.
+
+    Reading and registering scans takes seconds to minutes, which ``progress`` shows.
 
     Raises
     ------
@@ -71,16 +74,19 @@ def load_leg(directory: Path) -> StockingLeg:
     """
     directory = Path(directory)
     toml = LEGS.opened(directory)
-    given = parse_leg_file(toml)
+    given, progress = parse_leg_file(toml), progress or Silent()
+    progress.stage(f"outlines of the bare leg{_asked_length(given.segment)}")
     bare_scan, levels = _opened(directory, toml, "bare", given.bare, given)
     bare, scanned_bare = (bare_scan.shape(OUTLINES, levels, room) for room in (CLEARANCES, None))
     shapes, registration = [bare, scanned_bare], None
     if given.compressed is not None:
+        progress.stage("outlines of the leg in its stocking")
         scan, levels = _opened(directory, toml, "compressed", given.compressed, given)
         if bare_scan.volume is not None and scan.volume is not None:
             check_same_spacing(bare_scan.volume, scan.volume)
         scanned = scan.shape(OUTLINES, levels)
         check_scans_differ(scanned_bare, scanned, toml)
+        progress.stage("laying one scan on the other by the bones")
         registration = registered(_dense(scanned_bare), _dense(scanned), given.accuracy.contour_sd_mm, toml)
         motion = registration.transform
         shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
@@ -112,6 +118,15 @@ def load_leg(directory: Path) -> StockingLeg:
         makers=_makers(given.stocking),
     )
     return replace(leg, doubts=doubts_about_leg(leg, toml))
+
+
+def _asked_length(asked: SegmentEntry) -> str:
+    """How much of the leg the file asks for, and that it is too little; empty where it doesn't say."""
+    if asked.from_mm is None or asked.to_mm is None:
+        return ""
+    length = asked.to_mm - asked.from_mm
+    few = f"; model {LEAST_LENGTH_MM:g} mm or more" if length < LEAST_LENGTH_MM - 1e-6 else ""
+    return f", {length:g} mm of it as [segment] asks{few}"
 
 
 def _opened(

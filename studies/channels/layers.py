@@ -33,6 +33,9 @@ from studies.other_code.pressing import OtherCurve
 
 type Body = Literal["limb", "calf"]
 DEPTH_MM, LEAST_MM, RATE_MM_PER_S = 12.0, 5.0, 0.5
+FINER = 1.5
+"""Of the mesh: where a soft muscle hardly changes its volume the default one's force is 1.7 % too large, this one's
+0.9 %."""
 TRIALS, FRAMES_HZ = 3, 5.0
 USUAL_KPA = {"deep": 1.0, "superficial": 2.0}
 """What a lab assumes, and about which truths are drawn."""
@@ -201,7 +204,7 @@ def outcome_of(context: None, truth: Layers) -> LayersOutcome:
         If the other code can't press it far enough.
     """
     begun = time.process_time()
-    curve = OtherCode(leg_of(truth, truth.superficial), OtherCase(truth.deep)).solve(DEPTH_MM)
+    curve = OtherCode(leg_of(truth, truth.superficial), OtherCase(truth.deep), FINER).solve(DEPTH_MM)
     if curve.displacement[-1] < LEAST_MM:
         raise UnsolvedError(f"{truth.body} {truth.number}: felupe stops at {curve.displacement[-1]:g} mm")
     subject = recorded(truth, curve)

@@ -19,8 +19,9 @@ from legfem.jobs.store import Store
 from studies.command_line import DONE_IS_KEPT, Out, Seed, new_app, write_results
 
 app = new_app()
-OWN_SD = 0.06
-"""Of each test's logarithm: half-width of 12 %, that of a leg by loading with a hold."""
+OWN_SD, ALIKE_SD = 0.06, 0.05
+"""Of each test's logarithm: half-width of 12 %, that of a leg by loading with a hold; and what a leg's tests err by
+alike."""
 KEPT = 39
 """Draws of a posterior beside which a truth is ranked: ranks are 0 to 39."""
 _BINS = 8
@@ -40,7 +41,7 @@ def small_cohort(people: int) -> Hierarchy:
     person = np.repeat(np.arange(people), 4)
     leg, visit = np.repeat(np.arange(2 * people), 2), np.array([2 * p + v for p in range(people) for v in (0, 1, 0, 1)])
     group = (person % 2).astype(np.float64)
-    return Hierarchy(("group",), group[:, None], {"person": person, "leg": leg, "visit": visit})
+    return Hierarchy(("group",), group[:, None], {"person": person, "leg": leg, "visit": visit}, leg)
 
 
 def ranked(sampler: PopulationSampler, seed: int) -> Ranked:
@@ -52,9 +53,11 @@ def ranked(sampler: PopulationSampler, seed: int) -> Ranked:
     theta = mean + effect * given.design[:, 0] + sd["test"] * generator.normal(size=n)
     for level, of in given.shared.items():
         theta += sd[level] * generator.normal(size=of.max() + 1)[of]
-    centre = (theta + OWN_SD * generator.normal(size=n))[:, None]
+    assert given.leg is not None
+    slip = ALIKE_SD * generator.normal(size=given.leg.max() + 1)[given.leg]
+    centre = (theta + slip + OWN_SD * generator.normal(size=n))[:, None]
     width = np.full((n, 1), OWN_SD)
-    draws = sampler.draw(Likelihoods(np.zeros((n, 1)), centre, width, width), seed)
+    draws = sampler.draw(Likelihoods(np.zeros((n, 1)), centre, width, width, np.full(n, ALIKE_SD)), seed)
     pairs: dict[str, tuple[FloatArray, float]] = {"mean": (draws.mean, mean), "group": (draws.effects[:, 0], effect)}
     pairs |= {f"sd of {level}": (draws.sd[level], sd[level]) for level in given.levels}
     pairs["first test"] = (draws.theta[:, 0], float(theta[0]))

@@ -51,7 +51,7 @@ class Drawn:
     error: float
     """Of ln C10."""
     sd: float
-    """Its standard error."""
+    """Its standard error, as a cohort has it: without what the interval allows for few repeats."""
     held: bool
     """Whether the interval holds the truth."""
     p_value: float
@@ -75,12 +75,12 @@ def drawn(test: Tested, curves: FloatArray, spread: Spread, seed: int) -> Drawn:
     slope = model(plain, 1)
     gain = slope / (slope @ slope)
     error = plain - float(np.log(test.c10 * (spread.drift if test.drifted else 1.0)))
-    sd = float(np.sqrt(gain @ covariance @ gain))
+    variance = float(gain @ covariance @ gain)
     return Drawn(
         sum(one.contact.in_air for one in trials),
         error,
-        sd,
-        abs(error) <= quantile(curve.noise.repeat_dof) * sd,
+        float(np.sqrt(variance - gain @ curve.few_repeats @ gain)),
+        abs(error) <= quantile(curve.noise.repeat_dof) * np.sqrt(variance),
         float(chi2.sf(least, len(slope) - 1)),
     )
 

@@ -277,8 +277,10 @@ def _shared(one: Ints, other: Ints) -> Ints:
     return one[np.isin(one[:, 2], other[:, 2])]
 
 
-_PENALTY, _ALONG = 400.0, 200.0
-"""Normal and tangential, times the fat's shear modulus over the cylinder's radius."""
+_PENALTY, _BETWEEN = 2000.0, 4000.0
+"""Of the cylinder on the skin, normal and tangential, and of fat on the fascia: times the shear modulus of fat or
+muscle, whichever is larger, over the cylinder's radius. With a tenth of it along the skin a soft fat under a stiff
+muscle yields by 2 % of the force."""
 
 
 @dataclass(frozen=True)
@@ -368,14 +370,13 @@ class OtherCode(OtherPressing):
         self.mesh = mesh_leg(subject.section, at_skin, finer)
         fat = subject.tissues["superficial"].C10
         assert fat is not None
-        modulus = 2 * fat
+        modulus = 2 * max(fat * case.factors.get("superficial", 1.0), kpa_to_mpa(case.c10))
         self.face: SlidingFace | None = None
         if case.sliding is not None:
-            self.mesh, self.face = parted(self.mesh, 10 * _PENALTY * modulus / self.radius, kpa_to_mpa(case.sliding))
+            self.mesh, self.face = parted(self.mesh, _BETWEEN * modulus / self.radius, kpa_to_mpa(case.sliding))
         bodies = list(self._made(at_skin, travel))
         super().__init__(bodies, self._kept(), travel, indenter.length)
         self.penalty = _PENALTY * modulus / self.radius
-        self.along = _ALONG * modulus / self.radius
         self._shape = _SHAPE
 
     def _made(self, touch: FloatArray, travel: FloatArray) -> Any:
@@ -523,13 +524,13 @@ class OtherCode(OtherPressing):
         pressure = self.penalty * pressed
         s = self.radius * np.arctan2(n @ np.array([-self.travel[1], self.travel[0]]), n @ self.travel)
         holding = touching & ~np.isnan(stuck)
-        pull = np.where(holding, self.along * (s - np.where(holding, stuck, 0.0)), 0.0)
+        pull = np.where(holding, self.penalty * (s - np.where(holding, stuck, 0.0)), 0.0)
         limit = self.case.friction * pressure if np.isfinite(self.case.friction) else np.inf
         sliding = holding & (np.abs(pull) > limit)
         drag = np.where(sliding, np.sign(pull) * np.minimum(np.abs(pull), limit), pull)
         f = weights[:, :, None] * (pressure[:, :, None] * n - drag[:, :, None] * tau)
         by_normal = weights * self.penalty * touching
-        by_along = weights * self.along * (holding & ~sliding) - weights * pressure / rho
+        by_along = weights * self.penalty * (holding & ~sliding) - weights * pressure / rho
         K = by_normal[:, :, None, None] * n[:, :, :, None] * n[:, :, None, :]
         K = K + by_along[:, :, None, None] * tau[:, :, :, None] * tau[:, :, None, :]
         if np.isfinite(self.case.friction):
@@ -538,5 +539,5 @@ class OtherCode(OtherPressing):
         outer, tangent = spread(self._shape, edges, f, K, len(u))
         self._face = s[touching], (weights * pressure)[touching]
         held = np.where(touching, np.where(np.isnan(stuck), s, stuck), np.nan)
-        held = np.where(sliding, s - drag / self.along, held)
+        held = np.where(sliding, s - drag / self.penalty, held)
         return outer, tangent, f.sum(axis=(0, 1)), held

@@ -28,9 +28,9 @@ from legfem.legs.diagnosis import (
     shown_mechanisms,
     with_correction,
 )
+from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.mechanisms import OCCURRENCES, mechanisms
 from legfem.legs.subject import Subject
-from legfem.legs.variants import solved_responses
 from legfem.report.diagnosis_sentences import headline
 from studies.concealed.cases import DEPTH_MM, SealedCase, sealed_leg
 from studies.concealed.truth import Truths

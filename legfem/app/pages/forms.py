@@ -43,7 +43,7 @@ def settings_tab(folder: Path) -> None:
     path = folder / described
     text = path.read_text(encoding="utf-8-sig")
     schema = DESCRIPTIONS[described]
-    tag("p", f"These are the keys of {path.name}. Empty ones are left to their defaults.", "quiet")
+    tag("p", f"These are the keys of {path.name}. An empty field keeps its default.", "quiet")
     if described == SUBJECTS.file and (shown := shown_errors(folder)) is not None:
         _offer(path, shown)
     try:
@@ -67,8 +67,8 @@ def _offer(path: Path, shown: tuple[float, float]) -> None:
         write_atomically(path, with_settings(path.read_text(encoding="utf-8-sig"), stated))
         ui.navigate.reload()
 
-    seen = f"From sample to sample the recordings show errors of {force:.2g} N and {displacement:.2g} mm"
-    tag("p", f"The instrument isn't stated. {seen}, at least: give its accuracies where you have them.", "line wanting")
+    seen = f"The recordings show errors of at least {force:.2g} N and {displacement:.2g} mm from sample to sample"
+    tag("p", f"The instrument is not stated. {seen}: give its accuracies if you know them.", "line wanting")
     ui.button("Take what the recordings show", on_click=take).props("outline dense")
 
 
@@ -88,7 +88,7 @@ def _form(path: Path, settings: list[Setting]) -> None:
                 one.key: typed_value(one, get()) for one, get, shown in fields if get() != shown
             }
             if not changed:
-                ui.notify("nothing was changed")
+                ui.notify("Nothing was changed.")
                 return
             # Read anew: another tab may have changed other keys.
             now = path.read_text(encoding="utf-8-sig")
@@ -177,11 +177,15 @@ def columns_tab(folder: Path, looking: Run) -> None:
     _choice(folder, first)
 
 
+_UNIT_HINTS = {"time": "s, ms, min", "displacement": "mm, µm, m", "force": "N, mN, kN"}
+
+
 def column_fields(first: dict[str, Any]) -> Callable[[], SourceColumns]:
     """Put the choice of a recording's columns, units and directions; return what reads it."""
     sheets = list(dict.fromkeys(one["sheet"] for one in first["columns"]))
     now = first["channels"] or {}
     sheet = ui.select(sheets, value=now.get("sheet") or sheets[0], label="table")
+    sheet.props["hint"] = "the file's table that has the recording"
     sheet.set_visibility(len(sheets) > 1)
     names = {one["name"]: one["unit"] for one in first["columns"]}
     chosen: dict[str, tuple[ui.select, ui.input, ui.select | None]] = {}
@@ -189,11 +193,14 @@ def column_fields(first: dict[str, Any]) -> Callable[[], SourceColumns]:
         known = now.get(quantity) or {}
         with ui.element("fieldset"), ui.element("div").classes("fields"):
             column = ui.select(list(names), value=known.get("column"), label=f"{quantity}: column")
+            column.props["hint"] = f"the file's column with the {quantity}"
             unit = ui.input(f"{quantity}: unit", value=known.get("unit") or "")
+            unit.props["hint"] = _UNIT_HINTS[quantity]
             column.on_value_change(lambda event, box=unit: box.set_value(names.get(event.value)))
             sign = None
             if quantity != "time":
                 sign = ui.select(_SIGNS, value=known.get("sign", 1), label=f"{quantity}: direction")
+                sign.props["hint"] = "reversed if the numbers fall while the indenter presses"
             chosen[quantity] = column, unit, sign
 
     def channel(quantity: str) -> SourceColumn:
@@ -224,4 +231,4 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
 
     with ui.element("div").classes("inrow"):
         ui.button("Use these columns", on_click=lambda: save(True))
-        ui.button("They are in legfem's own form", on_click=lambda: save(False)).props("outline")
+        ui.button("The files have legfem's own columns", on_click=lambda: save(False)).props("outline")

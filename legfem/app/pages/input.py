@@ -196,7 +196,7 @@ def _picture(looking: Run, file: str, shown: str) -> None:
         tag("figcaption", f"{shown[0].upper()}{shown[1:]}")
 
 
-_EVERY = 0.5
+_EVERY, _LOOKING = 0.5, "looking at the files ..."
 
 
 def input_page(workspace: Workspace, name: str, questions: Questions) -> None:
@@ -238,16 +238,18 @@ def _when_seen(looking: Run, put: Callable[[], None]) -> None:
     place = ui.element("div")
     with place, ui.element("div").classes("inrow").props("role=status"):
         ui.spinner()
-        tag("span", "looking at the files ...")
+        stage = tag("span", _LOOKING)
 
     def check() -> None:
         if looking.alive:
+            reached = looking.reached()
+            stage.text = f"{_LOOKING} {reached.stage}" if reached else _LOOKING
             return
         timer.cancel()
         place.clear()
         with place:
             if seen(looking) is None:
-                refused((looking.log() or ["it can't be looked at"])[-1])
+                refused((looking.log() or ["the files could not be looked at"])[-1])
             else:
                 put()
 
@@ -261,9 +263,10 @@ def _files_tab(workspace: Workspace, name: str) -> None:
             with ui.element("li"):
                 tag("span", path.relative_to(folder).as_posix())
                 tag("span", f"{path.stat().st_size / 1000:,.0f} kB", "quiet")
-    drop_zone("Drop more files here; one of the same name takes the place of the old one.", name)
-    tag("p", f"They are in {folder}.", "quiet")
+    drop_zone("Drop more files here; a file of the same name replaces the old one.", name)
+    tag("p", f"These files are in {folder}.", "quiet")
     called = ui.input("name", value=name)
+    called.props["hint"] = "for Rename and Duplicate"
 
     def changed(change: Callable[[], str]) -> None:
         try:

@@ -36,7 +36,7 @@ def home_page(workspace: Workspace, deleted: str = "") -> None:
             for text, (folder, name) in _EXAMPLES.items():
                 ui.button(text, on_click=lambda f=folder, n=name: _begin(workspace, f, n)).props("outline dense")
         if workspace.inputs:
-            tag("h2", "What is there")
+            tag("h2", "Legs and specimens in this workspace")
             with ui.element("ul").classes("cards"):
                 for name in workspace.inputs:
                     _card(workspace, name)
@@ -136,7 +136,7 @@ def compare_page(workspace: Workspace) -> None:
             tag("p", "There are no runs yet.")
             return
         with ui.element("p").classes("inrow"):
-            tag("span", "All numbers with their intervals, for other programs:")
+            tag("span", "Download all numbers with their intervals:")
             for kind in ("csv", "xlsx"):
                 ui.link(f"results as {kind.upper()}", f"/table.{kind}")
         _differences([found for run in runs for found in answers_of(run)])
@@ -153,7 +153,8 @@ def compare_page(workspace: Workspace) -> None:
 def _differences(rows: list[Answer]) -> None:
     """Put the table of results, with differences of C10 from a chosen one."""
     known = {f"{row.run} {row.law}".strip(): row.c10_ends for row in rows if row.c10_ends is not None}
-    chosen = ui.select(list(known), value=next(iter(known), None), label="differences from")
+    chosen = ui.select(list(known), value=next(iter(known), None), label="compare all results with")
+    chosen.props["hint"] = "differences of C10 are from this result"
     chosen.set_visibility(len(known) > 1)
     place = ui.element("div")
 
@@ -168,8 +169,8 @@ def _differences(rows: list[Answer]) -> None:
     draw()
 
 
-_LABELS, _SCALE, _LINE = 360, 500, 26
-"""Widths of the plot's names and of its axis, and the height of a row, in its own units."""
+_MARGIN, _SCALE, _LINE = 16, 500, 46
+"""Beside the plot's axis, the axis' width, and the height of a row with its name above it, in its own units."""
 
 
 def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
@@ -180,7 +181,7 @@ def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
     foot = _LINE * len(known) + 8
 
     def at(value: float) -> float:
-        return _LABELS + _SCALE * value / ticks[-1]
+        return _MARGIN + _SCALE * value / ticks[-1]
 
     _, low, high = known[chosen]
     drawn = f'<rect x="{at(low):.1f}" y="0" width="{at(high) - at(low):.1f}" height="{foot}" fill="#e6f0f7"/>'
@@ -189,19 +190,19 @@ def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
         drawn += f'<text x="{at(tick):.1f}" y="{foot + 18}" text-anchor="middle">{tick:g}</text>'
     drawn += f'<text x="{at(ticks[-1] / 2):.1f}" y="{foot + 38}" text-anchor="middle">C10 (kPa), 95 % interval</text>'
     for row, (name, (value, low, high)) in enumerate(known.items()):
-        y = _LINE * (row + 0.5) + 4
+        y = _LINE * (row + 0.75)
         shown = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
-        drawn += f'<text x="{_LABELS - 12}" y="{y + 5:.0f}" text-anchor="end">{escape(shown)}</text>'
+        drawn += f'<text x="{_MARGIN}" y="{y - 13:.0f}">{escape(shown)}</text>'
         drawn += f'<line x1="{at(low):.1f}" x2="{at(high):.1f}" y1="{y}" y2="{y}" stroke="#0b3d5c" stroke-width="3"/>'
         drawn += f'<circle cx="{at(value):.1f}" cy="{y}" r="5" fill="#b03000"/>'
-    box = f"0 0 {_LABELS + _SCALE + 30} {foot + 46}"
-    with ui.element("figure").classes("wide"):
+    box = f"0 0 {_SCALE + 2 * _MARGIN} {foot + 46}"
+    with ui.element("figure"):
         ui.html(
             f'<svg viewBox="{box}" class="compared" role="img" aria-label="C10 of all results; the table has the '
             f'numbers" font-size="15">{drawn}</svg>',
             sanitize=False,
         )
-        tag("figcaption", f"C10 of muscle or specimen with its 95 % interval; shaded: the interval of {chosen}")
+        tag("figcaption", f"C10 of muscle or specimen with its 95 % interval. The interval of {chosen} is shaded.")
 
 
 _LONGEST_NAME = 44
@@ -232,6 +233,7 @@ def _row(row: Answer, reference: tuple[float, float, float] | None) -> None:
 def _one(reports: dict[str, Run], first: str) -> None:
     with ui.element("div"):
         chosen = ui.select(list(reports), value=first, label="report of").classes("full")
+        chosen.props["hint"] = "the run whose report is shown beneath"
         shown = ui.element("div")
 
         def draw() -> None:

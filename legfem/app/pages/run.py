@@ -50,7 +50,7 @@ def _one_run(workspace: Workspace, run: Run) -> None:
 
     def delete() -> None:
         if run.alive:
-            ui.notify("it runs: stop it first")
+            ui.notify("This run is not finished: stop it first.")
             return
         ui.navigate.to(page_after_deletion("runs", workspace.delete("runs", run.folder.name)))
 
@@ -80,7 +80,7 @@ def _progress(run: Run, state: RunState, delete: Callable[[], None]) -> Callable
         if state is not RunState.RUNNING:
             if state is not RunState.DONE:
                 ui.button("Go on", on_click=lambda: _go_on(run)).props("dense")
-                kept = "goes on from what is finished"
+                kept = "goes on from the finished part"
                 kept = "or begin it now" if state is RunState.WAITING else kept
                 told = "once the cause below is corrected" if state is RunState.REFUSED else kept
                 tag("span", told, "quiet")
@@ -120,7 +120,7 @@ def _results(run: Run, state: RunState) -> None:
         _report(run)
     if lines and state is not RunState.RUNNING:
         with ui.element("details"):
-            tag("summary", "Its messages")
+            tag("summary", "Messages of this run")
             tag("pre", "\n".join(lines[-_SHOWN_LINES:]))
 
 
@@ -157,12 +157,12 @@ def address(run: Run, file: str) -> str:
 
 def _stop(run: Run, at_once: bool = False) -> None:
     if run.cancel(at_once):
-        ui.notify("ending it" if at_once else "stopping: it finishes what it can't break off")
+        ui.notify("The run is being ended." if at_once else "The run stops as soon as its present solve is done.")
     else:
-        ui.notify("it isn't running (or begins just now)")
+        ui.notify("This run is not running, or is just starting.")
 
 
 def _go_on(run: Run) -> None:
     if not run.resume():
-        ui.notify("it runs already")
+        ui.notify("This run is already running.")
     ui.navigate.reload()

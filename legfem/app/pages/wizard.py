@@ -183,6 +183,7 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Descri
     rig = lab.get("indenter", {})
     with ui.element("div").classes("fields"):
         shape = ui.select(_SHAPES, value=rig.get("shape", "cylinder"), label="what pressed it")
+        shape.props["hint"] = "the part that touches the skin"
         diameter = _number("diameter (mm)", "of the cylinder, ball or punch", rig.get("diameter_mm"))
         length = _number("cylinder's length (mm)", "along its axis", rig.get("length_mm"))
         axis = _number("cylinder turned by (degrees)", "0 along the leg, 90 across", 0.0)
@@ -222,6 +223,7 @@ def _aimed(folder: Path, sources: list[str], place: SimpleNamespace) -> None:
     """Put a section that is clicked where it was pressed; ``place`` takes aim, direction, level and source."""
     with ui.element("div").classes("fields"):
         chosen = ui.select(sources, value=sources[0], label="contours, or a scan")
+        chosen.props["hint"] = "the file with the outlines of the leg"
         level = _number("level to cut a scan at (mm)", "in the scan's coordinates; Enter cuts it")
         chosen.set_visibility(len(sources) > 1)
         level.bind_visibility_from(chosen, "value", lambda value: is_scan(folder / value))
@@ -322,6 +324,9 @@ def _dressed(folder: Path, scans: list[str]) -> Describe:
         bare = ui.select(scans, value=scans[0], label="scan of the bare leg")
         other = ui.select(["", *scans], value=scans[1] if len(scans) > 1 else "", label="in its stocking")
         strength = ui.select(["1", "2", "3", "4"], value="2", label="class (RAL-GZ 387/1)")
+        bare.props["hint"] = "the file of the scan without the stocking"
+        other.props["hint"] = "leave it empty to predict pressures only"
+        strength.props["hint"] = "the compression class on the package"
     return lambda: DescribedStocking(folder.name, bare.value, other.value, strength.value).describe(folder)
 
 
@@ -329,6 +334,7 @@ def _tested(folder: Path) -> Describe:
     tag("h2", "What was done to them?")
     with ui.element("div").classes("fields"):
         chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
+        chosen.props["hint"] = "the kind of test; its sizes are asked for below"
     fields: dict[str, list[tuple[Setting, Callable[[], str]]]] = {}
     for test, settings in known_tests().items():
         with ui.element("div").classes("fields") as shown:
@@ -336,8 +342,8 @@ def _tested(folder: Path) -> Describe:
             fields[test] = [(one, setting_field(one)) for one in settings]
     tag(
         "p",
-        "All recordings are taken to be of specimens of this size. If sizes differ, give each specimen a [[specimen]] "
-        "of its own in the file's text, under Assumed.",
+        "All recordings are taken to be of specimens of this size. If sizes differ, give each specimen its own "
+        "[[specimen]] in the file's text, under Assumed.",
         "quiet",
     )
 

@@ -48,8 +48,8 @@ def read_text(path: Path) -> list[Sheet]:
         width = len(parted[_middle_of(lines.texts)])
         parted = [row if len(row) == width else [" ".join(row)] for row in parted]
     remarks = [
-        f"text in {lines.encoding}, columns parted by {_DELIMITERS[delimiter]}, decimals by "
-        f"{'points' if decimal == '.' else 'commas'}: so the numbers are complete",
+        f"text in {lines.encoding}, columns separated by {_DELIMITERS[delimiter]}, decimal "
+        f"{'points' if decimal == '.' else 'commas'}: every number can be read this way",
         *lines.remarks,
     ]
     if not lines.ends and _is_cut(parted, decimal):

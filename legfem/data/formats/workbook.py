@@ -109,7 +109,7 @@ def _table(path: Path, name: str, given: Iterable[Sequence[object]], remarks: tu
     if mark is None:
         return sheet_of_rows(path, name, rows, remarks)
     words = "points" if mark == "." else "commas"
-    remark = f"numbers are text with decimal {words}: so they are complete"
+    remark = f"numbers are text with decimal {words}: every number can be read this way"
     return sheet_of_rows(path, name, [[_number(c, mark) for c in row] for row in rows], (*remarks, remark))
 
 

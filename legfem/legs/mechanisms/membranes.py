@@ -17,7 +17,11 @@ class FasciaStiffness(TissueMechanism):
     statement: ClassVar[str] = "the fascia is stiffer, softer, thicker or thinner than assumed"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         factor(
-            "factor", "on stiffness times thickness", (0.05, 50.0), 1.4, "crural fascia is reported from 0.1 to 100 MPa"
+            "factor",
+            "stiffness times thickness over the assumed one",
+            (0.05, 50.0),
+            1.4,
+            "crural fascia is reported from 0.1 to 100 MPa",
         ),
     )
     would_be: ClassVar[str] = "a fascia of {} times the assumed stiffness"

@@ -33,9 +33,11 @@ class Compressibility(TissueMechanism):
     """The deep tissue's D1, over the one given."""
 
     name: ClassVar[str] = "compressibility"
-    statement: ClassVar[str] = "the deep tissue loses or keeps more volume than the compressibility given says"
+    statement: ClassVar[str] = "the muscle is more (or less) compressible than assumed"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        factor("factor", "on D1", (0.1, 60.0), 1.3, "reported bulk moduli of muscle differ a hundredfold"),
+        factor(
+            "factor", "D1 over the assumed one", (0.1, 60.0), 1.3, "reported bulk moduli of muscle differ a hundredfold"
+        ),
     )
     would_be: ClassVar[str] = "a muscle of {} times the assumed compressibility"
     next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
@@ -55,7 +57,7 @@ class StrainStiffening(TissueMechanism):
     name: ClassVar[str] = "strain-stiffening"
     statement: ClassVar[str] = "the deep tissue stiffens with strain more than the law used can describe"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("coefficient", "kPa", "of the energy's next power of strain", 1.5, (0.0, 20.0)),
+        strength("coefficient", "kPa", "coefficient of the energy's next power of strain", 1.5, (0.0, 20.0)),
     )
     next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
     strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)

@@ -100,7 +100,7 @@ class SupportCompliance(TissueMechanism):
             "-",
             (0.0, 1.0),
             Prior(0.5, 0.5, "linear", "nothing is known"),
-            statement="share of the way from a frame that gives way to bones that do",
+            statement="part of the displacement that is the bones', the rest being the frame's (0 to 1)",
         ),
     )
     would_be: ClassVar[str] = "a support that gives way by {}"

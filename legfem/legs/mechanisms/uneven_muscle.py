@@ -15,8 +15,11 @@ from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
 _DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
-RADIUS_MM = 8.0
-_PLACES = tuple(product(_DEPTHS_MM, _SIDES_MM))
+_RADII_MM = (5.5, 11.0)
+"""Of a disk as much as a lump."""
+_LUMPS = tuple(product(_RADII_MM, _DEPTHS_MM, _SIDES_MM))
+_SHARED = 0.35
+"""Of the distance between places: how far from one its response is shared with the next."""
 _SATURATION = 0.2
 """Of solutions on a leg of 0.75 kPa: right within 2 % from a quarter to three times as stiff."""
 _HARD = 10.0
@@ -58,13 +61,13 @@ def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tu
 
 @dataclass(frozen=True)
 class UnevenMuscle(TissueMechanism):
-    r"""A lump, or a weak spot, somewhere under the indenter; of one size, with no edge.
+    r"""A lump, or a weak spot, somewhere under the indenter, with no edge.
 
-    A smaller one that is stiffer looks the same, so its size isn't asked for: as much as a disk of
-    11 mm radius. Between the places of a lattice it is shared out among them. The force follows the
-    excess e as :math:`g = \ln(1 + c e) / c`, less and less as that of an inclusion does (J. D. Eshelby,
-    Proc. R. Soc. A 241 (1957) 376); what that misses of a solution with a hard lump at each place
-    counts with the square of g over its own there.
+    A smaller one that is stiffer changes the force likewise, but moves the tissue about it less, so that the rest of
+    the muscle is told apart from it by other channels. Between places and radii of a lattice its response is shared
+    out among them; its own solution is of one lump. The force follows the excess e as :math:`g = \ln(1 + c e) / c`,
+    less and less as that of an inclusion does (J. D. Eshelby, Proc. R. Soc. A 241 (1957) 376); what that misses of a
+    solution with a hard lump at each place counts with the square of g over its own there.
     """
 
     name: ClassVar[str] = "uneven-muscle"
@@ -91,6 +94,13 @@ class UnevenMuscle(TissueMechanism):
             Prior(0.0, 10.0, "linear", "anywhere under the indenter"),
             statement="of its middle from the line of travel, counter-clockwise positive",
         ),
+        Parameter(
+            "radius",
+            "mm",
+            (_RADII_MM[0], _RADII_MM[-1]),
+            Prior(8.0, 2.5, "linear", "from a tendon's to a muscle's own size"),
+            statement="of it, taken as a disk with a sharp edge",
+        ),
     )
     would_be: ClassVar[str] = "a region of the muscle of {} times the stiffness of the rest"
     next_experiment: ClassVar[str] = "press at a second place of the calf, or map the muscle by shear-wave elastography"
@@ -101,49 +111,70 @@ class UnevenMuscle(TissueMechanism):
     @property
     def derivatives(self) -> tuple[str, ...]:
         """Excesses at the lattice's places."""
-        return tuple(f"deep.uneven_stiffness.excess{k + 1}" for k in range(len(_PLACES)))
+        return tuple(f"deep.uneven_stiffness.excess{k + 1}" for k in range(len(_LUMPS)))
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return stiffer and softer ones, near the fascia, deep, and at the sides."""
         return tuple(
-            {"factor": size, "depth": depth, "side": side}
+            {"factor": size, "depth": depth, "side": side, "radius": 8.0}
             for size in (0.6, 1.7)
             for depth, side in ((8.0, 0.0), (26.0, 0.0), (14.0, -12.0), (14.0, 12.0))
         )
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
-        """Return the muscle's excess of stiffness at the lattice's places."""
-        from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
+        """Return the muscle's excess of stiffness at the lattice's places, and at one that solutions choose."""
+        from legfem.mechanics.terms.nonuniform_stiffness import StiffLump, UnevenStiffness
 
-        places = tuple(place_in_section(leg, depth, side) for depth, side in _PLACES)
-        return [UnevenStiffness("deep", leg.tissues.deep, places, RADIUS_MM)]
+        muscle, travel = leg.tissues.deep, leg.indenter.direction
+        points = tuple(place_in_section(leg, depth, side) for _, depth, side in _LUMPS)
+        radii = tuple(_soft(radius) for radius, _, _ in _LUMPS)
+        origin = place_in_section(leg, 0.0, 0.0)
+        return [
+            UnevenStiffness("deep", muscle, points, radii),
+            StiffLump("deep", muscle, origin, (float(travel[0]), float(travel[1])), radius=_soft(_RADII_MM[0])),
+        ]
 
     @property
     def nodes(self) -> tuple[Values, ...]:
-        """A hard lump at each of the lattice's places."""
-        return tuple({"factor": _HARD, "depth": depth, "side": side} for depth, side in _PLACES)
+        """A hard lump at each of the lattice's places, of each radius."""
+        return tuple(
+            {"factor": _HARD, "depth": depth, "side": side, "radius": radius} for radius, depth, side in _LUMPS
+        )
 
     def shares(self, values: Values) -> FloatArray:
         """Return what the derivative by every place's excess is multiplied by, and what a hard lump's rest there."""
-        at, weights = _saturating(values["factor"]), _weights(values["depth"], values["side"])
+        at, weights = _saturating(values["factor"]), _weights(values)
         return np.concatenate([at * weights, (max(at, 0.0) / _saturating(_HARD)) ** 2 * weights])
 
     def solution(self, values: Values) -> Solution:
-        """Return the model with that excess."""
-        excess = (values["factor"] - 1) * _weights(values["depth"], values["side"])
-        return Solution(self.variant, dict(zip(self.derivatives, map(float, excess), strict=True)))
+        """Return the model with one lump."""
+        given = {
+            "excess": values["factor"] - 1,
+            "depth": values["depth"],
+            "side": values["side"],
+            "radius": _soft(values["radius"]),
+        }
+        return Solution(self.variant, {f"deep.stiff_lump.{name}": float(value) for name, value in given.items()})
+
+
+def _soft(radius: float) -> float:
+    """Return the radius (mm) of the soft lump that is as much as a disk."""
+    return radius / float(np.sqrt(2))
 
 
 def _saturating(factor: float) -> float:
     return float(np.log1p(_SATURATION * (factor - 1)) / _SATURATION)
 
 
-def _weights(depth: float, side: float) -> FloatArray:
-    """Return the shares of the lattice's places in one between them; their sum is one."""
-    return np.outer(_near(depth, _DEPTHS_MM), _near(side, _SIDES_MM)).ravel()
+def _weights(values: Values) -> FloatArray:
+    """Return the shares of the lattice's lumps in one between them; their sum is one."""
+    small, large = np.log(_RADII_MM)
+    larger = float(np.clip((np.log(values["radius"]) - small) / (large - small), 0.0, 1.0))
+    of_places = np.outer(_near(values["depth"], _DEPTHS_MM), _near(values["side"], _SIDES_MM)).ravel()
+    return np.outer([1 - larger, larger], of_places).ravel()
 
 
 def _near(at: float, nodes: Sequence[float]) -> FloatArray:
-    away = (at - np.array(nodes)) / (0.5 * (nodes[1] - nodes[0]))
+    away = (at - np.array(nodes)) / (_SHARED * (nodes[1] - nodes[0]))
     each = np.exp(-0.5 * (away**2 - np.min(away**2)))
     return np.asarray(each / each.sum())

@@ -10,7 +10,7 @@ from legfem.mechanics.terms.contact import NormalContact, SkinPressure, Tangenti
 from legfem.mechanics.terms.drainage import Drainage
 from legfem.mechanics.terms.membranes import Fascia, Prestress, Sliding
 from legfem.mechanics.terms.muscle import Contraction, Fibres
-from legfem.mechanics.terms.nonuniform_stiffness import StiffnessGradient, UnevenStiffness
+from legfem.mechanics.terms.nonuniform_stiffness import StiffLump, StiffnessGradient, UnevenStiffness
 from legfem.mechanics.terms.tissue import PressureStabilisation, Tissue, VolumeLoss
 from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
 
@@ -25,6 +25,7 @@ __all__ = [
     "Prestress",
     "SkinPressure",
     "Sliding",
+    "StiffLump",
     "StiffnessGradient",
     "TangentialContact",
     "Tissue",

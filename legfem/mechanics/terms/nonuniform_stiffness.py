@@ -61,10 +61,10 @@ class StiffnessGradient(EnergyTerm):
 class UnevenStiffness(EnergyTerm):
     r"""What of the distortion energy is more about some points of a region.
 
-    .. math:: \sum_k e_k \exp\!\left(-\frac{|X - X_k|^2}{2 r^2}\right) U_\text{distortion}
+    .. math:: \sum_k e_k \exp\!\left(-\frac{|X - X_k|^2}{2 r_k^2}\right) U_\text{distortion}
 
     is added to the region's energy; nothing happens where all excesses :math:`e_k` are zero. One
-    point is a lump with no edge, as much as a disk of radius :math:`\sqrt 2 r` in section.
+    point is a lump with no edge, as much as a disk of radius :math:`\sqrt 2 r_k` in section.
 
     Parameters
     ----------
@@ -74,20 +74,16 @@ class UnevenStiffness(EnergyTerm):
         The region's, whose symbols are shared.
     points : tuple of tuples of float
         Reference positions :math:`X_k` (mm), two or three coordinates each.
-    radius : float
-        :math:`r` (mm).
+    radii : tuple of float
+        :math:`r_k` (mm).
     """
 
     region: str
     law: Hyperelastic
     points: tuple[tuple[float, ...], ...]
-    radius: float
+    radii: tuple[float, ...]
     domain: Literal["body"] = "body"
     effect = "uneven_stiffness"
-
-    def __post_init__(self) -> None:
-        """Check the radius."""
-        check_positive(self, "radius")
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -99,8 +95,56 @@ class UnevenStiffness(EnergyTerm):
         law = body.symbols.of(self.region, self.law)
         position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
         excess = 0.0
-        for point, (name, value) in zip(self.points, self.parameters.items(), strict=True):
+        for point, radius, (name, value) in zip(self.points, self.radii, self.parameters.items(), strict=True):
             away = position - ufl.as_vector(point)
-            near = ufl.exp(-ufl.dot(away, away) / (2 * self.radius**2))
-            excess = excess + body.symbols.scalar(name, value) * near
+            excess = excess + body.symbols.scalar(name, value) * _near(away, radius)
         return excess * law.distortion_energy(F)
+
+
+@dataclass(frozen=True)
+class StiffLump(EnergyTerm):
+    r"""What of the distortion energy is more about one point, which parameters place.
+
+    As :class:`UnevenStiffness` about a single point: :math:`X_1` lies at a depth along a direction
+    from an origin, and to the left of it.
+
+    Parameters
+    ----------
+    region : str
+        Region of a body in section; parameters are named ``<region>.stiff_lump.excess`` and so on.
+    law : Hyperelastic
+        The region's, whose symbols are shared.
+    origin : tuple of float
+        Where depths begin (mm).
+    direction : tuple of float
+        Unit vector along which they are.
+    excess : float
+        :math:`e_1`.
+    depth, side, radius : float
+        Of the lump (mm); its radius is :math:`r_1`.
+    """
+
+    region: str
+    law: Hyperelastic
+    origin: tuple[float, float]
+    direction: tuple[float, float]
+    excess: float = 0.0
+    depth: float = 0.0
+    side: float = 0.0
+    radius: float = 1.0
+    domain: Literal["body"] = "body"
+    effect = "stiff_lump"
+    numbers = ("excess", "depth", "side", "radius")
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return what is added to the energy (MPa) at a deformation gradient."""
+        law = body.symbols.of(self.region, self.law)
+        excess, depth, side, radius = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
+        position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
+        x, y = self.direction
+        away = position - ufl.as_vector(self.origin) - depth * ufl.as_vector((x, y)) - side * ufl.as_vector((-y, x))
+        return excess * _near(away, radius) * law.distortion_energy(F)
+
+
+def _near(away: Expr, radius: Expr | float) -> Expr:
+    return ufl.exp(-ufl.dot(away, away) / (2 * radius**2))

@@ -23,11 +23,11 @@ from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
+from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
-from legfem.report.section import still_section
+from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
-from legfem.report.turned import pressed_leg
 from legfem.report.words import BEYOND_A_FIT, fit_probability, options_of
 
 type LegFit = Fit[LegDetails]
@@ -215,7 +215,7 @@ def _headline(chosen: LegFit) -> web.Headline:
         wrong = _agreement(chosen)
     elif not sound:
         what = "these sites" if _several(chosen) else "this test"
-        sentence = f"The model does not describe {what}, so the stiffness below cannot be trusted."
+        sentence = f"The model does not describe {what}, so the stiffness it gives cannot be trusted."
         wrong = (
             f"The recordings show an effect that the {law} law leaves out ({fit_probability(chosen.goodness.p_value)})."
         )
@@ -257,6 +257,7 @@ def _stiffness(chosen: LegFit) -> str:
 def _values(chosen: LegFit) -> str:
     return "; ".join(
         f"{estimates.words_of(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
+        + (f", {estimates.moduli_of(found)}" if name == DEEP_C10 else "")
         for name, found in chosen.estimates.items()
         if found.parameter.role == "identified"
     )
@@ -334,7 +335,7 @@ def _site_table(chosen: LegFit) -> list[web.WebTable]:
         web.WebTable(
             f"Values that each site gives by itself, {LAW_NAMES[chosen.law]} law (± one standard error; in "
             "brackets, the difference from the joint value in standard errors of that difference)",
-            ["site", "rms (N)", "misfit", *map(symbol_of, names)],
+            ["site", "rms (N)", "chi-square", *map(symbol_of, names)],
             [
                 [
                     one.name,
@@ -357,8 +358,8 @@ def _tested(fits: Sequence[LegFit]) -> list[str]:
                 f"All sites together, {law} law: chi-square {estimates.chance(one.goodness)}.",
                 _agreement(one),
                 *(
-                    f"{test.name}: rms {test.force.rms:.3g} N, {estimates.chance(test.goodness)}; by itself "
-                    + ", ".join(estimates.own_value(test, name) for name in test.by_itself)
+                    f"{test.name}: rms {test.force.rms:.3g} N, chi-square {estimates.chance(test.goodness)}; by itself "
+                    + ", ".join(f"{symbol_of(name)} {estimates.own_value(test, name)}" for name in test.by_itself)
                     + "."
                     for test in one.tests
                 ),

@@ -11,9 +11,10 @@ from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
+from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.forward import values_of
 from legfem.legs.site_test import curve_of
-from legfem.legs.variants import tissues_of
+from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
 from legfem.report.estimates import estimated, held_text, how_found, wave_rows, words_of
 from legfem.report.further_channels import channel_name
@@ -123,9 +124,17 @@ def _site_rows(fit: LegFit, number: int) -> list[Known]:
             for shown in (beside.channel.values,)
         ),
         Known(f"{at}greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data, trials),
-        Known(f"{at}girth of the section", f"{girth(subject.section):.0f} mm", data, "contours of the skin"),
+        _girth(f"{at}girth of the section", subject),
         Known(f"{at}what presses", f"{subject.indenter}", "assumed", "subject.toml"),
     ]
+
+
+def _girth(name: str, subject: Subject) -> Known:
+    """The section's girth, which a typical calf has from a tape and others from their outlines."""
+    value = f"{girth(subject.section):.0f} mm"
+    if subject.typical_shape:
+        return Known(name, value, "assumed", "subject.toml", remark="a typical calf was scaled to it")
+    return Known(name, value, subject.origin, "contours of the skin")
 
 
 def _confirmed_rows(found: SpatialEvidence, depth: float) -> list[Known]:
@@ -221,6 +230,12 @@ def _model(fit: LegFit) -> str:
             f"of the force at most: {left}."
         )
     applied = fit.details.corrections[0]
+    if isinstance(spatial, SpatialEvidence):
+        return (
+            f"The leg itself was solved in 3D ({spatial.full_solves} full solve{'s' * (spatial.full_solves > 1)}; "
+            f"{spatial.rough_solves} more with larger elements measured the error of the mesh). At other stiffnesses "
+            "the search used the section's force in plane strain, multiplied by its ratio to the force in 3D."
+        )
     correction = f"with the 3D correction {applied.name}" if applied else "without a correction for 3D effects"
     alike = ", whose errors are taken to be alike at all sites" if applied and len(fit.tests) > 1 else ""
     return (
@@ -243,13 +258,13 @@ def _searcher(fit: LegFit) -> str:
 def _statistics(fit: LegFit) -> dict[str, str]:
     cost, good, error = fit.cost, fit.goodness, fit.log.emulator_error
     return {
-        "E (N2)": f"{cost.value:.6g}",
-        "E per length ((N/mm)2)": f"{cost.per_length:.6g}",
-        "mean of squares (N2)": f"{cost.mean_square:.6g}",
-        "minimised": f"{cost.minimised}; {cost.minimised_value:.6g} at the optimum",
-        "rms difference (N)": f"{cost.rms:.4g}",
-        "R2": f"{cost.r_squared:.6f}",
-        "chi-square": f"{good.chi_square:.5g} on {good.degrees_of_freedom} degrees of freedom; "
+        "E (N²)": f"{cost.value:.3g}",
+        "E per length ((N/mm)²)": f"{cost.per_length:.3g}",
+        "mean of squares (N²)": f"{cost.mean_square:.3g}",
+        "minimised": f"{cost.minimised}; {cost.minimised_value:.3g} at the optimum",
+        "rms difference (N)": f"{cost.rms:.3g}",
+        "R²": f"{cost.r_squared:.4f}",
+        "chi-square": f"{good.chi_square:.4g} on {good.degrees_of_freedom} degrees of freedom; "
         f"{fit_probability(good.p_value)}",
         "factorisations": f"{fit.log.factorisations}",
         "emulator's error, against the last full solve (N)": "no emulator" if math.isnan(error) else f"{error:.3g}",
@@ -257,7 +272,7 @@ def _statistics(fit: LegFit) -> dict[str, str]:
 
 
 def _tissues(fits: Sequence[LegFit]) -> tuple[list[str], list[list[str]]]:
-    header = ["tissue", "law", "C10 (kPa)", "C10 is", "D1 (1/MPa)", "K/mu", "Poisson's ratio"]
+    header = ["tissue", "law", "C10 (kPa)", "C10 is", "D1 (1/MPa)", "bulk over shear modulus", "Poisson's ratio"]
     rows = []
     for name in _TISSUES:
         for fit in fits:
@@ -269,11 +284,11 @@ def _tissues(fits: Sequence[LegFit]) -> tuple[list[str], list[list[str]]]:
             row = [
                 name,
                 LAW_NAMES[law],
-                f"{mpa_to_kpa(tissue.C10):.4g}",
+                f"{mpa_to_kpa(tissue.C10):.3g}",
                 known,
                 f"{tissue.D1:.4g}",
                 f"{tissue.bulk_modulus / tissue.shear_modulus:.3g}",
-                f"{tissue.poisson_ratio:.3f}",
+                f"{tissue.poisson_ratio:.2f}",
             ]
             if row not in rows:
                 rows.append(row)
@@ -326,7 +341,13 @@ def _confirmed(found: SpatialEvidence) -> list[Block]:
     return [
         WebTable(
             f"Full solves of the leg in 3D ({found.shape})",
-            ["C10 (kPa)", "C20 (kPa)", "difference from the predicted force (%)", "change of C10 afterwards (%)", "s"],
+            [
+                "C10 (kPa)",
+                "C20 (kPa)",
+                "difference from the predicted force (%)",
+                "change of C10 afterwards (%)",
+                "time (s)",
+            ],
             [
                 [
                     f"{one.c10:.3g}",

@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const DASHES = {solid: [], dashed: [8, 5], dotted: [2, 4], dotdash: [2, 4, 8, 4]};
-  const EDGE = 64, LEAST = 640;
+  const EDGE = 74, LEAST = 640;
   Chart.defaults.font.family = getComputedStyle(document.body).fontFamily;
   Chart.defaults.color = "#222";
   const points = (x, y) => x.map((one, k) => ({x: one, y: y[k]}));

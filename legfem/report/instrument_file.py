@@ -237,6 +237,13 @@ _DONE: dict[str, tuple[Tone, str]] = {
     "D": ("wrong", "Don't use those graded D: record them again, or correct the files."),
 }
 
+_HEADINGS = {
+    "A": "The recordings can be used",
+    "B": "The recordings can be used",
+    "C": "Look at the curves first",
+    "D": "Some recordings cannot be used",
+}
+
 
 class Looked(NamedTuple):
     """A file, how it was read, and how good it is."""
@@ -284,7 +291,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
         origin="",
         headline=Headline(
             tone,
-            f"Of {len(seen)} recording{'' if len(seen) == 1 else 's'}, {told}.",
+            f"Of {len(seen)} recordings, {told}." if len(seen) > 1 else f"This recording {told.removeprefix('1 ')}.",
             [
                 ("What was read", _read(seen[0].proposal.channels)),
                 (
@@ -297,7 +304,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
                     do + " If columns or directions are wrong, name them (--time, --displacement, --force).",
                 ),
             ],
-            heading="What the instrument wrote",
+            heading=_HEADINGS[worst],
         ),
         warnings=reasons,
         known=[],
@@ -370,7 +377,7 @@ def _reasons(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
         for reason in one.proposal.reasons:
             files.setdefault(reason, []).append(name)
     rows = [(reason, "all" if len(those) == len(seen) else ", ".join(those)) for reason, those in files.items()]
-    return WebTable("Why they are read so.", ("why", "files"), rows)
+    return WebTable("Why the files are read this way", ("why", "files"), rows)
 
 
 def _table(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
