@@ -215,7 +215,7 @@ def _headline(chosen: LegFit) -> web.Headline:
         wrong = _agreement(chosen)
     elif not sound:
         what = "these sites" if _several(chosen) else "this test"
-        sentence = f"The model does not describe {what}, so the stiffness below cannot be trusted."
+        sentence = f"The model does not describe {what}, so the stiffness it gives cannot be trusted."
         wrong = (
             f"The recordings show an effect that the {law} law leaves out ({fit_probability(chosen.goodness.p_value)})."
         )
