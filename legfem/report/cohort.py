@@ -200,10 +200,10 @@ def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, 
             values.setdefault(group[row.member], []).append(one.value)
             unit = one.unit
     every = [value for own in values.values() for value in own]
-    text = f"{capital(called(name))}: {np.median(every):.2g} {unit} in the median of {len(every)} members"
-    text += f" ({min(every):.2g} to {max(every):.2g})" if len(every) > 1 else ""
+    text = f"{capital(called(name))}: {np.median(every):#.2g} {unit} in the median of {len(every)} members"
+    text += f" ({min(every):#.2g} to {max(every):#.2g})" if len(every) > 1 else ""
     if len(values) > 1:
-        each = (f"{np.median(own):.2g} of {who or 'members without a group'}" for who, own in sorted(values.items()))
+        each = (f"{np.median(own):#.2g} of {who or 'members without a group'}" for who, own in sorted(values.items()))
         text += f", {' and '.join(each)}" if len(values) == 2 else f", {', '.join(each)}"
     return f"{text}. "
 
