@@ -236,7 +236,7 @@ def _headline(
 
 
 def _kind_of(warning: str) -> str:
-    """A warning without what differs from member to member: its first clause, without laws, numbers and files."""
+    """A warning without what differs from member to member: its first clause, without laws, numbers, files and brackets."""
     law = next((text for name in LAW_NAMES.values() if warning.startswith(text := f"{name} law: ")), "")
     warning = warning.removeprefix(law)
     doubt = warning.startswith(_DOUBT)
