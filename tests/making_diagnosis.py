@@ -12,7 +12,7 @@ from legfem.data import Instrument, Recording, segment_all
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
-from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.library import NuisanceChanges, PairChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, observe
@@ -70,6 +70,7 @@ class ClosedForm:
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that aren't tested, and why."""
     nuisances: NuisanceChanges = field(default_factory=lambda: NuisanceChanges(GRID, {}, {}))
+    pairs: PairChanges = field(default_factory=PairChanges)
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the force (N)."""

@@ -211,6 +211,7 @@ def diagnose_body(
             ends,
             accuracy.measured.get(DEEP_C10),
             together=None if solved is None else solved.together,
+            pairs=library.pairs,
         ),
         instrument,
         able,

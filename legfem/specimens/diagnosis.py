@@ -338,7 +338,7 @@ def _diagnosed(
     scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
     every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
     able, _ = shown_mechanisms(observed, None, every=every)
-    library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS)
+    library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS, False)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     stiff = stiffness_doubts(folder, kpa_to_mpa(middle))
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
