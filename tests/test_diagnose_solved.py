@@ -12,7 +12,8 @@ from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.emulator import GridSpline
-from legfem.inverse.library_build import build_library, rounded
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import rounded
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.observations import observe
 from legfem.inverse.predictor import Predictor

@@ -9,8 +9,8 @@ from making_diagnosis import coarse_leg, observations, ramps
 from legfem.common.progress import Silent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.intervals import NUMERICAL_ERROR
-from legfem.inverse.library_build import build_library, rounded
-from legfem.inverse.library_tasks import CHANGES_AT
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import CHANGES_AT, rounded
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import SolvedResponses, Stopped
 from legfem.legs.finite_element_models import LegVariants

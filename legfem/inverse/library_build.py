@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import CubicSpline, make_smoothing_spline
+from scipy.interpolate import make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.data.phases import LOADING
 from legfem.inverse.emulator import Emulator, Kriging, Samples
 from legfem.inverse.library import (
     NO_CHANNELS,
@@ -19,16 +18,13 @@ from legfem.inverse.library import (
     coordinates,
     unchanged,
 )
-from legfem.inverse.library_tasks import ONE, Outcome, Task, outcomes_of, tasks_for
+from legfem.inverse.library_tasks import ONE, Outcome, Task, middle_of, outcomes_of, tasks_for
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import ELASTIC_DERIVATIVES, Columns, SolvedResponses, channels_of, derivative_of
 
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""
-_ROUND = 0.25
-"""Of the middle's ln C10; and of where its stiffening is looked up."""
-_FIRST_C10_KPA = 0.8
 _SMOOTH = 3e-3
 """Penalty of the squared second derivative by the logarithm of the way: at 5 mm waves of less than
 3 mm go."""
@@ -36,42 +32,6 @@ _WIGGLE = 0.1
 """Of the largest change: the most that a wiggle may be."""
 _FEWEST = 5
 """Points of a curve that can be smoothed."""
-
-
-def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
-    """Return the C10 (kPa, of a round logarithm) at which the loading is about as recorded.
-
-    Parameters
-    ----------
-    observed
-        The recordings.
-    coarse
-        Responses by full solutions.
-    stiffening
-        ln(1 + C20 / C10) there.
-    """
-    loading = observed.phase == LOADING
-    d, force = observed.displacement[loading], observed.force[loading]
-    log = np.log(_FIRST_C10_KPA)
-    for _ in range(5):
-        c10 = float(np.exp(log))
-        curve = coarse.curve(c10, c10 * float(np.expm1(stiffening)))
-        if np.isnan(curve).any():
-            log += 0.7
-            continue
-        grid = np.concatenate([[0.0], coarse.grid])
-        there = CubicSpline(grid, np.concatenate([[0.0], curve]))(np.maximum(d, 0.0))
-        ratio = float(force @ there) / float(there @ there)
-        step = float(np.clip(np.log(max(ratio, 1e-3)) / 0.7, -1.5, 1.5))
-        log += step
-        if abs(step) < 0.5 * _ROUND:
-            break
-    return rounded(float(np.exp(log)))
-
-
-def rounded(c10: float) -> float:
-    """Return a stiffness (kPa) of a round logarithm near one."""
-    return float(np.exp(_ROUND * round(float(np.log(c10)) / _ROUND)))
 
 
 def build_library(

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from legfem.common.progress import Progress
+from legfem.data.phases import LOADING
 from legfem.inverse.library import pair_strength
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
@@ -19,6 +21,11 @@ LATTICE = (-0.7, 0.0, 0.7)
 """Logarithms of C10 over the middle's."""
 CHANGES_AT = (-0.35, 0.35)
 """Logarithms of C10 over the middle's, at which changes are tabulated."""
+
+
+_ROUND = 0.25
+"""Of the middle's ln C10; and of where its stiffening is looked up."""
+_FIRST_C10_KPA = 0.8
 
 
 @dataclass(frozen=True)
@@ -134,6 +141,42 @@ def tasks_for(
         # Where each by itself is solved, too.
         tasks += [Task(where[0], pair=pair) for pair in combinations(beside, 2)]
     return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]
+
+
+def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
+    """Return the C10 (kPa, of a round logarithm) at which the loading is about as recorded.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    coarse
+        Responses by full solutions.
+    stiffening
+        ln(1 + C20 / C10) there.
+    """
+    loading = observed.phase == LOADING
+    d, force = observed.displacement[loading], observed.force[loading]
+    log = np.log(_FIRST_C10_KPA)
+    for _ in range(5):
+        c10 = float(np.exp(log))
+        curve = coarse.curve(c10, c10 * float(np.expm1(stiffening)))
+        if np.isnan(curve).any():
+            log += 0.7
+            continue
+        grid = np.concatenate([[0.0], coarse.grid])
+        there = CubicSpline(grid, np.concatenate([[0.0], curve]))(np.maximum(d, 0.0))
+        ratio = float(force @ there) / float(there @ there)
+        step = float(np.clip(np.log(max(ratio, 1e-3)) / 0.7, -1.5, 1.5))
+        log += step
+        if abs(step) < 0.5 * _ROUND:
+            break
+    return rounded(float(np.exp(log)))
+
+
+def rounded(c10: float) -> float:
+    """Return a stiffness (kPa) of a round logarithm near one."""
+    return float(np.exp(_ROUND * round(float(np.log(c10)) / _ROUND)))
 
 
 def outcomes_of(

@@ -13,7 +13,8 @@ from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
-from legfem.inverse.library_build import build_library, rounded
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import rounded
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.inverse.mechanism import prior_of
 from legfem.inverse.observations import Observations, blank_observations

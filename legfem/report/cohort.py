@@ -236,7 +236,7 @@ def _headline(
 
 
 def _kind_of(warning: str) -> str:
-    """A warning without what differs from member to member: its first clause, without laws, numbers, files and brackets."""
+    """A warning without what differs from member to member: its first clause, no laws, numbers, files, brackets."""
     law = next((text for name in LAW_NAMES.values() if warning.startswith(text := f"{name} law: ")), "")
     warning = warning.removeprefix(law)
     doubt = warning.startswith(_DOUBT)

@@ -15,7 +15,8 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
-from legfem.inverse.library_build import build_library, middle_of
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import middle_of
 from legfem.inverse.mechanism import factor, prior_of
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.parameter import Parameter

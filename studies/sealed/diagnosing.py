@@ -13,7 +13,8 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.library import Library
-from legfem.inverse.library_build import build_library, middle_of
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import middle_of
 from legfem.inverse.mechanism import Mechanism, TissueMechanism
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
