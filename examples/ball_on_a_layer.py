@@ -13,7 +13,7 @@ from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentatio
 from legfem.experiments.bodies import BallOnLayer
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.settings import NewtonSettings, StepSettings
 
 C10, radius = 5e-3, 5.0  # MPa, mm

@@ -12,7 +12,7 @@ from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentatio
 from legfem.experiments.bodies import BallOnLayer
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Viscoelasticity
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.protocol import Protocol
 
 law = NeoHookean(2e-3, 0.2)  # C10 in MPa, D1 in 1/MPa

@@ -12,7 +12,7 @@ import numpy as np
 
 import legfem as lf
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.legs.variants import plane_strain_test
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.terms import Prestress
 from legfem.mechanics.terms.membranes import Dermis

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 
 import legfem as lf
 from legfem.geometry.section import girth
-from legfem.legs.variants import plane_strain_test
+from legfem.legs.finite_element_models import plane_strain_test
 
 leg = lf.load_subject("3")
 test = plane_strain_test(leg)

@@ -18,7 +18,7 @@ from legfem.channels.registry import CHANNELS
 from legfem.data import Recording
 from legfem.data.recording import RecordedChannel
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.legs.variants import plane_strain_test
+from legfem.legs.finite_element_models import plane_strain_test
 
 leg = lf.load_subject("4")
 stated = leg.tissues["superficial"].C10  # MPa

@@ -24,9 +24,9 @@ from legfem.inverse.library_build import build_library
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import STIFFENING, Diagnoser, shown_mechanisms
+from legfem.legs.finite_element_models import LegVariants, solved_responses
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.variants import LegVariants, solved_responses
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.path import SolveReport
 from studies.command_line import new_app

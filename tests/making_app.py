@@ -20,7 +20,7 @@ def begun(page, text):
 
 
 _UNEXPLAINED = """[...document.querySelectorAll('.q-field')].filter((field) => field.offsetParent
-  && !field.querySelector('.q-field__messages')?.innerText.trim())
+  && !field.querySelector('.q-field__messages')?.textContent.trim())
   .map((field) => field.querySelector('[aria-label]')?.getAttribute('aria-label'))"""
 
 

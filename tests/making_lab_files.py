@@ -36,6 +36,17 @@ def _lines(head: str, line: str) -> str:
     return head + "".join(line.format(k=k, t=t, d=d, f=f) for k, (t, d, f) in enumerate(zip(T, D, F, strict=True)))
 
 
+def _clock(time: float) -> str:
+    return f"0:{int(time // 60)}:{time % 60:.3f}"
+
+
+def _events() -> str:
+    cells = (
+        f"{t:.3f},{d:.5f},{f:.5f},{'touched' * (k == 20)}" for k, (t, d, f) in enumerate(zip(T, D, F, strict=True))
+    )
+    return "Time (s),Depth (mm),Force (N),Event\n" + "\n".join(cells) + "\n"
+
+
 def _blocks() -> str:
     """As MTS' Station Manager writes each time that it begins anew."""
     names = "Running Time\tAxial Displacement\tAxial Force\nSec\tmm\tN\n"
@@ -127,6 +138,9 @@ TEXTS: dict[str, str] = {
     "a serial plotter": _lines("HX711 ready\n", "time_s:{t:.3f}\tpos_mm:{d:.4f}\tforce_N:{f:.4f}\n"),
     "Logger Pro": _commas('"Latest: Time (s)","Latest: Force (N)","Latest: Position (m)"', T, F, D / 1e3, form="%.7f"),
     "Capstone": _commas('"Time (s) Run #1","Position (m) Run #1","Force (N) Run #1"', T, D / 1e3, F, form="%.7f"),
+    "clocks without zeros": "Time;Depth (mm);Force (N)\n"
+    + "".join(f"{_clock(t)};{d:.5f};{f:.5f}\n" for t, d, f in zip(T, D, F, strict=True)),
+    "an event's remark": _events(),
     "LabChart": _tabs(_LABCHART, T, D, F),
     "MATLAB's writetable": _commas("Time_s_,Displacement_mm_,Force_N_"),
     "pandas' index": _lines(",time_s,displacement_mm,force_N\n", "{k},{t:.3f},{d:.5f},{f:.5f}\n"),

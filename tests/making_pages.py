@@ -42,34 +42,34 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.details import Confirmation, LegState, PressedLeg, SpatialEvidence, seen
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
-from legfem.legs.variants import plane_strain_test
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cohort import cohort_web_page
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_document import versions
+from legfem.report.instrument_file import Looked, look_web_page, recordings_toml
 from legfem.report.kinds.leg import leg_page
-from legfem.report.look import Looked, look_web_page, recordings_toml
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.plan import plan_web_page
+from legfem.report.pressed_section import Film, pressed_section
 from legfem.report.render import rendered
-from legfem.report.section import Film, pressed_section
 from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.solve.path import ForceCurve
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
-from legfem.specimens.misfit import LawMisfit
+from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import LeftOut
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
-from legfem.stockings.misfit import ContourAccuracy
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.page import correction_web_page

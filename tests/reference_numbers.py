@@ -26,6 +26,8 @@ import typer
 HERE = Path(__file__).resolve().parent
 CROSSCHECK = HERE / "data" / "crosscheck"
 OLD_NAMES = {
+    "legfem.legs.finite_element_models": "legfem.legs.experiments",
+    "legfem.meshing.structured": "legfem.meshing.idealised_leg",
     "legfem.legs.loading": "legfem.legs.subject",
     "legfem.legs.subject": "legfem.subject",
     "legfem.legs.correction_of_leg": "legfem.identify.correction",
@@ -63,7 +65,7 @@ def own_subject(number: str) -> Any:
 
 def forces() -> Entries:
     """F(d) with given stiffness (N), and its derivatives by two parameters (N/MPa)."""
-    test_of = module("legfem.legs.variants").plane_strain_test
+    test_of = module("legfem.legs.finite_element_models").plane_strain_test
     cases = {
         f"subject {number}": (own_subject(number), {"deep.C10": 1e-3 * c10, "deep.C20": 1e-3 * c20}, 30.0)
         for number, (c10, c20) in PAPER.items()
@@ -107,7 +109,9 @@ def corrections() -> Entries:
         own = choice.correction_of(own_subject(number))
         found[f"P(d) subject {number}"] = list(own.correction(at, *stiffness).ravel())
     experiment = module("legfem.experiments.leg_3d")
-    meshing = module("legfem.meshing.idealised_leg")
+    if not hasattr(experiment, "IdealisedLegSettings"):
+        experiment = module("legfem.experiments.indentation_3d")
+    meshing = module("legfem.meshing.structured")
     cases = module("legfem.study.correction.cases")
     mesh = meshing.LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
     settings = replace(experiment.IdealisedLegSettings(), mesh=mesh)
@@ -139,8 +143,8 @@ def designed() -> Entries:
 def stocking() -> Entries:
     """The first leg in its stocking, coarse, with given stiffness: pressure and shape."""
     legs = module("legfem.stockings.loading")
-    model_of = module("legfem.stockings.equilibrium").LegModel3D
-    worn_leg, meshing = module("legfem.stockings.equilibrium").EquilibriumSolver, module("legfem.meshing.solid_leg")
+    worn, meshing = module("legfem.stockings.equilibrium"), module("legfem.meshing.solid_leg")
+    worn_leg, model_of = worn.EquilibriumSolver, worn.LegModel3D
     leg = legs.load_leg(legs.LEGS.find("1"))
     mesh = meshing.SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
     model = model_of(leg.bare, leg.tissues, mesh)

@@ -16,8 +16,8 @@ from making_cohort import Truth, fabricated
 from reading_page import read
 
 import legfem as lf
+from legfem.cohort.anomalies import largest_step, missing, suspicions
 from legfem.cohort.rows import Options, Row, Shape
-from legfem.cohort.suspicions import largest_step, missing, suspicions
 from legfem.report.cohort import _kind_of, cohort_web_page
 from legfem.report.render import markdown_page, plain_page, rendered
 
@@ -132,7 +132,7 @@ def test_warnings_are_of_a_kind_that_leaves_numbers_out_and_names_in():
             "The fascia's Poisson's ratio is … with its C10 as given"
         ),
         "DOUBTFUL INPUT: a/b.toml: section: girth of 200 mm where 250 to 500 is usual (x); check": (
-            "doubtful input: section: girth of … mm where … to … is usual (x)"
+            "doubtful input: section: girth of … mm where … to … is usual"
         ),
     }
     assert {text: _kind_of(text) for text in kinds} == kinds

@@ -14,7 +14,7 @@ from legfem.common.progress import Silent
 from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.legs.correction import TabulatedCorrection, read_correction, smooth_ratio
 from legfem.legs.correction_of_leg import find_correction
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import Calibration, calibrate
 from legfem.study.correction.cases import CorrectionCase

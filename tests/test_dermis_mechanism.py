@@ -12,7 +12,8 @@ from making_diagnosis import coarse_leg, observations, ramps
 from legfem.common.progress import Silent
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.intervals import NUMERICAL_ERROR
-from legfem.inverse.library_build import CHANGES_AT, build_library, rounded
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import CHANGES_AT, rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.legs.mechanisms import Solution, mechanism_named
 from legfem.mechanics.terms.membranes import Dermis

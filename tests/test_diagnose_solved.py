@@ -12,7 +12,8 @@ from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.emulator import GridSpline
-from legfem.inverse.library_build import build_library, rounded
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import rounded
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.observations import observe
 from legfem.inverse.predictor import Predictor
@@ -20,13 +21,13 @@ from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses, Stopp
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import ruled_out_of, shown_mechanisms
+from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.nuisances import displaced_geometries
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import FibreRatio
-from legfem.legs.variants import LegVariants
 from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0
@@ -37,7 +38,7 @@ CHANNELS_SEEN = ("fat_thickness", "lateral_force")
 @pytest.fixture(scope="module")
 def variants():
     from legfem.experiments.plane_strain import PlaneStrainSettings
-    from legfem.legs.variants import tissues_of
+    from legfem.legs.finite_element_models import tissues_of
 
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()

@@ -85,7 +85,9 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
     low, high = model.interval(factor)
     spread = (high - low) / 4
     ends = f"{number(low, spread)} to {number(high, spread)}"
-    assert f"on stiffness times thickness: {number(model.value(factor), spread)} (95 % {ends})" in text
+    assert (
+        f"stiffness times thickness over the assumed one: {number(model.value(factor), spread)} (95 % {ends})" in text
+    )
     assert f"{model.posterior.log_evidence - alone.posterior.log_evidence:.1f}" in text
     assert percent(model.probability) in text
     assert f"{named.base_held_out.rmse:.3f}" in text and f"{named.held_out[0].rmse:.3f}" in text

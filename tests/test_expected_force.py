@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.plausible_recordings import SLACK, SOFTEST_KPA, STIFFEST_KPA, force_range
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.variants import plane_strain_test
 from legfem.meshing.section import SectionMeshSettings
 
 

@@ -19,9 +19,8 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.jobs.pool import Workers
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Contraction
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.meshing.leg_sizes import SolidMeshSettings
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, MeridianMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from legfem.stockings.equilibrium import LegModel3D

@@ -21,7 +21,7 @@ from legfem.legs.mechanisms import Solution
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.report.results import write_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import SpecimenForward, SpecimenVariants

@@ -16,8 +16,8 @@ from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSetti
 from legfem.legs.correction import smooth_ratio
 from legfem.mechanics.indenters import FiniteCylinder
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
 from legfem.meshing.section import BONE, SKIN
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, mesh_leg
 from legfem.solve.linear import LinearSettings
 from legfem.study.correction.cases import CorrectionCase, Material, solve_case
 from legfem.study.correction.command import write_leg_fields

@@ -20,10 +20,10 @@ from legfem.experiments.leg_3d import LegIndentation3D
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import turn_about_travel
+from legfem.legs.finite_element_models import plane_strain_test, spatial_test
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.placement import spatial_leg
-from legfem.legs.variants import plane_strain_test, spatial_test
 from legfem.mechanics.indenters import FiniteCylinder
 from legfem.mechanics.materials import NeoHookean
 

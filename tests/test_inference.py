@@ -19,7 +19,14 @@ from legfem.inverse.intervals import (
     quantile,
     verdict_on,
 )
-from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, least_residual, sandwich, with_unit_errors
+from legfem.inverse.least_squares import (
+    gain_matrix,
+    gauss_newton_step,
+    inverse_in_units,
+    least_residual,
+    sandwich,
+    with_unit_errors,
+)
 from legfem.inverse.parameter import Domain, Parameter, Prior, Priors
 from legfem.inverse.settings import Genetic, Minimum
 
@@ -208,3 +215,13 @@ def test_intervals_of_a_variance_known_in_part_cover_as_often_as_they_say():
     covered = np.mean(np.abs(off) < quantiles * np.sqrt(seen + rest))
     assert 0.93 < covered < 0.97
     assert effective_degrees(2.0, []) == np.inf
+
+
+def test_what_moves_data_by_little_is_inverted_beside_what_moves_them_by_a_great_deal():
+    jacobian = np.random.default_rng(5).standard_normal((9, 3))
+    plain = inverse_in_units(jacobian)
+    assert plain == pytest.approx(np.linalg.pinv(jacobian), rel=1e-9)
+    units = np.array([1.0, 1e25, 1e-12])
+    assert inverse_in_units(jacobian * units) * units[:, None] == pytest.approx(plain, rel=1e-9)
+    still = inverse_in_units(jacobian * np.array([1.0, 1.0, 0.0]))
+    assert not still[2].any() and still[:2] == pytest.approx(np.linalg.pinv(jacobian[:, :2]), rel=1e-9)

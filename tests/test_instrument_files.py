@@ -55,7 +55,7 @@ from legfem.legs.loading import load_subject
 def look(*arguments: object):
     """Run the command without its pictures, which take most of its time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("legfem.report.look.draw_look", lambda *_: Path("left-out.png"))
+        patch.setattr("legfem.report.instrument_file.draw_look", lambda *_: Path("left-out.png"))
         return CliRunner().invoke(app, ["look", *map(str, arguments)])
 
 
@@ -192,7 +192,7 @@ MANGLED = {
     "clock": (written("a.csv", timed("Time,Position (mm),Force (N)", clocks(digits=0)).encode()), "time repeats"),
     "thousands": (
         written("a.csv", b"time_s;position_mm;force_mN\n" + b"1.5;2.5;1,234.5\n" * 60),
-        "thousands' separators ('1,234.5')",
+        "line 2: '1,234.5' has a thousands' separator without quotes (60 such numbers)",
     ),
     "thousands in two cells": (
         written(
@@ -463,7 +463,7 @@ def test_decimal_commas_between_commas_are_refused(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("time_s,displacement_mm,force_N\n" + rows(T, D, F, decimal=","))
     run = look(path)
-    assert run.exit_code == 2 and "no row with the names of 6 columns" in run.output
+    assert run.exit_code == 2 and "3 names stand above 6 cells: its decimals have commas" in run.output
 
 
 def test_columns_may_be_named_by_hand(tmp_path):

@@ -66,6 +66,14 @@ REFUSED = {
     ),
     "a factor before a run": ("Time (s),Position (mm),Force (N) x10\n" + rows(T, D, F), "states no unit"),
     "two units of one column": ("Time_s,Position_mm,Force_N\ns,mm,mN\n" + rows(T, D, F), "'N or mN' of 'Force'"),
+    "thousands without quotes": (
+        "Zeit [ms];Kraft [N];Weg [µm]\n" + "".join(f"{k},5;1,0;1.{k:03d},25\n" for k in range(60)),
+        "line 2: '1.000,25' has a thousands' separator without quotes (60 such numbers)",
+    ),
+    "a force that was read less often": (
+        "Time (s),Depth (mm),Force (N)\n" + "".join(f"{k},{k},{'' if k % 2 else k + 0.5}\n" for k in range(60)),
+        "column 'Force (N)': is empty in many rows: it was read less often than the others",
+    ),
     "results": ("Specimen,Fmax (N),Modulus (kPa)\n1,12.1,3.1\n2,12.2,3.0\n3,11.9,3.2\n", "export all three columns"),
 }
 
@@ -112,6 +120,15 @@ def test_a_stated_unit_that_isn_t_true_is_doubted(tmp_path: Path, factor: float,
     savemat(path, {"time_s": T, "displacement_mm": D, "force_N": factor * F})
     lines = [str(doubt) for doubt in magnitude_doubts(segment(read(path)))]
     assert len(lines) == bool(said) and all("force_N" in line and said in line for line in lines)
+
+
+@pytest.mark.parametrize("kind", ["Tensile", "Compressive"])
+def test_a_pull_that_is_taken_for_a_leg_s_press_is_doubted(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text(f"Time (s),{kind} extension (mm),{kind} load (N)\n" + rows(T, D, F))
+    lines = [str(doubt) for doubt in magnitude_doubts(segment(read(path)))]
+    assert len(lines) == (kind == "Tensile")
+    assert all("is a pull by its columns' names" in line for line in lines)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from legfem.geometry.motion import CuttingPlane
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.surfaces import read_surfaces
 from legfem.imaging.volume_file import read_volume
-from legfem.legs.variants import plane_strain_test
+from legfem.legs.finite_element_models import plane_strain_test
 
 REAL = SHARED / "data" / "leg_geometry"
 LEVEL = 52.7

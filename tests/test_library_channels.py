@@ -10,7 +10,9 @@ import pytest
 from legfem.experiments.plane_strain import LateralPlacement
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.channel_readings import PlannedChannel
-from legfem.inverse.library_build import Task, _filled, _known_channels
+from legfem.inverse.library import PairChanges, pair_strength
+from legfem.inverse.library_build import _filled, _known_channels
+from legfem.inverse.library_tasks import Task
 from legfem.inverse.mechanism import Solution
 from legfem.inverse.observations import blank_observations
 from legfem.inverse.predictor import Predictor
@@ -145,6 +147,31 @@ def test_a_full_prediction_of_two_effects_has_what_they_do_at_once() -> None:
     np.testing.assert_allclose(whole[fat] - alone[fat], 0.02 * beyond * observed.data.channels[1].station, rtol=1e-6)
     one = {name: value for name, value in values.items() if "fascia" not in name}
     np.testing.assert_array_equal(predictor(one, both[:1], True), predictor(one, both[:1]))
+
+
+def test_a_tabulated_pair_is_in_proportion_to_both_departures() -> None:
+    """Solved at one strength of each: what is bilinear in their logarithms is exact at any, softer ones too."""
+    solved = SeenTogether(Tilted(), 20.0, None, {})  # type: ignore[arg-type]
+    fat, fascia = [task.mechanism for name in FACTORS[:2] for task in tasks_of(name, 1.0)]
+    assert fat is not None and fascia is not None
+    strengths = [pair_strength(one) for one in (fat, fascia)]
+    assert strengths == [3.5, 9.0]
+    solutions = [one.solution({"factor": at}) for one, at in zip((fat, fascia), strengths, strict=True) if at]
+    pairs = PairChanges({frozenset(FACTORS[:2]): solved.together(solutions, POINT)})
+    observed = blank_observations([Protocol.ramp(20.0, 0.4)], [PlannedChannel(FAT)])
+    by_table = Predictor(observed, solved, "neo-hookean", pairs=pairs)
+    by_solution = Predictor(observed, solved, "neo-hookean", together=solved.together)
+    seen = observed.data.spans[1]
+    for first, second in ((3.5, 9.0), (2.0, 5.0), (0.5, 9.0)):
+        values = {DEEP_C10: 0.8e-3, "superficial-stiffness.factor": first, "fascia-stiffness.factor": second}
+        true = by_solution(values, [fat, fascia], True)
+        np.testing.assert_allclose(by_table(values, [fat, fascia])[seen], true[seen], rtol=1e-6)
+        alone = by_solution(values, [fat, fascia])
+        assert np.abs(alone - true)[seen].max() > 0.1
+    tilt = mechanism_named("indenter-tilt")
+    assert isinstance(tilt, TissueMechanism)
+    assert pairs([(fat, {"factor": 2.0}), (tilt, {"angle": 5.0})]) == {}
+    assert pair_strength(mechanism_named("viscoelasticity")) is None  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from making_stocking import short_leg
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import displaced
 from legfem.geometry.slices import CONTOURS, SliceSet, distance_rates, slice_distances
-from legfem.stockings.misfit import HELD, ContourAccuracy, ContourMisfit, outline_errors
+from legfem.stockings.contour_distances import HELD, ContourAccuracy, ContourMisfit, outline_errors
 
 ACCURACY = ContourAccuracy(sd=0.3, correlation=5.0, around=25.0, along=40.0)
 

@@ -28,8 +28,8 @@ from legfem.inverse.responses import channels_of, derivative_of
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.legs.subject import LegAccuracy, Subject
 from legfem.report.further_channels import channel_chapter
+from legfem.report.instrument_file import draw_look
 from legfem.report.kinds.leg import leg_page
-from legfem.report.look import draw_look
 from legfem.report.render import rendered
 
 BOTH = ("deep.C10", "superficial.C10")

@@ -11,8 +11,8 @@ from making_mechanics import COARSE, fixed_steps, subject_3
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.geometry.indenter import Indenter
+from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.loading import load_subject
-from legfem.legs.variants import tissues_of
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.solve.protocol import Protocol
 

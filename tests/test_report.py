@@ -15,10 +15,10 @@ from scipy.stats import chi2
 
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.legs.details import AppliedCorrection
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
 from legfem.legs.subject import FibreRatio
-from legfem.legs.variants import plane_strain_test
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.estimates import comparison

@@ -15,10 +15,10 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
-from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.leg_sizes import SolidMeshSettings, settings_for_cells
 from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
 from legfem.meshing.solid_leg import mesh_solid_leg
+from legfem.meshing.structured import END, LegMesh
 from studies.legs.shapes import round_leg
 
 

@@ -8,7 +8,7 @@ from making_mechanics import subject_3
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.legs.forward import PlaneStrainForward
 from legfem.meshing.section import SectionMeshSettings
-from legfem.report.section import filmed
+from legfem.report.pressed_section import filmed
 
 DEPTH = 4.0
 

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from legfem.experiments.indenter_pose import Cylinder
 from legfem.jobs.store import Store
-from legfem.meshing.idealised_leg import IdealisedLeg, mesh_leg
+from legfem.meshing.structured import IdealisedLeg, mesh_leg
 from studies.solvers.__main__ import cases_of, run, sentences, solvers_table
 from studies.solvers.case import SolverCase, SolverWork, document, measure, mesh_of_size
 

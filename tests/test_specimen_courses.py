@@ -12,10 +12,9 @@ import legfem as lf
 from legfem.data import Recording, Scales, quality_of, segment, write_recording
 from legfem.inverse.estimates import Estimate
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.specimens.course import course_of, read_specimen
+from legfem.specimens.course import borne, branch_ratios, clock, course_of, read_specimen
 from legfem.specimens.details import compared, rms_percent
 from legfem.specimens.nuisances import OnsetEffect
-from legfem.specimens.relaxation import borne, branch_ratios, clock
 from studies.lab import recording as lab
 
 

@@ -15,6 +15,7 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.section import outward_normals
 from legfem.geometry.slices import SliceSet, calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.equilibrium import (
     PARAMETERS,
@@ -34,7 +35,6 @@ from legfem.stockings.identification import (
     identify_in_stocking,
 )
 from legfem.stockings.leg import StockingLeg, default_veins
-from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
 

@@ -16,11 +16,11 @@ from legfem.legs.subject import ShearModulus
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.render import plain_page
 from legfem.report.stocking_page import stocking_web_page
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg
-from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.scan_fit import stiffness_priors
 from legfem.stockings.schema import parse_leg_file
 

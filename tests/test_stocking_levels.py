@@ -10,9 +10,9 @@ from making_stocking import short_leg
 
 from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking, stocking_load
 from legfem.stockings.levels import MESH_SHARE, MakersLevels, PressureAlong, pressures_at_levels, rises
-from legfem.stockings.misfit import ContourAccuracy
 
 
 def round_calf(radii):

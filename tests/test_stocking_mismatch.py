@@ -17,11 +17,11 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit, outline_errors
 from legfem.stockings.discrepancy import ModelDiscrepancy, model_discrepancy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.identification import SearchSettings, StiffnessSearch
-from legfem.stockings.misfit import ContourAccuracy, ContourMisfit, outline_errors
 
 ACCURACY = ContourAccuracy(
     sd=0.1, correlation=6.0, around=25.0, along=40.0, pressure_sd=0.003, shift_sd=(0.03, 0.03, 0.05)

@@ -15,10 +15,10 @@ from legfem.common.progress import Silent
 from legfem.geometry.leg_shape import LegShape, perimeter
 from legfem.imaging.same_leg import check_scans_differ
 from legfem.mechanics.materials import NeoHookean
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking
 from legfem.stockings.leg import StockingLeg
 from legfem.stockings.loading import LEAST_LENGTH_MM, doubts_about_leg, load_leg
-from legfem.stockings.misfit import ContourAccuracy
 from studies.legs.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 

@@ -35,6 +35,7 @@ from legfem.report.stocking_pressures import vein_interval
 from legfem.report.stocking_stiffness import stiffness_interval, verdict_sentence
 from legfem.report.words import Directions, angle_round, unwrapped
 from legfem.stockings.assessment import assessed
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingDocument
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_estimates
@@ -42,7 +43,6 @@ from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted
 from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
 from legfem.stockings.loading import load_leg
-from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.pressures import too_low_by
 from legfem.stockings.scan_fit import stiffness_priors
 from studies.legs.shapes import parametric_leg, read_legs, round_leg

@@ -20,11 +20,11 @@ from legfem.report.render import plain_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import sensor_rows
 from legfem.stockings.assessment import sensor_notices
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, Sensor, SensorArray, StockingLeg, off_skin
-from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.schema import LegFile, parse_leg_file
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)

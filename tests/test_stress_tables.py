@@ -141,6 +141,17 @@ def test_rubber_of_1944_is_as_stiff_as_others_find_it(tmp_path: Path) -> None:
     assert 0.16 < stiffness(tmp_path) < 0.20
 
 
+@pytest.mark.slow
+def test_an_exponential_on_rubber_at_large_stretch_finds_its_stiffness(tmp_path: Path) -> None:
+    """Its factor moves the force by 1e20 times as much as C10 does, and its exponent, beside no factor, by nothing."""
+    stretch = np.linspace(1.0, 7.6, 12)
+    described(write_table(tmp_path, "stretch,stress (kPa)", stretch, 200 * (stretch - stretch**-2)), TENSION, NOMINAL)
+    found = lf.identify(lf.load_specimen(tmp_path), "exponential").best.estimates
+    assert found["deep.C10"].value == pytest.approx(0.1, rel=0.02)
+    assert found["deep.exponent"].identifiability == "not identifiable"
+    assert found["deep.exponent"].ci95 == found["deep.exponent"].parameter.bounds
+
+
 def test_a_page_shows_strain_and_stress(tmp_path: Path) -> None:
     noisy = nominal(STRETCH) * (1 + 2e-3 * np.sin(40 * STRETCH))
     described(write_table(tmp_path, "stretch,stress (kPa)", STRETCH, noisy), TENSION, NOMINAL)

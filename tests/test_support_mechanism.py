@@ -9,11 +9,12 @@ from making_diagnosis import coarse_leg, observations, ramps
 from legfem.common.progress import Silent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.intervals import NUMERICAL_ERROR
-from legfem.inverse.library_build import CHANGES_AT, build_library, rounded
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import CHANGES_AT, rounded
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import SolvedResponses, Stopped
+from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.mechanisms import mechanism_named
-from legfem.legs.variants import LegVariants
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)

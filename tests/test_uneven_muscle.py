@@ -8,7 +8,8 @@ from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.inverse.library_build import build_library, rounded
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.legs.mechanisms import Solution, mechanism_named
 from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness

@@ -11,11 +11,11 @@ from making_stocking import COARSE, laws, short_leg
 
 from legfem.common.progress import Silent
 from legfem.geometry.slices import calf_levels
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings, EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
-from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.pressures import MESH_ERROR, PressureProbe, vein_pressure_sd
 
 KPA = (2.6, 6.0)

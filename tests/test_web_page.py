@@ -22,8 +22,8 @@ from legfem.fem.fields import FieldReader, fields_of
 from legfem.inverse.averaging import POWER
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.verdict import TRUSTED, Diagnosis
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
-from legfem.legs.variants import plane_strain_test
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.curves import Curves, Line, ways
 from legfem.report.diagnosis import diagnosis_web_page
@@ -31,8 +31,8 @@ from legfem.report.diagnosis_sentences import headline
 from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.kinds.leg import leg_page
 from legfem.report.leg_figure import DrawnSection
+from legfem.report.pressed_section import Film, pressed_section
 from legfem.report.render import rendered
-from legfem.report.section import Film, pressed_section
 
 MOST_BYTES = 700_000
 DEPTH = 4.0

@@ -24,12 +24,12 @@ from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.motion import inward, stretch_round
 from legfem.report.curves import Curves, Line
+from legfem.report.leg_3d_view import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
 from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_pressures import by_height
-from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.page import not_seen, study_web_page, to_measure
 from studies.legs.shapes import round_leg
@@ -147,14 +147,14 @@ def test_a_study_in_which_runs_stopped_warns_on_top(tmp_path):
 def test_a_correction_says_how_large_it_is_and_in_which_direction():
     given, found = pages.calibrated()
     page = correction_web_page(given, found, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
-    checked(page, "P is +0.000 ± 0.010", "limit")
+    checked(page, "P is +0.00 ± 0.01 at that depth", "limit")
     table = found.correction
     more = replace(found, correction=replace(table, values=table.values - 0.2))
     page = correction_web_page(given, more, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
-    checked(page, "bears 20 % more force", "C10 about 20 % too high")
+    checked(page, "meets 20 % more force", "C10 would be about 20 % too high")
     less = replace(found, correction=replace(table, values=table.values + 0.1))
     page = correction_web_page(given, less, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
-    checked(page, "bears 10 % less force", "C10 about 10 % too low")
+    checked(page, "meets 10 % less force", "C10 would be about 10 % too low")
 
 
 def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_path):

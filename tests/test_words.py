@@ -73,7 +73,11 @@ def test_pages_of_a_diagnosis_are_in_plain_english(verdict, tmp_path: Path):
     found = diagnosed(effects, bump=bump, asked=asked)
     plan = ["press to 25 mm: 70 % chance of distinguishing the candidates"]
     for lines in ((), plan):
-        assert list(said(diagnosis_web_page(found, pages.subject_in(tmp_path), lines))) == []
+        page = diagnosis_web_page(found, pages.subject_in(tmp_path), lines)
+        assert list(said(page)) == []
+        # What to report and what to use are one thing.
+        use = dict(page.headline.answers)["What to do"]
+        assert not (page.headline.sentence.startswith("Report a range") and "Use the corrected number" in use)
 
 
 def test_the_first_line_of_an_identification_is_the_number_that_was_asked_for(tmp_path: Path):

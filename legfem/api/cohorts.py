@@ -21,6 +21,7 @@ from legfem.api.diagnosis import DiagnosedLeg, diagnose
 from legfem.api.identification import identify, stocking
 from legfem.api.loading import Given, check_folder, check_one_of, check_seed, check_whole, load_leg, opened
 from legfem.api.results import Identification, Result
+from legfem.cohort.anomalies import missing, suspicions
 from legfem.cohort.members import Member, Members, Task, find_members
 from legfem.cohort.population_model import PopulationFit, population_document, populations
 from legfem.cohort.rows import (
@@ -36,7 +37,6 @@ from legfem.cohort.rows import (
     write_tables,
 )
 from legfem.cohort.statistics import statistics, statistics_document
-from legfem.cohort.suspicions import missing, suspicions
 from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, duration, progress_on

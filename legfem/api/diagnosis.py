@@ -31,12 +31,12 @@ from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
+from legfem.legs.finite_element_models import library_folder
 from legfem.legs.loading import load_subject
 from legfem.legs.plan import Expected, plan_after, plan_before
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
-from legfem.legs.variants import library_folder
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import recording_figure
 from legfem.report.diagnosis_document import base_fit_of, document, parameter_rows, versions

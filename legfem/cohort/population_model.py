@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.cohort.anomalies import rig_steps
 from legfem.cohort.members import Member, Members
 from legfem.cohort.rows import Measure, Row, cohort_model, measured
 from legfem.cohort.statistics import COVARIATES, design_of, values_of
-from legfem.cohort.suspicions import rig_steps
 from legfem.common.documents import json_types
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray

@@ -61,7 +61,7 @@ def look(
         from legfem.data.quality import quality_of
         from legfem.data.reader import Proposal, propose
         from legfem.data.recording import OWN_COLUMNS, read_own, recording_of
-        from legfem.report.look import (
+        from legfem.report.instrument_file import (
             LOOK,
             Looked,
             channels_toml,

@@ -125,7 +125,7 @@ def idealised_mesh(finer: float = 1.0) -> MadeMesh:
     """Mesh a quarter of the reference leg of the 3D correction."""
     from legfem.experiments.indenter_pose import Cylinder
     from legfem.meshing.exchange import named_mesh
-    from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
+    from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, mesh_leg
 
     leg, cylinder, sizes = IdealisedLeg(), Cylinder(), LegMeshSettings().refined(finer)
     made = mesh_leg(leg, cylinder.radius, cylinder.length, sizes)

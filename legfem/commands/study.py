@@ -203,7 +203,7 @@ def correction(
 
         from legfem.experiments.indenter_pose import Cylinder
         from legfem.experiments.leg_3d import IdealisedLegSettings
-        from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+        from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
         from legfem.study.correction import command as correction_command
         from legfem.study.correction.calibration import Calibration
         from legfem.study.correction.cases import CorrectionCase, Material

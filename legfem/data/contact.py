@@ -343,14 +343,18 @@ def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Float
     return np.bincount(index, x) / counts, np.bincount(index, y) / counts, counts.astype(float)
 
 
+def slow_correlation(places: FloatArray) -> FloatArray:
+    """Correlation (n, n) of a load cell's slow error between places (n,) of a press, as `SLOW_WAYS` are told."""
+    apart = np.abs(places[:, None] - places[None, :])
+    return np.asarray(np.mean([np.exp(-apart / ways) for ways in SLOW_WAYS], axis=0))
+
+
 def _whitening(x: FloatArray, white: FloatArray, slow: float, shape: FloatArray, way: float) -> FloatArray:
     """Return the matrix (n, n), 1/N, that makes readings with white and slow errors independent of unit variance.
 
     What no shape describes (n,), N, errs slowly too.
     """
-    apart = np.abs(x[:, None] - x[None, :])
-    alike = np.mean([np.exp(-apart / (ways * way)) for ways in SLOW_WAYS], axis=0)
-    covariance = alike * (slow**2 + np.outer(shape, shape))
+    covariance = slow_correlation(x / way) * (slow**2 + np.outer(shape, shape))
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + np.diag(white**2))))
 
 

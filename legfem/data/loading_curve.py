@@ -19,7 +19,7 @@ from scipy.linalg import cholesky, helmert, solve_triangular
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.data.contact import SLOW_WAYS, Contact, Onset, common_onset, enough_gain
+from legfem.data.contact import Contact, Onset, common_onset, enough_gain, slow_correlation
 from legfem.data.noise import (
     JITTER_LENGTH_MM,
     UNSTATED,
@@ -236,7 +236,7 @@ def _zeros_sd(contacts: Sequence[Contact], instrument: Instrument) -> FloatArray
 def _own_errors(grid: FloatArray, force: FloatArray, slope: FloatArray, instrument: Instrument) -> FloatArray:
     """Return the covariance (n, n), N^2, of what a trial errs by besides its place and its zero."""
     apart = np.abs(grid[:, None] - grid[None, :])
-    alike = np.mean([np.exp(-apart / ways) for ways in SLOW_WAYS], axis=0) + _WHITE * np.eye(len(grid))
+    alike = slow_correlation(grid) + _WHITE * np.eye(len(grid))
     wander = instrument.displacement_sd * slope
     return np.asarray(
         max(instrument.force_sd, 1e-4 * float(np.ptp(force))) ** 2 * alike

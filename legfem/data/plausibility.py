@@ -67,6 +67,17 @@ def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
     yield from _drift_doubts(trial)
 
 
+def pull_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield a doubt about a recording of a leg, which is pressed, whose columns are called a pull's."""
+    if trial.recording.pulled:
+        yield Doubt(
+            trial.source,
+            "recordings",
+            "is a pull by its columns' names, and is read as a press",
+            'of a specimen give direction = "tension" in specimen.toml; of a leg export the press',
+        )
+
+
 def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
     """Yield doubts about a travel, speed and force that no press or pull of soft tissue has: a unit that isn't true.
 
@@ -81,6 +92,8 @@ def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
     if travel == 0 or speed == 0:
         return
     of_leg = trial.scales is LEG
+    if of_leg:
+        yield from pull_doubts(trial)
     ways, stiffness = (_WAYS_OF_LEG, _STIFFNESS_OF_LEG) if of_leg else (_WAYS, _STIFFNESS)
     yield from ways.likely(trial.source, "displacement_mm", travel)
     yield from _SPEEDS.likely(trial.source, "time_s", speed)

@@ -1,5 +1,6 @@
 """One trial as it was recorded: read from named columns of a file or from legfem's own CSV, and written as that."""
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -97,6 +98,8 @@ class Recording:
         What else was recorded.
     timed : bool
         Whether a clock gave the time; that of a table of stretch and stress counts its way.
+    pulled : bool
+        Whether its columns are called a pull's.
     """
 
     time: FloatArray
@@ -106,6 +109,7 @@ class Recording:
     source: Path | None = None
     channels: tuple[RecordedChannel, ...] = ()
     timed: bool = True
+    pulled: bool = False
 
     def __post_init__(self) -> None:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
@@ -196,7 +200,11 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
     used = {getattr(channels, q).column for q in QUANTITIES}
     left = tuple(column for column in sheet.columns if column.name not in used)
     beside = tuple(_dense(left, kind, values["time"]) for kind in IN_COLUMNS if _columns_of(left, kind))
-    return Recording(time, values["displacement"], values["force"], path.stem, path, beside)
+    pulled = any(_OF_PULLS.search(getattr(channels, q).column) for q in QUANTITIES)
+    return Recording(time, values["displacement"], values["force"], path.stem, path, beside, pulled=pulled)
+
+
+_OF_PULLS = re.compile(r"tensile|(?<!ex)tension|\bzug|traction|tracción|trazione", re.IGNORECASE)
 
 
 def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet:

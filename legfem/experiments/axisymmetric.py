@@ -30,8 +30,8 @@ from legfem.mechanics.indenters import RigidBall, RigidIndenter, RigidPlate
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.meshing.grid import Support
-from legfem.meshing.meridian import MeridianMesh, MeridianMeshSettings, mesh_meridian, supports
 from legfem.meshing.section import DEEP
+from legfem.meshing.structured import MeridianMesh, MeridianMeshSettings, mesh_meridian, supports
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve, SolveReport

@@ -16,7 +16,7 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import PressureStabilisation, SkinPressure, Tissue
 from legfem.meshing.grid import Support
-from legfem.meshing.idealised_leg import END, LegMesh
+from legfem.meshing.structured import END, LegMesh
 from legfem.solve.linear import LinearSettings, renew_factors
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import SolveReport

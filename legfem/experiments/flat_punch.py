@@ -12,7 +12,7 @@ from legfem.experiments.bodies import PunchOnLayer, check_rounding
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.indenters import rounded_gap, rounded_normal
 from legfem.mechanics.kinematics import Expr
-from legfem.meshing.meridian import MeridianMeshSettings, supports
+from legfem.meshing.structured import MeridianMeshSettings, supports
 
 Scalar = Any
 

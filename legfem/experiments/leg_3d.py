@@ -24,9 +24,9 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import Fascia, Fibres
 from legfem.meshing.grid import Support
-from legfem.meshing.idealised_leg import END, IdealisedLeg, LegMesh, LegMeshSettings, mesh_leg, mesh_leg_section
 from legfem.meshing.leg_sizes import FineStrip, SolidMeshSettings
 from legfem.meshing.solid_leg import mesh_solid_leg
+from legfem.meshing.structured import END, IdealisedLeg, LegMesh, LegMeshSettings, mesh_leg, mesh_leg_section
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import NewtonSettings, StepSettings

@@ -39,7 +39,6 @@ from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import BoneSprings
-from legfem.meshing.meridian import MeridianMeshSettings, supports
 from legfem.meshing.section import (
     BONE_REGIONS,
     REGIONS,
@@ -50,6 +49,7 @@ from legfem.meshing.section import (
     mesh_section,
     moved_section_mesh,
 )
+from legfem.meshing.structured import MeridianMeshSettings, supports
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol

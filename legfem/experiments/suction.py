@@ -26,8 +26,8 @@ from legfem.fem.system import System
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import Fibres, SkinPressure, Tissue
 from legfem.meshing.grid import Support
-from legfem.meshing.meridian import RIM, MeridianMeshSettings, mesh_meridian, supports
 from legfem.meshing.section import SKIN
+from legfem.meshing.structured import RIM, MeridianMeshSettings, mesh_meridian, supports
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve, Path, SolveReport, Step
 from legfem.solve.protocol import Protocol

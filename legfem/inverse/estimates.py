@@ -20,7 +20,7 @@ from legfem.inverse.intervals import (
     cut_height,
     profile_interval,
 )
-from legfem.inverse.least_squares import Residual, sandwich
+from legfem.inverse.least_squares import Residual, inverse_in_units, sandwich
 from legfem.inverse.parameter import Domain, Parameter
 from legfem.inverse.trial import Linearised
 
@@ -163,7 +163,8 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     law, at = optimum.linear.law, optimum.linear.point
     spread, bounds = optimum.spread, Domain(law.parameters).bounds
     jacobian = optimum.linear.jacobian
-    curvature = np.linalg.pinv(jacobian.T @ jacobian)
+    inverse = inverse_in_units(jacobian)
+    curvature = inverse @ inverse.T
     correlations = correlations_of(spread)
     linear, misfit = optimum.linear, optimum.linear.misfit
     sensitivities = linear.prediction.sensitivities
@@ -180,12 +181,16 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     )
     found = {}
     for k, parameter in enumerate(law.parameters):
-        error = math.sqrt(spread[k, k])
-        rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
-        interval = profile_interval(optimum.residual, at, k, rise, bounds, optimum.times * error)
-        if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
-            # A tangent leaves a curved valley long before the sum of squares rises.
-            error = _half_width(parameter, float(at[k]), interval) / optimum.times
+        if curvature[k, k] > 0:
+            error = math.sqrt(spread[k, k])
+            rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
+            interval = profile_interval(optimum.residual, at, k, rise, bounds, optimum.times * error)
+            if bounds[k, 0] < interval[0] and interval[1] < bounds[k, 1]:
+                # A tangent leaves a curved valley long before the sum of squares rises.
+                error = _half_width(parameter, float(at[k]), interval) / optimum.times
+        else:  # it moves nothing here, as an exponent whose factor is zero
+            low, high = map(float, bounds[k])
+            error, interval = 0.5 * (high - low) / optimum.times, (low, high)
         if parameter.name.endswith((".C10", ".C20")):
             interval = optimum.departure.carried(float(at[k]), interval, parameter.bounds)
         known = Estimated(parameter, float(at[k]), error, interval)
@@ -229,7 +234,7 @@ def _moves(linear: Linearised, change: FloatArray) -> FloatArray:
     free = [k for k, one in enumerate(law.parameters) if bound_of(at[k], one.bounds) == ""]
     if not free:
         return moves
-    gain = np.linalg.pinv(linear.jacobian[:, free])[:, : len(linear.misfit)]
+    gain = inverse_in_units(linear.jacobian[:, free])[:, : len(linear.misfit)]
     with np.errstate(divide="ignore", invalid="ignore"):
         moves[free] = gain @ linear.misfit.weighted(change) / at[free]
     return np.where(np.isfinite(moves), moves, math.nan)

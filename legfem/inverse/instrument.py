@@ -41,7 +41,7 @@ RELAXATION = {
     "viscoelasticity.spread": InstrumentNumber("-", 1.5),
     "viscoelasticity.quickening": InstrumentNumber("-", 0.0),
 }
-"""Of specimens: what a spectrum makes of the elastic force, see `legfem.specimens.relaxation`."""
+"""Of specimens: what a spectrum makes of the elastic force, see `legfem.specimens.course`."""
 
 
 READINGS = INSTRUMENT | RELAXATION

@@ -122,6 +122,17 @@ def damped_gauss_newton[R: WeightedResidual](
     return values, best, False
 
 
+def inverse_in_units(jacobian: FloatArray) -> FloatArray:
+    """Return the pseudo-inverse (p, m) of a Jacobian (m, p), each parameter in the unit that gives its column length 1.
+
+    Of full rank it is the plain one. A stiffness beside the factor of an exponential may move data by 1e20 times less,
+    and is no less known for that. A parameter that moves nothing has a row of zeros.
+    """
+    lengths = np.linalg.norm(jacobian, axis=0)
+    units = np.where(lengths > 0, lengths, 1.0)
+    return np.asarray(np.linalg.pinv(jacobian / units) / units[:, None])
+
+
 def gain_matrix(jacobian: FloatArray, weighting: FloatArray) -> FloatArray:
     """Return how the parameters follow the data; (p, n).
 
@@ -132,7 +143,7 @@ def gain_matrix(jacobian: FloatArray, weighting: FloatArray) -> FloatArray:
     weighting : (m, n) array
         The weighting W, with a row of its own for every prior.
     """
-    return np.asarray(np.linalg.pinv(jacobian) @ weighting)
+    return inverse_in_units(jacobian) @ weighting
 
 
 def sandwich(gain: FloatArray, covariance: FloatArray) -> FloatArray:

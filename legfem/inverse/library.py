@@ -18,6 +18,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.emulator import At, Emulator, Kriging
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
+from legfem.inverse.responses import Columns
 
 _REACH = 1.6
 
@@ -105,6 +106,51 @@ NO_CHANNELS = ChannelTables((), None, {})
 
 
 @dataclass(frozen=True, eq=False)
+class PairChanges:
+    """What two mechanisms do at once beyond each by itself, in proportion to the departures of both.
+
+    Parameters
+    ----------
+    known
+        Of two at their `pair_strength`, by their names: of the force relative at a grid (m,), of channels absolute
+        at zero and at the grid (m + 1,).
+    """
+
+    known: Mapping[frozenset[str], Columns] = field(default_factory=dict)
+
+    def __call__(self, acting: Sequence[tuple[TissueMechanism, Values]]) -> Columns:
+        """Return the changes where two act at given values; none where they aren't known."""
+        found = self.known.get(frozenset(m.name for m, _ in acting))
+        if found is None:
+            return {}
+        share = math.prod(_share_of_pair(m, its) for m, its in acting)
+        return {name: share * row for name, row in found.items()}
+
+
+_USUAL, _MOST_OF_PAIR = 1.2, 2.0
+"""Departure of a strength at which pairs are solved, about; and the most over it up to which they are in proportion."""
+
+
+def pair_strength(mechanism: TissueMechanism) -> float | None:
+    """Return the strength at which what it does beside another is solved; None where the base model doesn't show it."""
+    if {mechanism.variant, mechanism.null_variant} != {"elastic"} or mechanism.along_path or mechanism.stands_for_C20:
+        return None
+    return min(mechanism.strengths, key=lambda one: abs(_departure(mechanism, one) - _USUAL), default=None)
+
+
+def _share_of_pair(mechanism: TissueMechanism, values: Values) -> float:
+    solved = pair_strength(mechanism)
+    assert solved is not None
+    share = _departure(mechanism, mechanism.tabulated(values)) / _departure(mechanism, solved)
+    return float(np.clip(share, -_MOST_OF_PAIR, _MOST_OF_PAIR))
+
+
+def _departure(mechanism: TissueMechanism, strength: float) -> float:
+    first = mechanism.parameters[0]
+    return prior_of(first).departure(strength) - prior_of(first).departure(null_of(first))
+
+
+@dataclass(frozen=True, eq=False)
 class Library:
     """Responses from tables; see `Responses` for the methods' meaning."""
 
@@ -123,6 +169,7 @@ class Library:
     """Of ln C10 from the middle, where it holds."""
     beside: ChannelTables = NO_CHANNELS
     """What is known of channels beside the force."""
+    pairs: PairChanges = PairChanges()
     _curves: dict[tuple[str, str, bool], list[PchipInterpolator]] = field(default_factory=dict, init=False, repr=False)
     """Over the strength, at each of a table's stiffnesses."""
     _weights: list[tuple[Observations, FloatArray]] = field(default_factory=list, init=False, repr=False)

@@ -1,173 +1,30 @@
-"""Building a body's library of responses: the tasks, their solutions in processes, and the tables."""
+"""Building a body's library of responses: the tables of what was solved."""
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import CubicSpline, make_smoothing_spline
+from scipy.interpolate import make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.data.phases import LOADING
 from legfem.inverse.emulator import Emulator, Kriging, Samples
-from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
-from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of, prior_of
-from legfem.inverse.observations import Observations
-from legfem.inverse.responses import (
-    ELASTIC_DERIVATIVES,
-    BodyModels,
-    Columns,
-    Displaced,
-    NotKeptError,
-    SolvedResponses,
-    channels_of,
-    derivative_of,
+from legfem.inverse.library import (
+    NO_CHANNELS,
+    ChannelTables,
+    Library,
+    NuisanceChanges,
+    PairChanges,
+    Table,
+    coordinates,
+    unchanged,
 )
-from legfem.inverse.stations import Stations
-from legfem.jobs.pool import Workers
-
-LATTICE = (-0.7, 0.0, 0.7)
-"""Logarithms of C10 over the middle's."""
-CHANGES_AT = (-0.35, 0.35)
-"""Logarithms of C10 over the middle's, at which changes are tabulated."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """One entry of the library."""
-
-    point: Stiffness
-    mechanism: TissueMechanism | None = None
-    strength: float = 0.0
-    stations: Stations | None = None
-    geometry: Displaced | None = None
-    material: bool = False
-    node: Values | None = None
-
-    @property
-    def label(self) -> str:
-        """What progress says."""
-        what = "elastic"
-        if self.mechanism is not None:
-            what = self.mechanism.name
-        elif self.geometry is not None:
-            what = self.geometry.name
-        elif self.material:
-            what = "derivatives by what is assumed"
-        at = "" if self.stations is None else f", {self.stations.label}"
-        return f"{what}{at} at C10 {self.point[0]:.3g}, C20 {self.point[1]:.3g} kPa"
-
-
-type Outcome = Mapping[str, Columns]
-"""An entry's changes or courses, by the parameter of which there are several; else of none."""
-_ONE = ""
-
-
-def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Outcome | None:
-    """Return an entry; None where its solution stopped."""
-    found = _solved(*responses, task)
-    return None if any(np.isnan(columns["force"]).any() for columns in found.values()) else found
-
-
-def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Outcome:
-    mechanism = task.mechanism
-    if task.geometry is not None:
-        found = coarse.displaced(task.geometry, task.point)
-    elif task.material:
-        return coarse.sensitivities(coarse.variants.assumed, task.point)
-    elif mechanism is None:
-        found = solved.elastic(task.point)
-    elif task.node is not None:
-        found = coarse.elastic_change(mechanism.solution(task.node), task.point)
-    elif mechanism.derivatives:
-        found = coarse.by_derivatives(mechanism, task.stations, task.point)
-    else:
-        values = {p.name: null_of(p) for p in mechanism.parameters}
-        solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
-        if task.stations is None:
-            found = coarse.elastic_change(solution, task.point)
-        else:
-            found = coarse.path_change(solution, task.stations, task.point)
-    return {_ONE: found}
-
-
-def tasks_for(
-    observed: Observations,
-    tissue: Sequence[TissueMechanism],
-    middle: float,
-    stiffening: float,
-    models: BodyModels,
-    stiffenings: Sequence[float],
-) -> list[Task]:
-    """Return what a library is solved of: at a middle C10 (kPa) and about it.
-
-    ``stiffening`` is ln(1 + C20 / C10) where changes are tabulated, ``stiffenings`` those of the
-    elastic curves.
-    """
-
-    def point(log: float, q: float) -> Stiffness:
-        c10 = middle * float(np.exp(log))
-        return c10, c10 * float(np.expm1(q))
-
-    where = [point(log, stiffening) for log in CHANGES_AT]
-    centre = point(0.0, stiffening)
-    # What takes longest comes first, which keeps all processes busy to the end.
-    along = [m for m in tissue if m.along_path]
-    tasks = [
-        Task(centre, m, strength, stations)
-        for m in along
-        for stations in observed.protocols
-        for strength in (m.strengths or (0.0,))
-    ]
-    tasks += [Task(point(log, q)) for log in LATTICE for q in stiffenings]
-    tasks.append(Task(centre, material=True))
-    tasks += [Task(centre, geometry=geometry) for geometry in models.displaced]
-    tasks += [
-        Task(at, m, strength)
-        for m in tissue
-        if not m.along_path
-        for at in (where if m.strengths else [centre])
-        for strength in (m.strengths or (0.0,))
-    ]
-    return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]
-
-
-def outcomes_of(
-    responses: tuple[SolvedResponses, SolvedResponses], tasks: Sequence[Task], jobs: int, progress: Progress
-) -> dict[int, Outcome | None]:
-    """Return tasks' outcomes by their places; processes are started for what isn't kept only.
-
-    Two stages are told of, since courses in time take longer than elastic curves, and a stage's time left is that of
-    its own tasks.
-    """
-    found: dict[int, Outcome | None] = {}
-    kept = responses[0].recalling(), responses[1].recalling()
-    for place, task in enumerate(tasks):
-        with suppress(NotKeptError):
-            found[place] = _work(kept, task)
-    if found:
-        progress.stage(f"{len(found)} of {len(tasks)} responses are kept from earlier runs")
-    missing = [place for place in range(len(tasks)) if place not in found]
-    stages = {"responses in time": True, "elastic responses": False}
-    with Workers(_work, responses, jobs) as workers:
-        for name, in_time in stages.items():
-            places = [place for place in missing if (tasks[place].stations is not None) == in_time]
-            if not places:
-                continue
-            progress.stage(f"the leg's {name}", len(places))
-            for number, outcome in workers.places([tasks[place] for place in places]):
-                place = places[number]
-                found[place] = outcome
-                progress.advance(tasks[place].label + ("" if outcome is not None else ": STOPPED"))
-    return found
-
+from legfem.inverse.library_tasks import ONE, Outcome, Task, middle_of, outcomes_of, tasks_for
+from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
+from legfem.inverse.observations import Observations
+from legfem.inverse.responses import ELASTIC_DERIVATIVES, Columns, SolvedResponses, channels_of, derivative_of
 
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""
-_ROUND = 0.25
-"""Of the middle's ln C10; and of where its stiffening is looked up."""
-_FIRST_C10_KPA = 0.8
 _SMOOTH = 3e-3
 """Penalty of the squared second derivative by the logarithm of the way: at 5 mm waves of less than
 3 mm go."""
@@ -175,42 +32,6 @@ _WIGGLE = 0.1
 """Of the largest change: the most that a wiggle may be."""
 _FEWEST = 5
 """Points of a curve that can be smoothed."""
-
-
-def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
-    """Return the C10 (kPa, of a round logarithm) at which the loading is about as recorded.
-
-    Parameters
-    ----------
-    observed
-        The recordings.
-    coarse
-        Responses by full solutions.
-    stiffening
-        ln(1 + C20 / C10) there.
-    """
-    loading = observed.phase == LOADING
-    d, force = observed.displacement[loading], observed.force[loading]
-    log = np.log(_FIRST_C10_KPA)
-    for _ in range(5):
-        c10 = float(np.exp(log))
-        curve = coarse.curve(c10, c10 * float(np.expm1(stiffening)))
-        if np.isnan(curve).any():
-            log += 0.7
-            continue
-        grid = np.concatenate([[0.0], coarse.grid])
-        there = CubicSpline(grid, np.concatenate([[0.0], curve]))(np.maximum(d, 0.0))
-        ratio = float(force @ there) / float(there @ there)
-        step = float(np.clip(np.log(max(ratio, 1e-3)) / 0.7, -1.5, 1.5))
-        log += step
-        if abs(step) < 0.5 * _ROUND:
-            break
-    return rounded(float(np.exp(log)))
-
-
-def rounded(c10: float) -> float:
-    """Return a stiffness (kPa) of a round logarithm near one."""
-    return float(np.exp(_ROUND * round(float(np.log(c10)) / _ROUND)))
 
 
 def build_library(
@@ -223,6 +44,7 @@ def build_library(
     stiffening: float = 0.0,
     middle: float | None = None,
     stiffenings: Sequence[float] = STIFFENINGS,
+    pairs: bool = True,
 ) -> Library:
     """Solve what isn't kept yet, in processes, and return the library for recordings.
 
@@ -246,12 +68,14 @@ def build_library(
         C10 (kPa) about which; that of the recordings by default.
     stiffenings
         ln(1 + C20 / C10) of the elastic curves.
+    pairs
+        Whether two mechanisms at once are solved, too.
     """
     if middle is None:
         progress.stage("how stiff the leg is, roughly")
         middle = middle_of(observed, coarse, stiffening)
     tissue = [m for m in asked if isinstance(m, TissueMechanism)]
-    tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, stiffenings)
+    tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, stiffenings, pairs)
     found = outcomes_of((solved, coarse), tasks, jobs, progress)
     outcomes = [found[k] for k in range(len(tasks))]
     return _assembled(solved, observed, tissue, tasks, outcomes, middle)
@@ -266,7 +90,7 @@ def _assembled(
     middle: float,
 ) -> Library:
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
-    elastic = [(t.point, o[_ONE]) for t, o in done if t.mechanism is None and t.geometry is None and not t.material]
+    elastic = [(t.point, o[ONE]) for t, o in done if _is_elastic(t)]
     emulator = Emulator(_samples(elastic, ("force",)))
     names = _known_channels(done)
     outcomes = _filled(tasks, outcomes, names)
@@ -283,7 +107,7 @@ def _assembled(
                 missing[m.name] = "simulations did not reach the end of the protocol"
             else:
                 changes[m.name, key], beside[m.name, key] = table, other
-    geometric = {t.geometry.name: o[_ONE] for t, o in done if t.geometry is not None}
+    geometric = {t.geometry.name: o[ONE] for t, o in done if t.geometry is not None}
     material = next((o for t, o in done if t.material), {})
     nuisances = NuisanceChanges(
         solved.grid,
@@ -299,7 +123,19 @@ def _assembled(
         },
     )
     tables = ChannelTables(names, _kriging(_samples(elastic, names)), beside) if names else NO_CHANNELS
-    return Library(solved.grid, emulator, changes, nuisances, middle, missing, beside=tables)
+    pairs = {
+        frozenset(m.name for m in t.pair): {
+            "force": smoothed(solved.grid, o[ONE]["force"]),
+            **{name: o[ONE][name] for name in names if _has(o, name)},
+        }
+        for t, o in done
+        if t.pair
+    }
+    return Library(solved.grid, emulator, changes, nuisances, middle, missing, beside=tables, pairs=PairChanges(pairs))
+
+
+def _is_elastic(task: Task) -> bool:
+    return task.mechanism is None and task.geometry is None and not task.material and not task.pair
 
 
 def _known_channels(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:
@@ -309,6 +145,8 @@ def _known_channels(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:
     """
     found: dict[str, list[set[str]]] = {}
     for number, (task, outcome) in enumerate(done):
+        if task.pair:
+            continue
         there = [
             {name for name in channels_of(columns) if np.isfinite(columns[name]).all()} for columns in outcome.values()
         ]
@@ -340,20 +178,20 @@ def _filled(tasks: Sequence[Task], outcomes: Sequence[Outcome | None], names: Se
             for other, columns in zip(tasks, outcomes, strict=True)
             if columns is not None and other.mechanism is m and other.node is None and other.stations is task.stations
         ]
-        columns = dict(outcome[_ONE])
+        columns = dict(outcome[ONE])
         for name in missing:
             near, has = min(
                 ((other, one) for other, one in alike if _has(one, name)),
                 key=lambda pair: (abs(_departure(pair[0]) - _departure(task)), abs(pair[0].point[0] - task.point[0])),
             )
             share = _departure(task) / _departure(near) if m.strengths else 1.0
-            columns[name] = share * has[_ONE][name]
-        found[place] = {_ONE: columns}
+            columns[name] = share * has[ONE][name]
+        found[place] = {ONE: columns}
     return found
 
 
 def _has(outcome: Outcome, name: str) -> bool:
-    return name in outcome[_ONE] and bool(np.isfinite(outcome[_ONE][name]).all())
+    return name in outcome[ONE] and bool(np.isfinite(outcome[ONE][name]).all())
 
 
 def _departure(task: Task) -> float:
@@ -423,21 +261,19 @@ def _table(
         own = "" if task.stations is None else task.stations.key
         if task.mechanism is mechanism and own == key and task.node is None:
             # Where no force is left there is no ratio to tabulate.
-            left = outcome is not None and not (ratios and np.any(outcome[_ONE]["force"] <= -1.0))
+            left = outcome is not None and not (ratios and np.any(outcome[ONE]["force"] <= -1.0))
             rows.setdefault(task.point[0], []).append(outcome if left else None)
     if not names:
         return unchanged(mechanism, 0)
     # One stiffness serves where a solution at the other stopped.
-    whole = {c10: [_as_row(o[_ONE], names) for o in found if o is not None] for c10, found in rows.items()}
+    whole = {c10: [_as_row(o[ONE], names) for o in found if o is not None] for c10, found in rows.items()}
     whole = {c10: changes for c10, changes in whole.items() if len(changes) == len(rows[c10])}
     if not whole:
         return None
     values = np.array([np.vstack(changes) for changes in whole.values()])
     solved = [o for t, o in zip(tasks, outcomes, strict=True) if t.mechanism is mechanism and t.node is not None]
     if not mechanism.along_path and mechanism.nodes:
-        missed = _missed_at_nodes(
-            mechanism, [None if o is None else _as_row(o[_ONE], names) for o in solved], values[0]
-        )
+        missed = _missed_at_nodes(mechanism, [None if o is None else _as_row(o[ONE], names) for o in solved], values[0])
         values = np.concatenate([values, missed[None]], axis=1)
     logs = np.log(list(whole))
     return Table(logs, np.log1p(values) if ratios and tuple(names) == ("force",) else values)

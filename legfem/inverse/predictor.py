@@ -106,6 +106,8 @@ class Predictor:
     together
         What two mechanisms' solutions do at once beyond each by itself, at a stiffness (kPa); see
         `SolvedResponses.together`.
+    pairs
+        The same by tables, of two mechanisms at values.
     """
 
     observed: Observations
@@ -115,6 +117,7 @@ class Predictor:
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
     together: Callable[[Sequence[Solution], Stiffness], Columns] | None = None
+    pairs: Callable[[Sequence[tuple[TissueMechanism, Mapping[str, float]]]], Columns] | None = None
     _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
     _curves: dict[tuple[int, tuple[str, ...], float, float], FloatArray] = field(default_factory=dict, repr=False)
 
@@ -154,7 +157,7 @@ class Predictor:
     ) -> FloatArray:
         """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't.
 
-        ``whole`` adds what effects do together; without it each acts as if it were alone.
+        ``whole`` solves what two effects do at once; without it that is looked up, where it is known.
         """
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
@@ -192,9 +195,11 @@ class Predictor:
             own_factor = mechanism.force_factor(mine, observed)
             force, factors = force * own_factor, factors * own_factor
         beyond: Columns = {}
-        if whole and self.together is not None:
-            elastically = [m.solution(its) for m, its in tissue if not m.along_path and not m.derivatives]
-            beyond = self.together(elastically, (c10, c20)) if len(elastically) == 2 else {}
+        acting = [(m, its) for m, its in tissue if not m.along_path and not m.derivatives]
+        if len(acting) == 2 and whole and self.together is not None:
+            beyond = self.together([m.solution(its) for m, its in acting], (c10, c20))
+        elif len(acting) == 2 and not whole and self.pairs is not None:
+            beyond = self.pairs(acting)
         if beyond:
             force = force * (1 + np.interp(observed.displacement, self.responses.grid, beyond["force"]))
         for mechanism in mechanisms:

@@ -72,7 +72,7 @@ class BodyModels(Protocol):
         sensitivities: Sequence[str] = (),
         placement: "LateralPlacement | None" = None,
     ) -> "Path | Stopped":
-        """Solve a protocol for a stiffness; see `legfem.legs.variants.LegVariants.follow`."""
+        """Solve a protocol for a stiffness; see `legfem.legs.finite_element_models.LegVariants.follow`."""
         ...
 
     def parameters(self, variant: str) -> Mapping[str, float]:

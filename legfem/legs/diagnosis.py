@@ -20,13 +20,13 @@ from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis, diagnose
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
+from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.mechanisms import OCCURRENCES, Mechanism, mechanisms
 from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle import MuscleFibres
 from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
 from legfem.legs.subject import MeasuredEffect, Subject, elastography_priors
-from legfem.legs.variants import solved_responses
 
 
 def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> tuple[MeasuredStrength, ...]:
@@ -80,7 +80,7 @@ class Diagnoser:
     Parameters
     ----------
     folder
-        Of the responses; see `legfem.legs.variants.library_folder`.
+        Of the responses; see `legfem.legs.finite_element_models.library_folder`.
     correction
         Of 3D effects, for the mechanism ``end-effects``.
     jobs
@@ -211,6 +211,7 @@ def diagnose_body(
             ends,
             accuracy.measured.get(DEEP_C10),
             together=None if solved is None else solved.together,
+            pairs=library.pairs,
         ),
         instrument,
         able,

@@ -68,7 +68,7 @@ class PlaneStrainForward:
         """
         subject.indenter.check_lies_along(str(subject.directory / "subject.toml"))
         from legfem.experiments.plane_strain import PlaneStrainSettings
-        from legfem.legs.variants import tissues_of
+        from legfem.legs.finite_element_models import tissues_of
 
         tissues, settings = tissues_of(subject), settings or PlaneStrainSettings()
         return cls(subject.section, subject.indenter, tissues, settings, depth, sights=subject.sights)

@@ -40,6 +40,7 @@ from legfem.jobs.pool import Workers
 from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction
 from legfem.legs.details import CLOSE, Confirmation, LegDetails, PressedLeg, SpatialEvidence
+from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.forward import PlaneStrainForward, laws_of, values_of
 from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, kept_forward, leg_models, start_of_ratio
 from legfem.legs.notices import of_two_fidelities
@@ -48,7 +49,6 @@ from legfem.legs.site_channels import site_channels
 from legfem.legs.site_test import SiteTest, deep_stiffness, measured_curve, with_instrument_errors
 from legfem.legs.solver_3d import LegSolver, model_errors
 from legfem.legs.subject import SitedLeg, Subject
-from legfem.legs.variants import tissues_of
 
 MOST_SOLVES = 8
 """In 3D, of all laws together, those that measure the errors among them."""

@@ -20,10 +20,10 @@ from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Together
 from legfem.jobs.store import Store, key_of
 from legfem.legs.details import LegCamera, LegFilm, PressedLeg
+from legfem.legs.finite_element_models import spatial_test, tissues_of
 from legfem.legs.forward import values_of
 from legfem.legs.placement import SpatialLeg, spatial_leg
 from legfem.legs.subject import FibreRatio, SitedLeg, Subject
-from legfem.legs.variants import spatial_test, tissues_of
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
 from legfem.solve.path import ForceCurve

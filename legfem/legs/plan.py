@@ -13,7 +13,8 @@ from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.library import Library
-from legfem.inverse.library_build import build_library, rounded
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import rounded
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.inverse.mechanism import prior_of
 from legfem.inverse.observations import Observations, blank_observations
@@ -125,7 +126,9 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
-    predictor = Predictor(observed, library, law, ends, accuracy_of(subject).measured.get(DEEP_C10))
+    predictor = Predictor(
+        observed, library, law, ends, accuracy_of(subject).measured.get(DEEP_C10), pairs=library.pairs
+    )
     noise = _stated(subject, observed)
     values = {DEEP_C10: kpa_to_mpa(expected.c10), DEEP_C20: kpa_to_mpa(expected.c20)}
     force = predictor(values)
@@ -166,7 +169,7 @@ def _library(
     progress: Progress,
 ) -> Library:
     """Return the leg's responses to all tests."""
-    from legfem.legs.variants import solved_responses
+    from legfem.legs.finite_element_models import solved_responses
 
     blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
     fine, coarse = solved_responses(subject, blank, diagnoser.folder)

@@ -19,7 +19,7 @@ from legfem.data.channel_reader import LONGEST_LAG_S
 from legfem.data.contact import LEG
 from legfem.data.formats import recording_files
 from legfem.data.phases import LOADING
-from legfem.data.plausibility import loading_doubts, refuse_copies, trial_doubts
+from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone, fat_thickness, girth
@@ -157,6 +157,7 @@ def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
         trial.source, trial.recording.time[: len(loading.force)], loading.displacement, loading.force
     )
     yield from trial_doubts(trial)
+    yield from pull_doubts(trial)
     if loading.depth <= _LITTLE_ROOM * room:
         return
     found = Doubt(

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.meshing.idealised_leg import END, MIRROR_X, MIRROR_Z
 from legfem.meshing.section import BONE, HULL, SKIN
+from legfem.meshing.structured import END, MIRROR_X, MIRROR_Z
 
 SURFACES = {"skin": SKIN, "bone": BONE, "mirror_x": MIRROR_X, "mirror_z": MIRROR_Z, "end": END, "hull": HULL}
 """Tags of facets by name; ``hull`` lies between deep and superficial tissue."""

@@ -31,11 +31,11 @@ from legfem.meshing.gmsh_mesh import (
     raise_everywhere,
 )
 from legfem.meshing.grid import Support
-from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.leg_sizes import SizeField, SolidMeshSettings, TissueGrid, bilinear, meshed_part, size_field
 from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
 from legfem.meshing.section import HULL as HULL_TAG
 from legfem.meshing.section import SKIN as SKIN_TAG
+from legfem.meshing.structured import END, LegMesh
 
 type Triangles = NDArray[np.int64]
 

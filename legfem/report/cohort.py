@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 import legfem.report.page as web
+from legfem.cohort.anomalies import Suspicion, listed, missing, suspicions
 from legfem.cohort.members import Member, Members
 from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
-from legfem.cohort.suspicions import Suspicion, listed, missing, suspicions
 from legfem.common.documents import versions_of
 from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
@@ -200,10 +200,10 @@ def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, 
             values.setdefault(group[row.member], []).append(one.value)
             unit = one.unit
     every = [value for own in values.values() for value in own]
-    text = f"{capital(called(name))}: {np.median(every):.2g} {unit} in the median of {len(every)} members"
-    text += f" ({min(every):.2g} to {max(every):.2g})" if len(every) > 1 else ""
+    text = f"{capital(called(name))}: {np.median(every):#.2g} {unit} in the median of {len(every)} members"
+    text += f" ({min(every):#.2g} to {max(every):#.2g})" if len(every) > 1 else ""
     if len(values) > 1:
-        each = (f"{np.median(own):.2g} of {who or 'members without a group'}" for who, own in sorted(values.items()))
+        each = (f"{np.median(own):#.2g} of {who or 'members without a group'}" for who, own in sorted(values.items()))
         text += f", {' and '.join(each)}" if len(values) == 2 else f", {', '.join(each)}"
     return f"{text}. "
 
@@ -236,7 +236,7 @@ def _headline(
 
 
 def _kind_of(warning: str) -> str:
-    """A warning without what differs from member to member: its first clause, without laws, numbers and files."""
+    """A warning without what differs from member to member: its first clause, no laws, numbers, files, brackets."""
     law = next((text for name in LAW_NAMES.values() if warning.startswith(text := f"{name} law: ")), "")
     warning = warning.removeprefix(law)
     doubt = warning.startswith(_DOUBT)

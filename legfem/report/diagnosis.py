@@ -30,7 +30,7 @@ from legfem.report.diagnosis_sentences import (
 )
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.page import PressedSection
-from legfem.report.section import still_section
+from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import ORIGINS, capital
 

@@ -238,14 +238,7 @@ def evidence_cells(found: Diagnosis) -> Cells:
             for model, held in zip(found.models, found.held_out, strict=True)
         ),
     ]
-    header = [
-        "explanation",
-        "probability",
-        "ln Bayes factor",
-        "misfit explained",
-        "held-out error (N)",
-        "full solutions",
-    ]
+    header = ["explanation", "probability", "ln Bayes factor", "explained", "held-out error (N)", "full solutions"]
     return header, rows
 
 

@@ -89,10 +89,9 @@ def _in_part(found: Diagnosis, model: Explanation) -> str:
     if not left:
         return f"{share}; what remains is below a trial's noise."
     most = left[0]
-    return (
-        f"{share}; {abs(most.size_N):.2g} N remains in {most.trial}, {most.phase}, from "
-        f"{most.displacement_mm[0]:.0f} to {most.displacement_mm[1]:.0f} mm."
-    )
+    low, high = (f"{end:.0f}" for end in most.displacement_mm)
+    where = f"at {low} mm" if low == high else f"from {low} to {high} mm"
+    return f"{share}; {abs(most.size_N):.2g} N remains in {most.trial}, {most.phase}, {where}."
 
 
 def _digits(value: float) -> str:
@@ -101,7 +100,8 @@ def _digits(value: float) -> str:
 
 def statements(model: Explanation) -> str:
     """Return what a model's mechanisms say was left out."""
-    return " and ".join(m.statement for m in model.fit.mechanisms)
+    every = [m.statement for m in model.fit.mechanisms]
+    return ("; and also " if any(":" in one for one in every) else " and ").join(every)
 
 
 def kin_sentence(models: Sequence[Explanation]) -> str:
@@ -436,8 +436,9 @@ def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
         if not lines:
             return "Use the number together with the law that it belongs to. No other test is needed."
         return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
+    use = "Use the corrected number" if found.verdict == "named" and not _wide(found) else "Use the range"
     if not plan and not lines:
-        return "Use the corrected number." if found.verdict == "named" else "Use the range."
+        return f"{use}."
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
     asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
     if found.verdict == "unexplained" and not found.withheld:
@@ -447,7 +448,7 @@ def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
             f"Use no number of this test. First ask the lab to check the data for a mistake. Then ask it to {lines[0]}."
         )
     if found.verdict == "named":
-        return f"Use the corrected number. To confirm the cause, {asked}."
+        return f"{use}. To confirm the cause, {asked}."
     kept = "the corrected number" if _alike(found) else "the range, and no single number"
     return f"Use {kept}. To find out which cause it is, {asked}."
 

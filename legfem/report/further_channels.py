@@ -25,7 +25,7 @@ from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
 from legfem.report.diagnosis_figures import matched
 from legfem.report.page import Arrow, Mark, StillSection
-from legfem.report.section import still_section
+from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 
 SHOWS = "what was recorded beside the force and what the model makes of it, and their difference"

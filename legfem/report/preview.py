@@ -21,8 +21,8 @@ from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.plausibility import doubts_about, room_before
 from legfem.legs.schema import RECORDINGS, SUBJECTS, site_names, subject_entry
 from legfem.legs.subject import Subject
+from legfem.report.instrument_file import draw_look, look_text
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure, slices_figure
-from legfem.report.look import draw_look, look_text
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file

@@ -15,9 +15,9 @@ from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.details import LegDetails
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
-from legfem.legs.variants import plane_strain_test
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis import diagnosis_web_page
@@ -36,8 +36,8 @@ from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_anoth
 from legfem.report.kinds import kind_of
 from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
 from legfem.report.page import PressedSection
+from legfem.report.pressed_section import filmed
 from legfem.report.render import bullets, estimates_frame, fill, table, write_page
-from legfem.report.section import filmed
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.words import ORIGINS
 from legfem.solve.settings import NewtonSettings, StepSettings

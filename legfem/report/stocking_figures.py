@@ -26,9 +26,9 @@ from legfem.report.style import (
     title,
 )
 from legfem.report.words import Directions, number, unwrapped
+from legfem.stockings.contour_distances import CONTOUR_NAMES, ContourMisfit
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.estimates import StiffnessFit, expected_rms
-from legfem.stockings.misfit import CONTOUR_NAMES, ContourMisfit
 from legfem.stockings.pressures import FatPressures, SectionPressures
 
 COLOURS = "viridis"

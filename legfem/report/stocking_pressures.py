@@ -9,9 +9,9 @@ from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.geometry.motion import inward, stretch_round
 from legfem.inverse.intervals import quantile
 from legfem.report.curves import Curves, Line
+from legfem.report.leg_3d_view import Marked, SkinField, turned_leg
 from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.report.words import Directions, angle_round
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
@@ -93,8 +93,8 @@ def _of_stocking(details: StockingDetails) -> list[Block]:
         ("greatest", f"{both_units(float(load.pressure.max()))}, {highest_place(details)}"),
         ("mean at the lower end", both_units(float(by_level[0]))),
         ("mean at the upper end", both_units(float(by_level[-1]))),
-        ("the fabric's strain", f"{100 * load.strain.min():.1f} to {100 * load.strain.max():.1f} %"),
-        ("its tension", f"{load.tension.min():.4f} to {load.tension.max():.4f} N/mm"),
+        ("the fabric's strain", f"{100 * load.strain.min():.0f} to {100 * load.strain.max():.0f} %"),
+        ("the fabric's tension", f"{load.tension.min():.3g} to {load.tension.max():.3g} N/mm"),
     ]
     note = (
         "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "

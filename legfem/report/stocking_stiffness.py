@@ -9,11 +9,11 @@ from legfem.report import page as web
 from legfem.report.page import Block, Prose, WebTable
 from legfem.report.words import short_probability
 from legfem.stockings.assessment import TISSUES
+from legfem.stockings.contour_distances import CONTOUR_NAMES
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import PARAMETERS
 from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
-from legfem.stockings.misfit import CONTOUR_NAMES
 
 STIFFNESS = "Stiffness of muscle and fat"
 """Title of the chapter."""

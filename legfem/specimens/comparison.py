@@ -18,11 +18,10 @@ from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.form_error import by_third, third_of
 from legfem.inverse.instrument import INSTRUMENT, READINGS, Reading
 from legfem.inverse.outcome import Outcome
-from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
+from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, borne, branch_ratios, clock
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.nuisances import OnsetEffect, OwnStiffness, kinds_of, power_of, tells_ratio, were_turned
-from legfem.specimens.relaxation import borne, branch_ratios, clock
 from legfem.specimens.sizes import SpecimenRecording, fibres_text
 
 GRID = 50

@@ -1,10 +1,10 @@
 """What a fit of specimens has beside that of any test: what isn't known of a test, weighed; errors of sizes.
 
 Alternatives are as probable beforehand. Intervals are those of the mixture, each counting by its evidence beside a
-smooth error of unknown form (`legfem.specimens.misfit`), alike in all recordings, and summed over the laws that are
-fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence counts the
-less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video shows the
-specimen's side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`).
+smooth error of unknown form (`legfem.specimens.model_discrepancy`), alike in all recordings, and summed over the laws
+that are fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence
+counts the less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video
+shows the specimen's side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
-from legfem.specimens.misfit import LawMisfit
+from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of, resized
 
 type _Fit = Fit[SpecimenDetails]

@@ -15,7 +15,8 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
-from legfem.inverse.library_build import build_library, middle_of
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import middle_of
 from legfem.inverse.mechanism import factor, prior_of
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.parameter import Parameter
@@ -338,7 +339,7 @@ def _diagnosed(
     scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
     every, unable = mechanisms_of(sizes, scale, used[0].recording.timed)
     able, _ = shown_mechanisms(observed, None, every=every)
-    library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS)
+    library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS, False)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     stiff = stiffness_doubts(folder, kpa_to_mpa(middle))
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))

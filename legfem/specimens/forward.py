@@ -22,9 +22,9 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve, Path
 from legfem.solve.protocol import Protocol
+from legfem.specimens.course import borne
 from legfem.specimens.kind import AXES, Law, SpecimenTest
 from legfem.specimens.laws import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
-from legfem.specimens.relaxation import borne
 from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, bare, kind_in, lengths_of, resized, slipping
 
 if TYPE_CHECKING:
@@ -323,7 +323,7 @@ class SpecimenVariants:
         sensitivities: Sequence[str] = (),
         placement: "LateralPlacement | None" = None,
     ) -> Path | Stopped:
-        """Solve a protocol, as `legfem.legs.variants.LegVariants.follow` does for a leg.
+        """Solve a protocol, as `legfem.legs.finite_element_models.LegVariants.follow` does for a leg.
 
         Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
         are as much softer in the solution as the force is scaled up.
@@ -404,7 +404,7 @@ def _of_variant(variant: str) -> list[TissueMechanism]:
 
 
 def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[str]) -> Path:
-    """Return a course with what branches bear; see `legfem.specimens.relaxation`."""
+    """Return a course with what branches bear; see `legfem.specimens.course`."""
     names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
     if not any(name in values or name in sensitivities for name in names):
         return path

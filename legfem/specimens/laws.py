@@ -26,7 +26,7 @@ from legfem.inverse.instrument import INSTRUMENT, RELAXATION
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import ParameterTexts, read_prior
 from legfem.mechanics.materials import ExponentialStiffening, Hyperelastic, NeoHookean, ReducedPolynomial, Yeoh
-from legfem.specimens.relaxation import relaxation_parameters
+from legfem.specimens.course import relaxation_parameters
 from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile
 
 ONE = "deep"

@@ -29,13 +29,13 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
+from legfem.specimens.course import QUICKENING, shows_quickening
 from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, warnings_about, weighed
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, begin_at, identified_law
-from legfem.specimens.misfit import LawMisfit, misfit_of
+from legfem.specimens.model_discrepancy import LawMisfit, misfit_of
 from legfem.specimens.nuisances import SETTLED, check_strained, deepest_of, seeks_ratio, why_ratio_undetermined
-from legfem.specimens.relaxation import QUICKENING, shows_quickening
 from legfem.specimens.sizes import (
     OF_LAYER,
     LeftOut,

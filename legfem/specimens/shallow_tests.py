@@ -5,7 +5,7 @@ from dataclasses import replace
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.bodies import Faces
 from legfem.mechanics.contact import ContactSettings
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.settings import StepSettings
 
 _STEPS, _ELEMENTS = 20, 5

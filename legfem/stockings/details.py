@@ -11,13 +11,13 @@ from legfem.geometry.leg_shape import fat_thickness_around
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.fit import Fit
+from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, LegModel3D
 from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
 from legfem.stockings.levels import LevelPressure, PressureAlong, pressures_at_levels
-from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.pressures import FatPressures, SectionPressures, TissuePressures, too_low_by
 from legfem.stockings.scan_fit import by_name
 

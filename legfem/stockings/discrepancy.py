@@ -21,9 +21,9 @@ from statsmodels.stats.multitest import multipletests
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.slices import CONTOURS
+from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS, Equilibrium, EquilibriumSolver
 from legfem.stockings.estimates import StiffnessFit
-from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, angle_from_sector, sectors
 from legfem.stockings.scan_fit import BOUNDS, LinearisedContours, by_name
 

@@ -23,8 +23,8 @@ from legfem.inverse.estimates import Estimate, correlations_of, reasons, trade_o
 from legfem.inverse.intervals import Estimated, profile_interval, profile_point, quantile
 from legfem.inverse.least_squares import least_residual
 from legfem.inverse.parameter import Priors
+from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS, Equilibrium
-from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
 from legfem.stockings.nuisances import RIGID, NuisanceSlopes
 from legfem.stockings.scan_fit import ScanComparison, Tension
 

@@ -29,13 +29,13 @@ from legfem.inverse.least_squares import GaussNewtonSettings, damped_gauss_newto
 from legfem.inverse.parameter import Domain, Priors
 from legfem.meshing.leg_sizes import SolidMeshSettings, settings_for_cells
 from legfem.stockings.assessment import assessed
+from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import model_discrepancy
 from legfem.stockings.equilibrium import PARAMETERS, SURFACES, Equilibrium, EquilibriumSolver, LegModel3D
 from legfem.stockings.estimates import Method, MisfitEmulator, StiffnessFit, profile_intervals
 from legfem.stockings.fabric import stocking_load
 from legfem.stockings.leg import SensorArray, StockingLeg
-from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.nuisances import NuisanceSlopes
 from legfem.stockings.pressures import (
     PressureProbe,

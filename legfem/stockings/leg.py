@@ -23,9 +23,9 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.imaging.registration import Registration
 from legfem.legs.subject import ShearModulus
 from legfem.mechanics.materials import NeoHookean
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking
 from legfem.stockings.levels import NOTHING_STATED, MakersLevels
-from legfem.stockings.misfit import ContourAccuracy
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import numpy as np
 from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import LegShape, perimeter
 from legfem.inverse.intervals import quantile
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import ANKLE_MMHG, StockingLoad
-from legfem.stockings.misfit import ContourAccuracy
 
 type Level = Literal["B", "B1", "C", "D"]
 type Standard = Literal["RAL-GZ 387", "ENV 12718"]

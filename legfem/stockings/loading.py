@@ -28,10 +28,10 @@ from legfem.imaging.shape_schema import ShapeEntry, existing
 from legfem.legs.plausibility import doubts_about_size
 from legfem.legs.subject import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.leg import KINDS, USUAL_DIAMETER, Posture, Sensor, StockingLeg, Vein, default_veins, off_skin
 from legfem.stockings.levels import PLACES, MakersLevels
-from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
 
 STRETCH = PhysicalRange(

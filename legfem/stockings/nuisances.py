@@ -3,7 +3,7 @@ r"""Nuisance parameters of the scan's fit, and the derivatives of the contours b
 None of these is known exactly; each is a parameter of the fit with a prior, so that the intervals
 of the stiffnesses include it. In this order: `RIGID` motions between the scans, the pressure's
 error in `SECTORS` of the girth, the modes of the bare outlines' errors (skin, then hull;
-`legfem.stockings.misfit`) and, where the fabric is uncertain, the relative error of its tension.
+`legfem.stockings.contour_distances`) and, where the fabric is uncertain, the relative error of its tension.
 
 The stocking presses on bumps and lets go of hollows, so that it flattens an error of the bare
 outline, the more the softer the tissue. A fit that left that out would make the tissue too soft.
@@ -30,9 +30,9 @@ from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.section import outward_normals
 from legfem.geometry.slices import distance_rates
+from legfem.stockings.contour_distances import ContourMisfit, outline_errors
 from legfem.stockings.equilibrium import RATE_TOLERANCE, SURFACES, Equilibrium, EquilibriumSolver
 from legfem.stockings.leg import SensorArray
-from legfem.stockings.misfit import ContourMisfit, outline_errors
 
 RIGID, SECTORS = 6, 8
 """Numbers of rigid motions between the scans, and of sectors of the girth with a pressure error."""

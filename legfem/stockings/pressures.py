@@ -6,7 +6,7 @@ To first order, in equilibrium with the stocking, the pressure at a vein has the
 
 with :math:`g` its derivatives by the logarithms of the stiffnesses, :math:`\Sigma` their
 covariance, :math:`h_s` those by the relative pressure of the stocking in each sector of the girth,
-:math:`\sigma_p` that pressure's standard deviation (`legfem.stockings.misfit.ContourAccuracy`) and
+:math:`\sigma_p` that pressure's standard deviation (`legfem.stockings.contour_distances.ContourAccuracy`) and
 :math:`\sigma_m` the mesh's relative error. All are taken as independent.
 """
 

@@ -17,9 +17,9 @@ from scipy.linalg import solve_triangular
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.parameter import Parameter, Priors
 from legfem.legs.subject import ShearModulus, elastography_priors
+from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS, Equilibrium, EquilibriumSolver, LinearisedCoupling, probe_step
 from legfem.stockings.leg import SensorArray
-from legfem.stockings.misfit import ContourMisfit
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes
 
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))

@@ -15,9 +15,9 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
+from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.variants import tissues_of
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.report.render import table
 from legfem.report.style import FAINT, new_figure, panel, save, styled

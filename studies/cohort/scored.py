@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 import typer
 
+from legfem.cohort.anomalies import drifts
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Judged, Measure, ModelResult, Row
 from legfem.cohort.statistics import SOURCES, statistics, statistics_document
-from legfem.cohort.suspicions import drifts
 from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table
 from legfem.common.units import FloatArray

@@ -28,10 +28,10 @@ from legfem.data import Recording
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import Calf, calf_section
-from legfem.legs.variants import plane_strain_test
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.other_code.plane_leg import Lump, OtherCase, OtherCode

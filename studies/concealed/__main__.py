@@ -15,7 +15,7 @@ from legfem.common.progress import Progress, progress_on
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
-from legfem.legs.variants import library_folder
+from legfem.legs.finite_element_models import library_folder
 from legfem.report.style import save
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app
 from studies.concealed.cases import make_cases

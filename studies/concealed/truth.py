@@ -20,9 +20,9 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.responses import Stopped
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanism_named
 from legfem.legs.subject import Subject
-from legfem.legs.variants import LegVariants
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
@@ -229,7 +229,7 @@ class Truths:
         return ForceCourse.of(time, path.force_at(time), {name: path.channel_at(name, time) for name in path.channels})
 
     def _made(self, settings: Any) -> LegVariants:
-        from legfem.legs.variants import tissues_of
+        from legfem.legs.finite_element_models import tissues_of
 
         return LegVariants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings, sights=self.sights)
 

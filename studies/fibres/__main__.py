@@ -19,7 +19,7 @@ from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.jobs.pool import Workers
 from legfem.legs.correction import smooth_ratio
 from legfem.legs.correction_of_leg import TABLE
-from legfem.meshing.idealised_leg import LegMeshSettings
+from legfem.meshing.structured import LegMeshSettings
 from legfem.report.style import save
 from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results

@@ -26,7 +26,7 @@ from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import diagnose_body, with_correction
 from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle import MuscleFibres
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record

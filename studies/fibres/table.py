@@ -20,7 +20,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.legs.correction import FIRST_RATIO, mesh_error
 from legfem.legs.correction_of_leg import FibreTable
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import leg_of_size, run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material

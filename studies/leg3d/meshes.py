@@ -23,12 +23,12 @@ from legfem.experiments.leg_3d import (
     SolidLegSettings,
     fibres_of,
 )
+from legfem.legs.finite_element_models import spatial_test
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
-from legfem.legs.variants import spatial_test
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fascia
-from legfem.meshing.idealised_leg import LegMeshSettings
+from legfem.meshing.structured import LegMeshSettings
 from studies.command_line import new_app
 from studies.leg3d.planted import CYLINDER, LEG, Planted, round_shape
 

@@ -11,7 +11,7 @@ from legfem.experiments.indenter_pose import Cylinder
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
 from legfem.mechanics.indenters import RigidIndenter, TurnedCylinder
-from legfem.meshing.idealised_leg import LegMeshSettings
+from legfem.meshing.structured import LegMeshSettings
 from legfem.solve.path import ForceCurve
 from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded, whole_curve
 

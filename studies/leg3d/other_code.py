@@ -15,7 +15,7 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
 from legfem.experiments.indenter_pose import Cylinder
 from legfem.jobs.store import Store
-from legfem.meshing.idealised_leg import IdealisedLeg
+from legfem.meshing.structured import IdealisedLeg
 from legfem.solve.path import ForceCurve
 from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of
 from studies.other_code.pressing import OtherMuscle, OtherPressing, other_law, spread

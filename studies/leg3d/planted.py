@@ -23,7 +23,7 @@ from legfem.jobs.store import Store
 from legfem.legs.folder import write_subject_folder
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 

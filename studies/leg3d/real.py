@@ -14,9 +14,9 @@ from legfem.common.errors import InputError
 from legfem.data import write_recording
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.jobs.store import Store
+from legfem.legs.finite_element_models import spatial_test
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
-from legfem.legs.variants import spatial_test
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.path import ForceCurve
 from studies.lab.recording import INSTRUMENT

@@ -19,7 +19,7 @@ from legfem.jobs.store import Store, finish
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
-from legfem.legs.variants import library_folder
+from legfem.legs.finite_element_models import library_folder
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app, write_results
 from studies.concealed.diagnosing import asked, case_folders, diagnoses
 from studies.lab.outcomes import Rate

@@ -20,7 +20,7 @@ from legfem.experiments.flat_punch import FlatPunchIndentation
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.settings import StepSettings
 from studies.people.data import Indentations
 

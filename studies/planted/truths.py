@@ -19,13 +19,13 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.outcome import JointForward
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.details import LegDetails
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.site_test import measured_curve
 from legfem.legs.subject import Subject
-from legfem.legs.variants import plane_strain_test
 from legfem.mechanics.contact import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.settings import StepSettings

@@ -18,7 +18,7 @@ from legfem.common.progress import Progress, progress_on
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
-from legfem.legs.variants import library_folder
+from legfem.legs.finite_element_models import library_folder
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app, write_results
 from studies.lab.outcomes import Rate
 from studies.redrawn.drawing import Redrawer, RedrawnOutcome, RedrawnTask, cases_in, diagnose_each

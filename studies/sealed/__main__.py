@@ -14,7 +14,7 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.variants import library_folder
+from legfem.legs.finite_element_models import library_folder
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, Seed, new_app, write_results
 from studies.concealed.cases import SealedCase
 from studies.sealed.cases import SUBSETS, channel_cases, subsets_of

@@ -13,7 +13,8 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.library import Library
-from legfem.inverse.library_build import build_library, middle_of
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import middle_of
 from legfem.inverse.mechanism import Mechanism, TissueMechanism
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
@@ -28,9 +29,9 @@ from legfem.legs.diagnosis import (
     shown_mechanisms,
     with_correction,
 )
+from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.mechanisms import OCCURRENCES, mechanisms
 from legfem.legs.subject import Subject
-from legfem.legs.variants import solved_responses
 from legfem.report.diagnosis_sentences import headline
 from studies.concealed.cases import DEPTH_MM, SealedCase, sealed_leg
 from studies.concealed.truth import Truths

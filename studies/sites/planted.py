@@ -17,9 +17,9 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.geometry.indenter import Indenter
 from legfem.jobs.store import Store
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.placement import Calf, calf_section
 from legfem.legs.subject import SitedLeg, Subject, TissueParameters
-from legfem.legs.variants import plane_strain_test
 from legfem.solve.path import ForceCurve
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.other_code.plane_leg import OtherCase, OtherCode

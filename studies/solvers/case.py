@@ -23,7 +23,7 @@ from legfem.common.units import kpa_to_mpa
 from legfem.experiments.indenter_pose import Cylinder
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.idealised_leg import Cells, IdealisedLeg, LegMeshSettings, grid_counts
+from legfem.meshing.structured import Cells, IdealisedLeg, LegMeshSettings, grid_counts
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import StepSettings
 

@@ -16,7 +16,7 @@ from legfem.common.documents import markdown_table, write_atomically, write_docu
 from legfem.common.progress import progress_on
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.variants import library_folder
+from legfem.legs.finite_element_models import library_folder
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app
 from studies.worked.ends import run_ends
 from studies.worked.example import FIGURE, ExampleRow

@@ -26,7 +26,7 @@ from legfem.legs.diagnosis import diagnose_body, shown_mechanisms, with_correcti
 from legfem.legs.mechanisms import Mechanism, TissueMechanism
 from legfem.legs.mechanisms.muscle import Compressibility, StrainStiffening
 from legfem.legs.nuisances import MATERIAL_LOG_SD
-from legfem.meshing.idealised_leg import LegMeshSettings
+from legfem.meshing.structured import LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings

@@ -13,7 +13,7 @@ from legfem.experiments.indenter_pose import Cylinder
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 
 how, out = sys.argv[1], Path(sys.argv[2])
 mesh = LegMeshSettings(contact_size=12, depth_size=20, edge_size=8, growth=0.5, far_size=40)

@@ -18,7 +18,7 @@ from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Viscoelasticity
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.solve.stepping import press

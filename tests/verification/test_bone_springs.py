@@ -13,8 +13,8 @@ from scipy.interpolate import CubicSpline
 from legfem.common.errors import InputError
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.geometry.section import BONES
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
-from legfem.legs.variants import plane_strain_test
 from legfem.mechanics.terms import BoneSprings
 
 DEPTH = 8.0

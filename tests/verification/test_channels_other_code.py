@@ -13,9 +13,9 @@ from legfem.channels.kinds.section_displacement import INSIDE
 from legfem.channels.kinds.section_strain import STRAIN
 from legfem.channels.site import Sight
 from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.variants import plane_strain_test
 from studies.other_code.plane_leg import OtherCase, OtherCode
 
 pytestmark = pytest.mark.slow

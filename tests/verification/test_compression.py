@@ -13,7 +13,7 @@ from scipy.integrate import solve_bvp
 from legfem.experiments.compression import CompressionSettings, LegCompression
 from legfem.fem.spaces import LegSpaces
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, mesh_leg
 from legfem.solve.linear import LinearSettings
 
 CORE, SKIN = 15.0, 57.0

@@ -20,11 +20,11 @@ from legfem.inverse.library_build import build_library
 from legfem.inverse.observations import observe
 from legfem.inverse.responses import SolvedResponses
 from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
+from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import TissueMechanism, mechanism_named
 from legfem.legs.nuisances import Accuracy
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.variants import LegVariants, tissues_of
 from studies.other_code.plane_leg import OtherCase, OtherCode
 
 pytestmark = pytest.mark.slow

@@ -18,7 +18,7 @@ from legfem.experiments.bodies import PunchOnLayer
 from legfem.experiments.flat_punch import FlatPunchIndentation
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.settings import NewtonSettings
 
 MU = 0.01

@@ -20,7 +20,7 @@ from legfem.experiments.flat_punch import FlatPunchIndentation
 from legfem.experiments.plane_strain import LateralCylinder
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.settings import StepSettings
 
 RADIUS, EDGE, DEPTH = 5.0, 0.1, 0.02

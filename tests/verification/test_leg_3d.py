@@ -22,8 +22,8 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import without_layer
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia, Fibres
-from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 
 TISSUES = {"deep": NeoHookean(1e-3, 28.0), "superficial": NeoHookean(2e-3, 22.5)}
 RADIUS, BONE, FAT = 40.0, 12.0, 9.0

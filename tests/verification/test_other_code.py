@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from making import CROSSCHECK
 
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
-from legfem.legs.variants import plane_strain_test
 
 # kPa to MPa; the other code has no (J - 1)^4 / D2 term.
 PARAMETERS = {

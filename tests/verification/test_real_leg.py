@@ -13,9 +13,9 @@ import pytest
 from making_mechanics import REAL_LEG
 
 from legfem.imaging.leg_source import LegSource
+from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.folder import folder_of_leg
 from legfem.legs.loading import load_subject
-from legfem.legs.variants import plane_strain_test
 from studies.legs.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 

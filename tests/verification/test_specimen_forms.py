@@ -21,7 +21,7 @@ from legfem.experiments.homogeneous import HomogeneousTest
 from legfem.experiments.plane_strain import LateralCylinder
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
-from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import StepSettings
 from legfem.solve.stepping import press

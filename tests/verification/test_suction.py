@@ -16,7 +16,7 @@ from legfem.experiments.bodies import CupOnLayer
 from legfem.experiments.suction import SuctionTest
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.grid import Support
-from legfem.meshing.meridian import MeridianMeshSettings, supports
+from legfem.meshing.structured import MeridianMeshSettings, supports
 from legfem.solve.settings import NewtonSettings
 
 MU = 0.01

@@ -133,12 +133,13 @@ def _written(value: Value) -> str:
 
 def _text(path: Path, text: str) -> None:
     box = ui.textarea(value=text).props('autogrow outlined aria-label="text of the file"')
+    box.props["hint"] = "the whole file, with keys that no field above has"
     box.classes("full mono")
 
     def save() -> None:
         now = path.read_text(encoding="utf-8-sig") if path.exists() else text
         if now != text:
-            ui.notify("the file was changed elsewhere: copy your text, and reload", type="negative")
+            ui.notify("the file was changed elsewhere: copy your text, and load the page again", type="negative")
             return
         try:
             settings_of(DESCRIPTIONS[path.name], box.value)

@@ -169,8 +169,8 @@ def _differences(rows: list[Answer]) -> None:
     draw()
 
 
-_LABELS, _SCALE, _LINE = 360, 500, 26
-"""Widths of the plot's names and of its axis, and the height of a row, in its own units."""
+_MARGIN, _SCALE, _LINE = 16, 500, 46
+"""Beside the plot's axis, the axis' width, and the height of a row with its name above it, in its own units."""
 
 
 def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
@@ -181,7 +181,7 @@ def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
     foot = _LINE * len(known) + 8
 
     def at(value: float) -> float:
-        return _LABELS + _SCALE * value / ticks[-1]
+        return _MARGIN + _SCALE * value / ticks[-1]
 
     _, low, high = known[chosen]
     drawn = f'<rect x="{at(low):.1f}" y="0" width="{at(high) - at(low):.1f}" height="{foot}" fill="#e6f0f7"/>'
@@ -190,13 +190,13 @@ def _plot(known: dict[str, tuple[float, float, float]], chosen: str) -> None:
         drawn += f'<text x="{at(tick):.1f}" y="{foot + 18}" text-anchor="middle">{tick:g}</text>'
     drawn += f'<text x="{at(ticks[-1] / 2):.1f}" y="{foot + 38}" text-anchor="middle">C10 (kPa), 95 % interval</text>'
     for row, (name, (value, low, high)) in enumerate(known.items()):
-        y = _LINE * (row + 0.5) + 4
+        y = _LINE * (row + 0.75)
         shown = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
-        drawn += f'<text x="{_LABELS - 12}" y="{y + 5:.0f}" text-anchor="end">{escape(shown)}</text>'
+        drawn += f'<text x="{_MARGIN}" y="{y - 13:.0f}">{escape(shown)}</text>'
         drawn += f'<line x1="{at(low):.1f}" x2="{at(high):.1f}" y1="{y}" y2="{y}" stroke="#0b3d5c" stroke-width="3"/>'
         drawn += f'<circle cx="{at(value):.1f}" cy="{y}" r="5" fill="#b03000"/>'
-    box = f"0 0 {_LABELS + _SCALE + 30} {foot + 46}"
-    with ui.element("figure").classes("wide"):
+    box = f"0 0 {_SCALE + 2 * _MARGIN} {foot + 46}"
+    with ui.element("figure"):
         ui.html(
             f'<svg viewBox="{box}" class="compared" role="img" aria-label="C10 of all results; the table has the '
             f'numbers" font-size="15">{drawn}</svg>',

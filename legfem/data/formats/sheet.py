@@ -20,11 +20,12 @@ _ROWS_TRIED, _MOSTLY = 40, 0.9
 _OF_TEXTS = WORDS | {"time": WORDS["time"] + r"|^hora|^heure|^ora\b|uhr|clock|stamp|\bdate\b|datum|fecha|\bdata\b"}
 """By which columns of text are named: a clock's times, which couldn't be read, stand under further names."""
 CLOCK = re.compile(
-    r"(?:[^:]*[T\s])?(?P<h>\d{1,3}):(?P<m>\d\d)(?::(?P<s>\d\d))?(?:[.,:](?P<part>\d+))?"
+    r"(?:[^:]*[T\s])?(?P<h>\d{1,3}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?:[.,:](?P<part>\d+))?"
     r"\s*(?:(?P<half>[ap])\.?\s?m\.?)?(?:Z|\s?[+-]\d\d:?\d\d)?",
     re.IGNORECASE,
 )
 """A time of day with perhaps a date before it."""
+_PLAIN = re.compile(r"[+-]?\d+(?:\.\d*)?(?:e[+-]?\d+)?")
 _MIDNIGHT = re.compile(r"\d{4}-\d\d-\d\d 00:00:00")
 _DAY_S = 86400.0
 THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
@@ -125,15 +126,19 @@ def sheet_of_rows(
     heading = {tuple(row) for row in rows[:start] if width_of(row)}
     again = _printed_anew(rows, [k for k in kept if start <= k < end], heading, columns)
     samples = [k for k in kept if start <= k < end and k not in again]
+    titles, units = titles_and_units(rows[:start], columns)
+    named = max(width, width_of(titles or ()))
     try:
         for number in samples:
-            _check_row(path, f"{where}line {number + 1}", rows[number], columns, None if name else width)
+            row = rows[number]
+            # A remark that a few rows have, in a column of its own.
+            wide = named if all(isinstance(cell, str) for cell in row[width:named]) else width
+            _check_row(path, f"{where}line {number + 1}", row, columns, None if name else wide)
     except InputError:
         if name and len(columns) < width:
             return None  # a report's table, beside the recording's
         raise
     values = np.array([[rows[k][c] for c in columns] for k in samples], dtype=np.float64)
-    titles, units = titles_and_units(rows[:start], columns)
     nameless = titles is None and not any(names_something(text_of(cell)) for row in rows[:start] for cell in row)
     if nameless:
         titles = [f"column {c + 1}" for c in range(width)]
@@ -231,6 +236,9 @@ def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]
         numbers = [c for c in found if names_quantity(c.name, quantity) or measures(c, quantity)]
         if texts and not numbers:
             cell = passed[texts[0]]
+            if _PLAIN.fullmatch(cell):
+                problem = "is empty in many rows: it was read less often than the others"
+                raise InputError(path, f"column '{texts[0]}'", problem, "export all columns at one rate")
             problem, remedy = why_no_number(cell) or (f"holds '{cell[:40]}'", "export it as numbers")
             raise InputError(path, f"column '{texts[0]}'", problem, remedy)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from legfem.common.errors import InputError
 from legfem.data.formats.headings import Cell
 from legfem.data.formats.lines import TextLines, read_lines
-from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, Sheet, sheet_of_rows, why_no_number
+from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, THOUSANDS, Sheet, sheet_of_rows, why_no_number
 
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
 _NUMBER = {
@@ -41,6 +41,8 @@ def read_text(path: Path) -> list[Sheet]:
     _check_thousands(path, lines.texts)
     delimiter, decimal = _dialect(path, lines)
     parted = _with_row_numbers(lines, _parted(lines.texts, delimiter))
+    if delimiter == ",":
+        _check_decimals(path, lines, parted)
     if delimiter == " ":
         # Words of another number than the columns name none of them: one of theirs would be its neighbour's.
         width = len(parted[_middle_of(lines.texts)])
@@ -85,7 +87,7 @@ def _is_cut(rows: Sequence[Sequence[str]], decimal: str) -> bool:
 
 
 def _check_thousands(path: Path, lines: list[str]) -> None:
-    """Refuse thousands' separators that part one number into two cells."""
+    """Refuse thousands' separators without quotes, which may part one number into two cells."""
     cells = _parted(lines, ",")
     narrow = min((len(row) for row in cells if len(row) > 1 and _are_numbers(row, ".")), default=0)
     found = [
@@ -94,12 +96,40 @@ def _check_thousands(path: Path, lines: list[str]) -> None:
         if len(cells[k]) > narrow > 0 and _are_numbers(cells[k], ".")
         for one in _BARE_THOUSANDS.finditer(line)
     ]
+    found = found or _thousands_in_cells(lines)
     if found:
         raise InputError(
             path,
             f"line {found[0][0] + 1}",
             f"'{found[0][1]}' has a thousands' separator without quotes ({len(found)} such numbers)",
             "export numbers without thousands' separators, or in quotes",
+        )
+
+
+def _thousands_in_cells(lines: list[str]) -> list[tuple[int, str]]:
+    """Return lines and numbers with thousands' separators, of tables parted by semicolons or tabs."""
+    found = []
+    for k, line in enumerate(lines):
+        cells = [cell.strip() for cell in re.split(r"[;\t]", line)]
+        grouped = [cell for cell in cells if THOUSANDS.fullmatch(cell)]
+        others = [cell for cell in cells if cell and cell not in grouped]
+        if len(cells) > 1 and any(_are_numbers(others, mark) for mark in ".,"):
+            found += [(k, cell) for cell in grouped]
+    return found
+
+
+def _check_decimals(path: Path, lines: TextLines, parted: Sequence[Sequence[str]]) -> None:
+    """Refuse numbers whose decimal commas part them into two cells each."""
+    head = next((k for k in reversed(range(min(lines.first, len(parted)))) if parted[k]), None)
+    if head is None or lines.first >= len(parted):
+        return
+    names, cells = len(parted[head]), len(parted[lines.first])
+    if names > 1 and cells == 2 * names and not any("." in cell for cell in parted[lines.first]):
+        raise InputError(
+            path,
+            f"line {lines.first + 1}",
+            f"{names} names stand above {cells} cells: its decimals have commas, as what parts the cells",
+            "export it with semicolons or tabs between the cells, or with decimal points",
         )
 
 

@@ -99,7 +99,7 @@ class UnevenMuscle(TissueMechanism):
             "mm",
             (_RADII_MM[0], _RADII_MM[-1]),
             Prior(8.0, 2.5, "linear", "from a tendon's to a muscle's own size"),
-            statement="of a disk of that stiffness, without its soft edge",
+            statement="of it, taken as a disk with a sharp edge",
         ),
     )
     would_be: ClassVar[str] = "a region of the muscle of {} times the stiffness of the rest"

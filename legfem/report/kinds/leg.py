@@ -23,11 +23,11 @@ from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
+from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
-from legfem.report.section import still_section
+from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
-from legfem.report.turned import pressed_leg
 from legfem.report.words import BEYOND_A_FIT, fit_probability, options_of
 
 type LegFit = Fit[LegDetails]
@@ -215,7 +215,7 @@ def _headline(chosen: LegFit) -> web.Headline:
         wrong = _agreement(chosen)
     elif not sound:
         what = "these sites" if _several(chosen) else "this test"
-        sentence = f"The model does not describe {what}, so the stiffness below cannot be trusted."
+        sentence = f"The model does not describe {what}, so the stiffness it gives cannot be trusted."
         wrong = (
             f"The recordings show an effect that the {law} law leaves out ({fit_probability(chosen.goodness.p_value)})."
         )

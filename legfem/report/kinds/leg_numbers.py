@@ -11,10 +11,10 @@ from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
+from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.forward import values_of
 from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
-from legfem.legs.variants import tissues_of
 from legfem.mechanics.materials import Hyperelastic
 from legfem.report.estimates import estimated, held_text, how_found, wave_rows, words_of
 from legfem.report.further_channels import channel_name

@@ -23,7 +23,7 @@ from legfem.common.units import FloatArray
 from legfem.jobs.pool import Workers
 from legfem.legs.correction import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.legs.correction_of_leg import LegCorrections
-from legfem.meshing.idealised_leg import IdealisedLeg
+from legfem.meshing.structured import IdealisedLeg
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material, remembered_case
 
 GRID = 0.5

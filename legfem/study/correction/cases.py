@@ -18,7 +18,7 @@ from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomi
 from legfem.mechanics.model import Skin
 from legfem.mechanics.terms import Fibres, NormalContact
 from legfem.mechanics.terms.muscle import USUAL_EXTENSION
-from legfem.meshing.idealised_leg import IdealisedLeg
+from legfem.meshing.structured import IdealisedLeg
 from legfem.solve.path import ForceCurve
 
 

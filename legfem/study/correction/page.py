@@ -48,11 +48,11 @@ def meshes_cells(found: Calibrated) -> Cells:
             "unknowns": f"{one.unknowns}",
             **_at(depths, P),
             "tangents": f"{one.factorisations}",
-            "s": f"{one.seconds:.0f}",
+            "time (s)": f"{one.seconds:.0f}",
         }
         for one, P in reversed(list(zip(found.meshes, values, strict=True)))
     ]
-    return row_cells([*rows, {"unknowns": "limit", **_at(depths, limit), "tangents": "", "s": ""}])
+    return row_cells([*rows, {"unknowns": "limit", **_at(depths, limit), "tangents": "", "time (s)": ""}])
 
 
 def trend_cells(name: str, curves: Mapping[str, FloatArray]) -> Cells:
@@ -246,22 +246,26 @@ def _headline(given: Calibration, found: Calibrated) -> web.Headline:
     share = f"{100 * abs(P):.0f} %"
     return web.Headline(
         "caution" if _warnings(found) or 1.96 * sd > abs(P) else "sound",
-        f"A cylinder of {length:g} mm bears "
-        + ("the force that plane strain says" if share == "0 %" else f"{share} {more} force than plane strain says")
-        + f", {depth:g} mm deep.",
+        f"At a depth of {depth:g} mm, a cylinder {length:g} mm long meets "
+        + (
+            "the force that plane strain predicts."
+            if share == "0 %"
+            else f"{share} {more} force than plane strain predicts."
+        ),
         [
             (
                 "How sure",
-                f"P is {P:+.3f} ± {sd:.3f} there (standard deviation: mesh, the leg's length, first contact).",
+                f"P is {P:+.2f} ± {sd:.2f} at that depth (one standard deviation, from the mesh, the leg's length and "
+                "first contact).",
             ),
             (
                 "What it does to C10",
                 (
-                    "Next to nothing"
+                    "Hardly anything"
                     if share == "0 %"
-                    else f"Left out, it makes C10 about {share} too {'high' if P < 0 else 'low'}"
+                    else f"Without this correction, C10 would be about {share} too {'high' if P < 0 else 'low'}"
                 )
-                + ": legfem's identification applies it.",
+                + "; legfem identify applies it.",
             ),
             ("What to do", _next()[0]),
         ],
@@ -324,8 +328,8 @@ def _correction(given: Calibration, found: Calibrated) -> Curves:
     x = correction.displacement
     C10, C20 = np.array(material.C10_kPa), np.array(material.C20_kPa)
     P = correction.correction(x, C10, C20)
-    lines = [Line(f"C10 {material.C10_kPa:g} kPa", P, None)]
-    for k, c10 in enumerate(given.c10_kPa):
+    lines = [Line(f"C10 {material.C10_kPa:g} kPa, the reference", P, None)]
+    for k, c10 in enumerate(c10 for c10 in given.c10_kPa if c10 != material.C10_kPa):
         at = correction.correction(x, np.array(c10), np.array(0.0))
         lines.append(Line(f"C10 {c10:g} kPa", at, None, COLOURS[k % 7], _DASHES[k % 4]))
     return Curves(

@@ -48,7 +48,7 @@ def to_measure(result: StudyResult) -> list[str]:
     sds = dict(zip(information.names, information.relative_sd(depth, within_ranges=True), strict=True))
     within = {name: 1.96 * sds[name] for name in IDENTIFIED}
     halves = " and ".join(
-        f"{label_of(name)} within " + (f"{100 * half:.0f} %" if half < 10 else "over 1000 %")
+        f"{label_of(name)} to within {100 * half:.0f} %" if half < 1 else f"no value of {label_of(name)}"
         for name, half in within.items()
     )
     if all(half <= IDENTIFIED_WITHIN for half in within.values()):

@@ -14,8 +14,8 @@ from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, code_fingerprint, finish
+from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.subject import Subject
-from legfem.legs.variants import tissues_of
 from legfem.solve.path import ForceCurve
 from legfem.solve.settings import NewtonSettings, StepSettings
 from legfem.study.doe.design import Definition

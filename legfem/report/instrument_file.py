@@ -304,7 +304,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
                     do + " If columns or directions are wrong, name them (--time, --displacement, --force).",
                 ),
             ],
-            heading=_HEADINGS[worst],
+            heading="The recording cannot be used" if len(seen) == 1 and worst == "D" else _HEADINGS[worst],
         ),
         warnings=reasons,
         known=[],

@@ -1,0 +1,209 @@
+"""What a body's library is solved of: its entries, and their solutions in processes."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.common.progress import Progress
+from legfem.data.phases import LOADING
+from legfem.inverse.library import pair_strength
+from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
+from legfem.inverse.observations import Observations
+from legfem.inverse.responses import BodyModels, Columns, Displaced, NotKeptError, SolvedResponses
+from legfem.inverse.stations import Stations
+from legfem.jobs.pool import Workers
+
+LATTICE = (-0.7, 0.0, 0.7)
+"""Logarithms of C10 over the middle's."""
+CHANGES_AT = (-0.35, 0.35)
+"""Logarithms of C10 over the middle's, at which changes are tabulated."""
+
+
+_ROUND = 0.25
+"""Of the middle's ln C10; and of where its stiffening is looked up."""
+_FIRST_C10_KPA = 0.8
+
+
+@dataclass(frozen=True)
+class Task:
+    """One entry of the library."""
+
+    point: Stiffness
+    mechanism: TissueMechanism | None = None
+    strength: float = 0.0
+    stations: Stations | None = None
+    geometry: Displaced | None = None
+    material: bool = False
+    node: Values | None = None
+    pair: tuple[TissueMechanism, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """What progress says."""
+        what = "elastic"
+        if self.mechanism is not None:
+            what = self.mechanism.name
+        elif self.geometry is not None:
+            what = self.geometry.name
+        elif self.material:
+            what = "derivatives by what is assumed"
+        elif self.pair:
+            what = " beside ".join(m.name for m in self.pair)
+        at = "" if self.stations is None else f", {self.stations.label}"
+        return f"{what}{at} at C10 {self.point[0]:.3g}, C20 {self.point[1]:.3g} kPa"
+
+
+type Outcome = Mapping[str, Columns]
+"""An entry's changes or courses, by the parameter of which there are several; else of none."""
+ONE = ""
+
+
+def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Outcome | None:
+    """Return an entry; None where its solution stopped."""
+    found = _solved(*responses, task)
+    return None if any(np.isnan(columns["force"]).any() for columns in found.values()) else found
+
+
+def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Outcome:
+    mechanism = task.mechanism
+    if task.geometry is not None:
+        found = coarse.displaced(task.geometry, task.point)
+    elif task.material:
+        return coarse.sensitivities(coarse.variants.assumed, task.point)
+    elif task.pair:
+        found = coarse.together([_usual_solution(m) for m in task.pair], task.point)
+    elif mechanism is None:
+        found = solved.elastic(task.point)
+    elif task.node is not None:
+        found = coarse.elastic_change(mechanism.solution(task.node), task.point)
+    elif mechanism.derivatives:
+        found = coarse.by_derivatives(mechanism, task.stations, task.point)
+    else:
+        values = {p.name: null_of(p) for p in mechanism.parameters}
+        solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
+        if task.stations is None:
+            found = coarse.elastic_change(solution, task.point)
+        else:
+            found = coarse.path_change(solution, task.stations, task.point)
+    return {ONE: found}
+
+
+def _usual_solution(mechanism: TissueMechanism) -> Solution:
+    values = {p.name: null_of(p) for p in mechanism.parameters}
+    return mechanism.solution({**values, mechanism.parameters[0].name: pair_strength(mechanism) or 0.0})
+
+
+def tasks_for(
+    observed: Observations,
+    tissue: Sequence[TissueMechanism],
+    middle: float,
+    stiffening: float,
+    models: BodyModels,
+    stiffenings: Sequence[float],
+    pairs: bool,
+) -> list[Task]:
+    """Return what a library is solved of: at a middle C10 (kPa) and about it.
+
+    ``stiffening`` is ln(1 + C20 / C10) where changes are tabulated, ``stiffenings`` those of the
+    elastic curves.
+    """
+
+    def point(log: float, q: float) -> Stiffness:
+        c10 = middle * float(np.exp(log))
+        return c10, c10 * float(np.expm1(q))
+
+    where = [point(log, stiffening) for log in CHANGES_AT]
+    centre = point(0.0, stiffening)
+    # What takes longest comes first, which keeps all processes busy to the end.
+    along = [m for m in tissue if m.along_path]
+    tasks = [
+        Task(centre, m, strength, stations)
+        for m in along
+        for stations in observed.protocols
+        for strength in (m.strengths or (0.0,))
+    ]
+    tasks += [Task(point(log, q)) for log in LATTICE for q in stiffenings]
+    tasks.append(Task(centre, material=True))
+    tasks += [Task(centre, geometry=geometry) for geometry in models.displaced]
+    tasks += [
+        Task(at, m, strength)
+        for m in tissue
+        if not m.along_path
+        for at in (where if m.strengths else [centre])
+        for strength in (m.strengths or (0.0,))
+    ]
+    if pairs:
+        beside = [m for m in tissue if pair_strength(m) is not None]
+        # Where each by itself is solved, too.
+        tasks += [Task(where[0], pair=pair) for pair in combinations(beside, 2)]
+    return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]
+
+
+def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
+    """Return the C10 (kPa, of a round logarithm) at which the loading is about as recorded.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    coarse
+        Responses by full solutions.
+    stiffening
+        ln(1 + C20 / C10) there.
+    """
+    loading = observed.phase == LOADING
+    d, force = observed.displacement[loading], observed.force[loading]
+    log = np.log(_FIRST_C10_KPA)
+    for _ in range(5):
+        c10 = float(np.exp(log))
+        curve = coarse.curve(c10, c10 * float(np.expm1(stiffening)))
+        if np.isnan(curve).any():
+            log += 0.7
+            continue
+        grid = np.concatenate([[0.0], coarse.grid])
+        there = CubicSpline(grid, np.concatenate([[0.0], curve]))(np.maximum(d, 0.0))
+        ratio = float(force @ there) / float(there @ there)
+        step = float(np.clip(np.log(max(ratio, 1e-3)) / 0.7, -1.5, 1.5))
+        log += step
+        if abs(step) < 0.5 * _ROUND:
+            break
+    return rounded(float(np.exp(log)))
+
+
+def rounded(c10: float) -> float:
+    """Return a stiffness (kPa) of a round logarithm near one."""
+    return float(np.exp(_ROUND * round(float(np.log(c10)) / _ROUND)))
+
+
+def outcomes_of(
+    responses: tuple[SolvedResponses, SolvedResponses], tasks: Sequence[Task], jobs: int, progress: Progress
+) -> dict[int, Outcome | None]:
+    """Return tasks' outcomes by their places; processes are started for what isn't kept only.
+
+    Two stages are told of, since courses in time take longer than elastic curves, and a stage's time left is that of
+    its own tasks.
+    """
+    found: dict[int, Outcome | None] = {}
+    kept = responses[0].recalling(), responses[1].recalling()
+    for place, task in enumerate(tasks):
+        with suppress(NotKeptError):
+            found[place] = _work(kept, task)
+    if found:
+        progress.stage(f"{len(found)} of {len(tasks)} responses are kept from earlier runs")
+    missing = [place for place in range(len(tasks)) if place not in found]
+    stages = {"responses in time": True, "elastic responses": False}
+    with Workers(_work, responses, jobs) as workers:
+        for name, in_time in stages.items():
+            places = [place for place in missing if (tasks[place].stations is not None) == in_time]
+            if not places:
+                continue
+            progress.stage(f"the leg's {name}", len(places))
+            for number, outcome in workers.places([tasks[place] for place in places]):
+                place = places[number]
+                found[place] = outcome
+                progress.advance(tasks[place].label + ("" if outcome is not None else ": STOPPED"))
+    return found
