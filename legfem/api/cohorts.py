@@ -2,6 +2,7 @@
 
 import functools
 import logging
+import os
 import resource
 import sys
 import time
@@ -283,7 +284,9 @@ def done_with(options: Options, out: Path, member: Member) -> Made:
         with _unheard():
             rows = _DOES[options.task](options, member, folder)
     except (InputError, UnsolvedError) as error:
-        return Made([Row(member.name, problem=" ".join(str(error).split()))])
+        # The row says whose files they are, wherever the study lies.
+        problem = " ".join(str(error).split()).replace(f"{member.folder}{os.sep}", "")
+        return Made([Row(member.name, problem=problem)])
     except Exception as error:  # a fault of legfem's own costs this row alone, too
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")

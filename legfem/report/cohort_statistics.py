@@ -15,7 +15,7 @@ from legfem.cohort.statistics import LEVEL, POWER, Analysed, Pair, Repeated, Sta
 from legfem.inverse.catalogue import called
 from legfem.report.curves import Curves, Line
 from legfem.report.style import DATA_COLOUR, new_figure, styled
-from legfem.report.words import capital, short_probability
+from legfem.report.words import short_probability
 
 TITLE = "Statistics"
 _MOST_POINTS = 400
@@ -58,9 +58,7 @@ def chapter(found: Statistics) -> web.Chapter:
     some = found.parameters
     if some and any(one.logarithmic for one in some):
         texts = " and ".join(called(one.name) for one in some if one.logarithmic)
-        blocks.append(
-            web.Prose(f"{capital(texts)} were compared by their logarithms, so differences are relative (%).")
-        )
+        blocks.append(web.Prose(f"Logarithms of {texts} were compared, so differences are relative (%)."))
     if repeated := [(one, each) for one in some for each in one.repeated]:
         blocks.append(_agreement(repeated))
         blocks.append(_limits(repeated))
