@@ -225,3 +225,13 @@ def test_what_moves_data_by_little_is_inverted_beside_what_moves_them_by_a_great
     assert inverse_in_units(jacobian * units) * units[:, None] == pytest.approx(plain, rel=1e-9)
     still = inverse_in_units(jacobian * np.array([1.0, 1.0, 0.0]))
     assert not still[2].any() and still[:2] == pytest.approx(np.linalg.pinv(jacobian[:, :2]), rel=1e-9)
+
+
+def test_columns_as_good_as_parallel_have_no_inverse_of_their_difference():
+    """What derivatives' rounding tells apart would make one of two that trade exact, and the other anything."""
+    one = np.random.default_rng(6).standard_normal(9)
+    rounding = 1e-12 * np.random.default_rng(7).standard_normal(9)
+    jacobian = np.column_stack([1e4 * one, 3.0 * one + rounding])
+    inverse = inverse_in_units(jacobian)
+    assert np.linalg.norm(inverse * np.linalg.norm(jacobian, axis=0)[:, None]) == pytest.approx(np.sqrt(0.5), rel=1e-3)
+    assert jacobian @ inverse @ one == pytest.approx(one, rel=1e-6)

@@ -56,7 +56,7 @@ def test_report_states_values_errors_and_units(both, subject):
     assert f"{number(c10.value, c10.standard_error)} kPa (95 % {low} to {high})" in text
     assert f"± {c10.standard_error:.2g} (sd)" in text
     for one in both:
-        assert f"{one.cost.value:.6g}" in text and f"{one.cost.per_length:.6g}" in text
+        assert f"{one.cost.value:.3g}" in text and f"{one.cost.per_length:.3g}" in text
         assert f"{one.goodness.chi_square:.5g} on {one.goodness.degrees_of_freedom} degrees" in text
     assert found.cost.definition in text
     assert f"factorisations: neo-Hookean: {both[0].log.factorisations}; reduced" in text

@@ -165,7 +165,7 @@ def test_what_is_unknown_is_said_with_its_cost_and_its_remedy() -> None:
 
     text = alternatives_text([weighed("a", 0.9, 1e-3), weighed("b", 0.1, 1.3e-3)], "Film it")
     assert "ends of kind a (90 %), ends of kind b (10 %)" in text
-    assert "+30 % with ends of kind b" in text and "± 4.0 %" in text and text.endswith("Film it.")
+    assert "it would be 30 % higher with ends of kind b" in text and "± 4.0 %" in text and text.endswith("Film it.")
 
 
 @pytest.mark.parametrize(

@@ -122,6 +122,11 @@ def damped_gauss_newton[R: WeightedResidual](
     return values, best, False
 
 
+_PARALLEL = 1e-9
+"""Singular values of columns of length 1, over the largest, below which two of them are as good as parallel: solves and
+their derivatives are not exact beyond that."""
+
+
 def inverse_in_units(jacobian: FloatArray) -> FloatArray:
     """Return the pseudo-inverse (p, m) of a Jacobian (m, p), each parameter in the unit that gives its column length 1.
 
@@ -130,7 +135,7 @@ def inverse_in_units(jacobian: FloatArray) -> FloatArray:
     """
     lengths = np.linalg.norm(jacobian, axis=0)
     units = np.where(lengths > 0, lengths, 1.0)
-    return np.asarray(np.linalg.pinv(jacobian / units) / units[:, None])
+    return np.asarray(np.linalg.pinv(jacobian / units, rcond=_PARALLEL) / units[:, None])
 
 
 def gain_matrix(jacobian: FloatArray, weighting: FloatArray) -> FloatArray:
