@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
+from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.legs.mechanisms import Solution, mechanism_named
-from legfem.mechanics.terms.nonuniform_stiffness import UnevenStiffness
+from legfem.mechanics.terms.nonuniform_stiffness import StiffLump, UnevenStiffness
 
 DEPTH = 6.0
 MUSCLE = (0.8, 0.9)
@@ -113,3 +114,11 @@ def test_a_lump_is_shared_out_among_its_neighbours_of_both_radii(mechanism):
         assert of_places.sum() == pytest.approx(mechanism.shares({**values, "radius": 11.0})[:18].sum())
         small = of_places[:9].sum() / of_places.sum()
         assert small == pytest.approx(np.log(11.0 / radius) / np.log(2.0))
+
+
+def test_a_lump_without_a_radius_is_refused(variants):
+    muscle = variants.tissues.deep
+    with pytest.raises(InputError, match="radii"):
+        UnevenStiffness("deep", muscle, ((0.0, 0.0), (1.0, 0.0)), (4.0, 0.0))
+    with pytest.raises(InputError, match="radius"):
+        StiffLump("deep", muscle, (0.0, 0.0), (1.0, 0.0), radius=-1.0)

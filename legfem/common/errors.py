@@ -78,15 +78,16 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def check_positive(owner: object, *names: str, zero_allowed: bool = False) -> None:
-    """Check attributes of a parameter object; symbols of a discretised model pass.
+    """Check attributes of a parameter object, numbers or tuples of them; symbols of a discretised model pass.
 
     Raises
     ------
     InputError
         If one is a number that is negative, not finite, or zero where zero isn't allowed.
     """
-    for name in names:
-        value = getattr(owner, name)
+    values = ((name, getattr(owner, name)) for name in names)
+    every = ((name, one) for name, value in values for one in (value if isinstance(value, tuple) else (value,)))
+    for name, value in every:
         if not isinstance(value, Real):
             continue
         number = float(value)

@@ -124,7 +124,7 @@ def _assembled(
     )
     tables = ChannelTables(names, _kriging(_samples(elastic, names)), beside) if names else NO_CHANNELS
     pairs = {
-        frozenset(m.name for m in t.pair): {
+        frozenset(m.name for m, _ in t.pair): {
             "force": smoothed(solved.grid, o[ONE]["force"]),
             **{name: o[ONE][name] for name in names if _has(o, name)},
         }

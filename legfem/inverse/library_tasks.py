@@ -39,7 +39,7 @@ class Task:
     geometry: Displaced | None = None
     material: bool = False
     node: Values | None = None
-    pair: tuple[TissueMechanism, ...] = ()
+    pair: tuple[tuple[TissueMechanism, float], ...] = ()
 
     @property
     def label(self) -> str:
@@ -52,7 +52,7 @@ class Task:
         elif self.material:
             what = "derivatives by what is assumed"
         elif self.pair:
-            what = " beside ".join(m.name for m in self.pair)
+            what = " beside ".join(m.name for m, _ in self.pair)
         at = "" if self.stations is None else f", {self.stations.label}"
         return f"{what}{at} at C10 {self.point[0]:.3g}, C20 {self.point[1]:.3g} kPa"
 
@@ -75,7 +75,7 @@ def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Out
     elif task.material:
         return coarse.sensitivities(coarse.variants.assumed, task.point)
     elif task.pair:
-        found = coarse.together([_usual_solution(m) for m in task.pair], task.point)
+        found = coarse.together([_solution_at(*one) for one in task.pair], task.point)
     elif mechanism is None:
         found = solved.elastic(task.point)
     elif task.node is not None:
@@ -83,8 +83,7 @@ def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Out
     elif mechanism.derivatives:
         found = coarse.by_derivatives(mechanism, task.stations, task.point)
     else:
-        values = {p.name: null_of(p) for p in mechanism.parameters}
-        solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
+        solution = _solution_at(mechanism, task.strength)
         if task.stations is None:
             found = coarse.elastic_change(solution, task.point)
         else:
@@ -92,9 +91,9 @@ def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Out
     return {ONE: found}
 
 
-def _usual_solution(mechanism: TissueMechanism) -> Solution:
+def _solution_at(mechanism: TissueMechanism, strength: float) -> Solution:
     values = {p.name: null_of(p) for p in mechanism.parameters}
-    return mechanism.solution({**values, mechanism.parameters[0].name: pair_strength(mechanism) or 0.0})
+    return mechanism.solution({**values, mechanism.parameters[0].name: strength})
 
 
 def tasks_for(
@@ -137,7 +136,7 @@ def tasks_for(
         for strength in (m.strengths or (0.0,))
     ]
     if pairs:
-        beside = [m for m in tissue if pair_strength(m) is not None]
+        beside = [(m, strength) for m in tissue if (strength := pair_strength(m)) is not None]
         # Where each by itself is solved, too.
         tasks += [Task(where[0], pair=pair) for pair in combinations(beside, 2)]
     return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]

@@ -85,6 +85,10 @@ class UnevenStiffness(EnergyTerm):
     domain: Literal["body"] = "body"
     effect = "uneven_stiffness"
 
+    def __post_init__(self) -> None:
+        """Check the radii."""
+        check_positive(self, "radii")
+
     @property
     def parameters(self) -> dict[str, float]:
         """The excesses, all zero."""
@@ -135,6 +139,10 @@ class StiffLump(EnergyTerm):
     domain: Literal["body"] = "body"
     effect = "stiff_lump"
     numbers = ("excess", "depth", "side", "radius")
+
+    def __post_init__(self) -> None:
+        """Check the radius."""
+        check_positive(self, "radius")
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return what is added to the energy (MPa) at a deformation gradient."""
