@@ -147,7 +147,7 @@ def test_what_does_not_lie_along_a_leg_is_identified_in_3d_as_by_the_command(tmp
 
 
 WRONG = {
-    "no such site": ({"site": "front"}, "site: front: is no site of the leg; give one of back"),
+    "no such site": ({"site": "front"}, "site: front: is not a site of the leg; give one of back"),
     "no such law": ({"law": "Ogden"}, "law: 'Ogden': unknown law"),
     "no such model": ({"model": "4d"}, "model: '4d': unknown model; give one of 2d, 3d"),
     "no processes": ({"jobs": 0}, "jobs: 0: is no such whole number"),
@@ -208,9 +208,9 @@ def test_a_diagnosis_takes_one_site(tmp_path) -> None:
 
 @pytest.mark.parametrize("call", [lf.identify, lf.diagnose])
 def test_what_is_no_leg_is_told_so(call, scanned) -> None:
-    with pytest.raises(lf.InputError, match=r"leg: int: is no leg that was indented; give an id"):
+    with pytest.raises(lf.InputError, match=r"leg: int: is not a leg that was indented; give an id"):
         call(3)
-    with pytest.raises(lf.InputError, match=r"leg: StockingLeg: is no leg that was indented"):
+    with pytest.raises(lf.InputError, match=r"leg: StockingLeg: is not a leg that was indented"):
         call(lf.load_leg(scanned))
 
 

@@ -21,7 +21,7 @@ LEG = {
     "twice": ({"identify": ["deep.C10", "deep.C10"]}, "identify: deep.C10: is there twice"),
     "free and held": (
         {"identify": ["deep.C10"], "fix": {"deep.C10": 1e-3}},
-        "fix: deep.C10: is to be identified too; leave one of them out",
+        "fix: deep.C10: is to be identified as well; leave one of them out",
     ),
     "a unit in a value": ({"fix": {"deep.D1": "28 1/MPa"}}, "fix: deep.D1: '28 1/MPa' is no value; give a number"),
     "no number": ({"fix": {"deep.D1": math.nan}}, "fix: deep.D1: nan is no value"),
@@ -31,7 +31,7 @@ LEG = {
     "a number for values": ({"fix": 28.0}, "fix: 28.0: is of another kind; give values by full name"),
     "a prior without its unit": ({"prior": ["deep.C10=1±1"]}, "prior: deep.C10: has no unit"),
     "a text for priors": ({"prior": "deep.C10=1±1 kPa"}, "prior: 'deep.C10=1±1 kPa': is of another kind"),
-    "bounds the wrong way round": ({"c10_bounds": (3.0, 1.0)}, "c10_bounds: 3 1: is no range of stiffnesses"),
+    "bounds the wrong way round": ({"c10_bounds": (3.0, 1.0)}, "c10_bounds: 3 1: is not a range of stiffnesses"),
     "no correction": ({"correction": None}, "correction: None: is no correction; give own, none"),
     "a dictionary of settings": ({"settings": {"seed": 1}}, "settings: {'seed': 1}: is of another"),
     "no such weights": (
@@ -45,7 +45,7 @@ LEG = {
     "a number for a correction": ({"correction": 0.2}, "correction: 0.2: is of another kind; give a name or"),
     "no folder": ({"out": 3}, "out: 3: is of another kind; give a folder's path"),
     "no such mesh": ({"mesh": "fine"}, "mesh: fine: is no section's; give coarse"),
-    "a site of a leg without": ({"site": "back"}, "is no site of the leg; leave it out"),
+    "a site of a leg without": ({"site": "back"}, "is not a site of the leg; leave it out"),
     "a number for a site": ({"site": 3}, "site: 3: is no name"),
     "a specimen's": ({"leave_out": ["trial1"]}, "leave_out: given: is of no use for a leg"),
 }
@@ -98,7 +98,7 @@ def test_what_is_wrong_with_a_diagnosis_is_told(leg, bars) -> None:
     assert line_of(lf.diagnose, leg, specimens=["a"]).startswith("specimens: given: is of no use")
     specimens = lf.load_specimen(bars)
     assert line_of(lf.diagnose, specimens, site="back").startswith("site: given: is of no use")
-    assert "is no specimen of the folder" in line_of(lf.diagnose, specimens, specimens=["a"])
+    assert "is not a specimen of the folder" in line_of(lf.diagnose, specimens, specimens=["a"])
 
 
 def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
@@ -106,7 +106,7 @@ def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
     assert line_of(lf.load_specimen, leg.directory).endswith("load the folder with lf.load_subject")
     assert line_of(lf.stocking, leg.directory).endswith("load the folder with lf.load_subject")
     for load in (lf.load_subject, lf.load_sites, lf.load_leg, lf.load_specimen):
-        assert line_of(load, None).startswith("folder: NoneType: is no path")
+        assert line_of(load, None).startswith("folder: NoneType: is not a path")
 
 
 def test_a_pressed_leg_is_none_in_a_stocking(leg, scanned) -> None:

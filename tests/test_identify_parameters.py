@@ -237,7 +237,7 @@ def test_what_has_only_a_prior_is_a_nuisance_and_what_is_held_is_in_the_models_u
     [
         (["--identify", "superfical.C10"], "did you mean superficial.C10?"),
         (["--identify", "deep.c10"], "did you mean deep.C10?"),
-        (["--identify", "superficial.C20"], "is no parameter of this model"),
+        (["--identify", "superficial.C20"], "is not a parameter of this model"),
         (["--prior", "superficial.C10=2"], "can't be read"),
         (["--prior", "fascia.C10=population"], "is not in the population's table"),
         (["--prior", "superficial.C10=2±1"], "has no unit"),

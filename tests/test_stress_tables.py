@@ -83,11 +83,11 @@ def test_a_table_is_asked_about_with_the_line_that_reads_it(tmp_path: Path, head
 @pytest.mark.parametrize(
     ("header", "line", "words"),
     [
-        ("stretch,stress (kPa)", NOMINAL.replace("kPa", "N/mm3"), "'N/mm3' is no unit of stress"),
+        ("stretch,stress (kPa)", NOMINAL.replace("kPa", "N/mm3"), "'N/mm3' is not a unit of stress"),
         ("stretch,stress (Pa)", NOMINAL, "the file says 'Pa'"),
         ("stretch,stress (kPa)", NOMINAL.replace("nominal", "engineering"), "use 'nominal' or 'true'"),
         ("stretch,stress (kPa)", NOMINAL.replace(', measure = "nominal"', ""), "engineering and true stress differ"),
-        ("stretch,stress (kPa)", NOMINAL.replace('"stress"', '"force"'), "there is no one column 'force'"),
+        ("stretch,stress (kPa)", NOMINAL.replace('"stress"', '"force"'), "there is not exactly one column 'force'"),
         ("stretch,stress (kPa)", NOMINAL.replace("stretch =", "strain ="), "goes to"),
     ],
 )

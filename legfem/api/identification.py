@@ -100,7 +100,7 @@ class AskedParameters:
                 raise wrong("fix", str(name), f"{value!r} is no value", remedy)
             check_held("--fix", f"{name}={value:g}", str(name), float(value))
             if name in names:
-                raise wrong("fix", name, "is to be identified too", "leave one of them out")
+                raise wrong("fix", name, "is to be identified as well", "leave one of them out")
         return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
 
     @property
@@ -366,7 +366,7 @@ def stocking(
         raise InputError(
             "leg",
             type(known).__name__,
-            "is no leg that was scanned in a stocking",
+            "is not a leg that was scanned in a stocking",
             "give an id, a folder, or what load_leg returned",
         )
     check_whole("cells", cells, 1)

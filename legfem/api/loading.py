@@ -111,7 +111,7 @@ def wrong(name: str, given: object, problem: str, remedy: str) -> InputError:
 
 
 def check_whole(name: str, value: object, least: int) -> None:
-    """Raise an InputError for what is no whole number, or below the least."""
+    """Raise an InputError for what is not a whole number, or below the least."""
     if not isinstance(value, Integral) or value < least:
         raise wrong(name, repr(value), "is no such whole number", f"give one from {least:g} on")
 
@@ -128,7 +128,7 @@ def check_seed(value: object) -> None:
 
 
 def check_finite(name: str, value: object, unit: str = "mm") -> None:
-    """Raise an InputError for what is no finite number; None is none."""
+    """Raise an InputError for what is not a finite number; None is none."""
     if value is not None and not (isinstance(value, Real) and math.isfinite(value)):
         raise wrong(name, repr(value), f"is no {name}", f"give a number of {unit}")
 
@@ -243,7 +243,7 @@ def opened(
         raise InputError(
             "leg",
             type(given).__name__,
-            "is no leg that was indented",
+            "is not a leg that was indented",
             "give an id, a folder, or what load_subject or load_sites returned",
         )
     if not site:
@@ -254,7 +254,7 @@ def opened(
             return one
     names = ", ".join(one.site for one in sites if one.site)
     remedy = f"give one of {names}" if names else "leave it out: the leg has none"
-    raise wrong("site", site, "is no site of the leg", remedy)
+    raise wrong("site", site, "is not a site of the leg", remedy)
 
 
 def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
@@ -341,7 +341,7 @@ def folder_of(given: Given, catalogue: Catalogue) -> Path:
 
 def _check_path(given: object) -> None:
     if not isinstance(given, str | Path):
-        raise InputError("folder", type(given).__name__, "is no path", "give an id, or the path of a folder")
+        raise InputError("folder", type(given).__name__, "is not a path", "give an id, or the path of a folder")
 
 
 def _check_folder_kind(folder: Path, wanted: str) -> None:

@@ -356,7 +356,7 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
             f"give --site {next(iter(sites))}; legfem identify fits them together",
         )
     if site not in sites:
-        raise InputError("--site", site, "is no site of the leg", f"give one of {names}")
+        raise InputError("--site", site, "is not a site of the leg", f"give one of {names}")
     return _entry(toml, content, sites[site])
 
 
