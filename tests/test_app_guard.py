@@ -155,7 +155,7 @@ def test_a_port_that_is_taken_is_said_in_a_line(tmp_path, capsys):
         with pytest.raises(SystemExit) as ended:
             app(["--workspace", str(tmp_path / "new"), "--port", port, "--no-browser"])
     assert ended.value.code == 2
-    assert capsys.readouterr().err.startswith(f"--port: {port}: another program has it")
+    assert capsys.readouterr().err.startswith(f"--port: {port}: another program uses it")
     assert not (tmp_path / "new").exists()
 
 

@@ -110,7 +110,9 @@ def test_of_several_tables_the_refusal_s_command_names_one(tmp_path: Path) -> No
         for row in np.column_stack([T, D, F]).tolist():
             page.append(row)
     book.save(tmp_path / "two.xlsx")
-    with pytest.raises(InputError, match=r"2 tables hold recordings.*legfem data look .*two\.xlsx --sheet 'Probe 1'"):
+    with pytest.raises(
+        InputError, match=r"2 tables contain recordings.*legfem data look .*two\.xlsx --sheet 'Probe 1'"
+    ):
         read(tmp_path / "two.xlsx")
 
 
@@ -128,7 +130,7 @@ def test_a_pull_that_is_taken_for_a_leg_s_press_is_doubted(tmp_path: Path, kind:
     path.write_text(f"Time (s),{kind} extension (mm),{kind} load (N)\n" + rows(T, D, F))
     lines = [str(doubt) for doubt in magnitude_doubts(segment(read(path)))]
     assert len(lines) == (kind == "Tensile")
-    assert all("is a pull by its columns' names" in line for line in lines)
+    assert all("has a pull's column names" in line for line in lines)
 
 
 @pytest.mark.parametrize(

@@ -176,7 +176,7 @@ def test_presses_that_stand_one_behind_the_other_in_a_file_are_doubted() -> None
 def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "trial.csv"
     path.write_text("time_s,displacement_mm,force_N\n" + "".join(f"{k / 10},{k / 100},{text}\n" for k in range(60)))
-    with pytest.raises(InputError, match="60 numbers are no readings"):
+    with pytest.raises(InputError, match="60 numbers cannot be readings"):
         read_samples(path)
 
 
@@ -185,7 +185,7 @@ def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> 
     [
         ("force_sd_N = 0.04", "force_sd_N = 1e300", "is out of range; give a value at most 1e+06, in N"),
         ('title = "Made for a test"', "title = 7", "7 is not text; write it in quotes: title = "),
-        ("aim_mm = [0.0, 0.0]", "aim_mm = true", "True is no list; write aim_mm = [...]"),
+        ("aim_mm = [0.0, 0.0]", "aim_mm = true", "True is not a list; write aim_mm = [...]"),
     ],
 )
 def test_a_key_of_a_wrong_type_is_refused_with_how_to_write_it(tmp_path: Path, old: str, new: str, words: str) -> None:

@@ -103,7 +103,7 @@ def test_a_wrong_line_is_refused_in_one(tmp_path: Path, header: str, line: str, 
 
 def test_a_stretch_that_is_a_strain_is_refused_with_the_line_that_reads_it(tmp_path: Path) -> None:
     described(write_table(tmp_path, "stretch,stress (kPa)", STRETCH - 1, nominal(STRETCH)), TENSION, NOMINAL)
-    with pytest.raises(InputError, match="a stretch of 0 is none") as error:
+    with pytest.raises(InputError, match="a stretch of 0 is impossible") as error:
         lf.load_specimen(tmp_path)
     described(tmp_path, TENSION, line_in(error.value))
     assert stiffness(tmp_path) == pytest.approx(C10, rel=2e-3)

@@ -329,9 +329,9 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
         case "bool_type":
             return f"{given!r} is neither true nor false", f"write {keys[-1]} = true or {keys[-1]} = false"
         case "list_type":
-            return f"{given!r} is no list", f"write {keys[-1]} = [...], with commas between its parts"
+            return f"{given!r} is not a list", f"write {keys[-1]} = [...], with commas between its parts"
         case "model_type" | "model_attributes_type" | "dict_type":
-            return f"{given!r} is no table", f"write [{'.'.join(keys)}] on a line of its own, and its keys below"
+            return f"{given!r} is not a table", f"write [{'.'.join(keys)}] on a line of its own, and its keys below"
         case "too_short" | "too_long":
             return f"{given!r} has the wrong length", "write [x, y]"
         case _:
@@ -398,9 +398,9 @@ def why_no_toml(text: str, error: ValueError) -> tuple[str, str]:
 
 def _of_line(line: str, error: str) -> tuple[str, str] | None:
     if error.startswith("Cannot overwrite"):
-        return "gives a key that stands above already", "keep one of the two"
+        return "gives a key that is given above already", "keep one of the two"
     if error.startswith("Cannot declare"):
-        return "is a table that stands above already", "put its keys under the first"
+        return "is a table that is given above already", "put its keys under the first"
     if _OTHER_QUOTES.search(line):
         return "has an editor's curved quotes", 'write straight ones: "..."'
     if re.match(r"^\s*[\w-]+\s*:", line):

@@ -63,7 +63,7 @@ class IndenterEntry(FileTable):
             raise trouble("length_mm", "missing", "give the cylinder's length")
         for key in ("axis_deg", "axis"):
             if self.shape != "cylinder" and getattr(self, key) is not None:
-                raise trouble(key, f"is of no use for a {self.shape}", "leave it out")
+                raise trouble(key, f"has no effect for a {self.shape}", "leave it out")
         if self.axis is not None and self.axis_deg is not None:
             raise trouble("axis_deg", "is given beside axis", "give one of them")
         return self

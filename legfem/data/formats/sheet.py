@@ -155,8 +155,8 @@ def sheet_of_rows(
         raise InputError(
             path,
             f"{where}line {start + 1}",
-            f"{width_of(titles)} names, the first of them empty, stand above {width} columns: which is whose isn't "
-            "clear",
+            f"{width_of(titles)} names, the first of them empty, are above {width} columns: it isn't clear which "
+            "belongs to which",
             "write a row of names with units, such as Time (s), above the numbers",
         )
     found = []
