@@ -204,15 +204,7 @@ def diagnose_body(
         return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
 
     return diagnose(
-        Predictor(
-            observed,
-            library,
-            law,
-            ends,
-            accuracy.measured.get(DEEP_C10),
-            together=None if solved is None else solved.together,
-            pairs=library.pairs,
-        ),
+        Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),
         instrument,
         able,
         nuisances,
