@@ -33,7 +33,7 @@ _LINE = np.array([[0.5]])
 _SQUARE = np.array([[0.5, 0.15]])
 # How far from all solves, in the coordinates, the emulator may draw an interval's end; beyond it is
 # solved there too, up to the greatest distance from the optimum.
-_FAR, _FARTHEST = 0.6, 1.2
+_FAR, _FARTHEST = 0.2, 1.2
 _HALF_INTERVAL = 2.0
 
 
@@ -87,7 +87,7 @@ def stiffer(law: IdentifiedLaw, points: FloatArray) -> FloatArray | None:
 
 
 def far_ends(best: Linearised, trials: Sequence[Trial]) -> FloatArray:
-    """Return the intervals' ends (n, p) that are far from all solves of one or two parameters.
+    """Return the intervals' ends (n, p) that are far from all solves of up to three parameters.
 
     Intervals and maps of the cost are drawn by the emulator, and none of them is drawn far from
     what was solved.
@@ -101,7 +101,7 @@ def far_ends(best: Linearised, trials: Sequence[Trial]) -> FloatArray:
     """
     law = best.law
     coordinates, model = Coordinates(law), np.array(law.of_model, dtype=int)
-    if not 0 < len(model) <= 2:
+    if not 0 < len(model) <= 3:
         return np.zeros((0, len(law.parameters)))
     by_point = np.linalg.inv(coordinates.derivatives(best.point[None])[0])
     errors = best.errors(best.misfit.covariance_at(law.values(best.point)))
