@@ -270,7 +270,8 @@ class Search[C: Comparison]:
                     continue
                 self.converged = True
                 return
-            if self._wide and refuted >= _REFUTED and self.is_stationary():
+            ended = (self._wide and self.is_stationary()) or self._gains_nothing(emulated, proposal)
+            if refuted >= _REFUTED and ended:
                 self.converged = True
                 return
             # Where forces grow without measure an emulator is wrong between its solves.
@@ -356,13 +357,21 @@ class Search[C: Comparison]:
         """
         if self._is_short(self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE):
             return True
-        best = self.linearised(self.best)
-        curvature = np.diag(np.linalg.pinv(best.jacobian.T @ best.jacobian))
-        rise = float(np.min(self.standard_error() ** 2 / np.maximum(curvature, 1e-300)))
         key = key_of_values(self.law.values(step))
         (tried, *_) = (trial for trial in self.trials if key_of_values(trial.values) == key)
+        as_good = tried.objective - self.best.objective < _FLAT * self._rise_of_error()
+        return as_good or self._gains_nothing(emulated, proposal)
+
+    def _gains_nothing(self, emulated: Emulated, proposal: FloatArray) -> bool:
+        """Whether the emulator's optimum lowers the sum of squares by less than errors leave open."""
         to_gain = self.best.objective - float(emulated.objective(proposal))
-        return tried.objective - self.best.objective < _FLAT * rise or to_gain < _AGREE_OF_ERROR**2 * rise
+        return to_gain < _AGREE_OF_ERROR**2 * self._rise_of_error()
+
+    def _rise_of_error(self) -> float:
+        """Return by how much the sum of squares rises within the least known direction's standard error."""
+        best = self.linearised(self.best)
+        curvature = np.diag(np.linalg.pinv(best.jacobian.T @ best.jacobian))
+        return float(np.min(self.standard_error() ** 2 / np.maximum(curvature, 1e-300)))
 
     def _solved(self, point: FloatArray) -> bool:
         key = key_of_values(self.law.values(point))
