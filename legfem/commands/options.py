@@ -39,7 +39,7 @@ def tested(
         return opened(SUBJECTS.named(subject, subject_dir), site or "")
     if subject is None and subject_dir is None:
         return load_specimen(specimen_dir)
-    raise InputError("--subject", "--specimen-dir", "is given too", "leave one out")
+    raise InputError("--subject", "--specimen-dir", "is given as well", "leave one out")
 
 
 def results_folder(out: Path | None, command: str, name: str) -> Path:

@@ -198,5 +198,5 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
 def not_closed(path: Path, error: ValueError) -> InputError:
     """Return the error of a file with a contour that no closed curve goes through."""
     return InputError(
-        path, "x_mm, y_mm", f"a contour is no closed outline: {error}", "give its points in order around it, once"
+        path, "x_mm, y_mm", f"a contour is not a closed outline: {error}", "give its points in order around it, once"
     )

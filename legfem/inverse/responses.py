@@ -269,9 +269,9 @@ class SolvedResponses:
                 found[name] = changed[name] - _in_series(pushed, self.grid, null[name])
         return found
 
-    def together(self, solutions: Sequence[Solution], stiffness: Stiffness) -> Columns:
-        """Return what two solutions' changes at once are beyond each, as `elastic_change`; nothing of other models."""
-        one, other = solutions
+    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
+        """Return what two mechanisms do at once beyond each; nothing of other models than the base one."""
+        one, other = (mechanism.solution(values) for mechanism, values in pair)
         joint = one.joined(other)
         if joint is None:
             return {}
@@ -410,6 +410,10 @@ class ForceAlone:
     ) -> FloatArray:
         """Refuse."""
         raise LookupError(f"nothing is known of {', '.join(names)}")
+
+    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
+        """Return nothing."""
+        return {}
 
 
 def _columns_of(columns: Columns, names: Sequence[str], length: int) -> FloatArray:

@@ -51,7 +51,7 @@ def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
             raise InputError(
                 toml,
                 f"{field}.effect",
-                f"{one.effect!r} is no effect that legfem knows",
+                f"{one.effect!r} is not an effect that legfem knows",
                 f"give one of {', '.join(every)}",
             )
         first = every[one.effect].parameters[0]
@@ -204,15 +204,7 @@ def diagnose_body(
         return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
 
     return diagnose(
-        Predictor(
-            observed,
-            library,
-            law,
-            ends,
-            accuracy.measured.get(DEEP_C10),
-            together=None if solved is None else solved.together,
-            pairs=library.pairs,
-        ),
+        Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),
         instrument,
         able,
         nuisances,
