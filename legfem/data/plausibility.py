@@ -159,11 +159,11 @@ def _force_jump_doubts(trial: Segmentation) -> Iterator[Doubt]:
     steps, ways = np.abs(np.diff(force)), np.abs(np.diff(d))
     usual = float(np.median(ways[ways > 0])) if (ways > 0).any() else 0.0
     far = max(_JUMP_OF_FORCE * float(np.ptp(force)), _TIMES_STEP * float(np.median(steps)), 8.0 * trial.force_noise)
-    jumps = np.flatnonzero((steps > far) & (ways < _TIMES_WAY * usual + 4.0 * trial.displacement_noise))
+    found = np.flatnonzero((steps > far) & (ways < _TIMES_WAY * usual + 4.0 * trial.displacement_noise))
     # Where the drive turns, friction does the same.
-    jumps = [k for k in jumps if len(set(trial.labels[max(k - 2, 0) : k + 4])) == 1]
+    jumps = [int(k) for k in found if len(set(trial.labels[max(k - 2, 0) : k + 4])) == 1]
     if jumps:
-        k = int(jumps[0])
+        k = jumps[0]
         yield Doubt(
             trial.source,
             "force_N",
