@@ -39,7 +39,7 @@ from making_instrument_files import (
 from openpyxl import Workbook
 from typer.testing import CliRunner
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data import read_samples

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of

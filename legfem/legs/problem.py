@@ -13,11 +13,11 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, IdentifiedLaw, LawName, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
 from legfem.inverse.fit import ChannelFit, Fit, Identity, TestFit, versions
-from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMERICAL_LENGTH_MM, WEAKLY_WITHIN, quantile
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.problem import SingleTests, cost_of, goodness_of, held_values, log_of, optimum_of, search_settings
+from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model

@@ -14,7 +14,7 @@ from legfem.inverse.hidden import HiddenEnd, Limit
 from legfem.inverse.setting_aside import SetAside
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share, residual_intervals
 from legfem.legs.mechanisms import Mechanism
-from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
+from legfem.legs.mechanisms.time_dependence import TissueRelaxation
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import determined, places_of, relative_change
 from legfem.report.estimates import high_or_low

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit
-from legfem.inverse.instrument import RELAXATION
+from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line

@@ -18,10 +18,10 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
-from legfem.inverse.instrument import READINGS
 from legfem.inverse.intervals import quantile
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
+from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model

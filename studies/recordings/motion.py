@@ -18,7 +18,7 @@ from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.responses import ForceAlone
 from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
-from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
+from legfem.legs.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from studies.recordings.curves import ElasticCurves
 
 _BACK_SHARE = 0.02
