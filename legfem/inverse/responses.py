@@ -392,30 +392,6 @@ class SolvedResponses:
         return found
 
 
-class ForceAlone:
-    """Responses of a body of which nothing but the force is known."""
-
-    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
-        """Refuse."""
-        raise LookupError(f"nothing is known of {', '.join(names)}")
-
-    def channel_changes(
-        self,
-        names: Sequence[str],
-        mechanism: TissueMechanism,
-        values: Values,
-        stiffness: Stiffness,
-        observed: Observations,
-        at: At,
-    ) -> FloatArray:
-        """Refuse."""
-        raise LookupError(f"nothing is known of {', '.join(names)}")
-
-    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
-        """Return nothing."""
-        return {}
-
-
 def _columns_of(columns: Columns, names: Sequence[str], length: int) -> FloatArray:
     """Return channels as columns (length, k); NaN where a solution hasn't one."""
     return np.column_stack([columns.get(name, np.full(length, np.nan)) for name in names])

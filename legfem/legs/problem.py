@@ -174,7 +174,6 @@ def leg_problem(
     request: SearchRequest,
     corrections: Sequence[TabulatedCorrection | None] | None = None,
     forward: Forward | None = None,
-    settings: "PlaneStrainSettings | None" = None,
 ) -> LegProblem:
     """A leg's sites in plane strain, with corrections for 3D.
 
@@ -190,8 +189,6 @@ def leg_problem(
         One a site.
     forward : Forward, optional
         Of all sites, one curve each; see `section_forward`, which makes it otherwise.
-    settings : PlaneStrainSettings, optional
-        Numerical.
 
     Raises
     ------
@@ -203,7 +200,7 @@ def leg_problem(
     if several:
         parameters, own_errors = split_instrument(parameters, fixed)
     curves = [with_instrument_errors(measured_curve(site, request.depth), own_errors) for site in leg.sites]
-    forward = forward or section_forward(leg, request, settings)
+    forward = forward or section_forward(leg, request)
     tests = tuple(
         SiteTest(site, curve, correction, beside=site_channels(site, curve))
         for site, curve, correction in zip(leg.sites, curves, corrections or [None] * len(curves), strict=True)
