@@ -80,6 +80,36 @@ def _as_formulas() -> str:
     return "Time (s),Position (mm),Force (N)\n" + "\n".join(lines) + "\n"
 
 
+def _femto_tools() -> str:
+    """As a fixed width leaves one space of a gap, behind the stroke marks of a comment."""
+    names = "//    Index    Time [s] Displacement [um]    Pos Z [V]    Force B [uN]"
+    head = f"// ====\n// 2024-11-06, 10:04:19\n{names}\n// ====\n"
+    return head + rows(1.001 + 0 * T, T, 1e3 * D, -D, 1e6 * F, delimiter="    ")
+
+
+def _acq_knowledge() -> str:
+    channels = "2 channels\nLoad cell - DA100C\nN\nTravel - LVDT\nmm\nmin\tCH1\tCH2\t\n\t751\t751\t\n"
+    head = f"calf.acq\n100 msec/sample\n{channels}"
+    return head + rows(T / 60, F, D, delimiter="\t", form="%.7f", end="\t")
+
+
+def _gauge() -> str:
+    samples = (f"{t:.3f},{f:.5f},N,{d:.5f},mm" for t, f, d in zip(T, F, D, strict=True))
+    return "Time (s),Tracking Value,Units,Displacement,Units\n" + "\n".join(samples) + "\n"
+
+
+def _test_xpert_in_french() -> str:
+    head = '"Épaisseur éprouvette",1,"mm"\n"Section",5.96,"mm²"\n"Date/heure",43173.4,""\n"v1",1,"mm/min"\n'
+    names = '"Temps","Traverse absolue","Force standard","Course standard"\n"s","mm","N","mm"\n'
+    return head + names + rows(T + 5.5, D - 794.8, F, D)
+
+
+def _dion() -> str:
+    names = "S/No;C_1_Temps[s];C_1_Force[kN];C_1_Valeur de consigne[];C_1_Cycles[];C_1_Valeur de commande[%];"
+    columns = (1.0 + 10 * np.arange(len(T)), T, F / 1e3, D / 30, 0 * T, 5 + np.sin(T), D)
+    return f"{names}C_1_Déplacement[mm]\n" + rows(*columns, delimiter=";", form="%.8f")
+
+
 _FULL_WIDTH = {ord(c): 0xFEE0 + ord(c) for c in "0123456789."}
 
 
@@ -153,6 +183,22 @@ ODD = {
     "cells as formulas": _as_formulas(),
     "invisible characters": _commas("\ufeff\u200bTime (s),Posi\u00adtion (mm),Force (N)"),
     "days of a spreadsheet": _commas("Time,Position (mm),Force (N)", 45415.5 + T / 86400, D, F, form="%.10f"),
+    "FemtoTools": _femto_tools(),
+    "AcqKnowledge": _acq_knowledge(),
+    "a gauge's units behind its numbers": _gauge(),
+    "testXpert in French": _test_xpert_in_french(),
+    "dion": _dion(),
+    "Trapezium in Korean": _commas(
+        '"1 _ 1",,,,\n"Time","Force","스트로크","Stress","스트로크 (신율)"\n"sec","N","mm","N/mm2","%"',
+        T,
+        F,
+        D,
+        F / 700,
+        5 * D,
+    ),
+    "names in quotes after spaces": '"Time [s]", "Position [mm]", "Force [N]"\n' + rows(T, D, F, delimiter=", "),
+    "microseconds unsaid": _commas("timestamp,Position (mm),Force (N)", 1e6 * T, D, F),
+    "rows written twice": _commas("Time (s),Position (mm),Force (N)", *(np.repeat(c, 2) for c in (T, D, F))),
     "a step's own time": _commas("Segment,Time (s),Step time (s),Position (mm),Force (N)", T // 10, T, T % 10, D, F),
 }
 """Text files that are odd and honest, and are read without a hand."""

@@ -14,6 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from legfem.channels.registry import CHANNELS
 from making import write_subject
 from making_instrument_files import REAL, D, F, T, plain_csv, rows, workbook, zwick
 from making_odd_files import (
@@ -29,7 +30,6 @@ from making_odd_files import (
 from openpyxl import Workbook
 from typer.testing import CliRunner
 
-from legfem.channels.kinds import CHANNELS
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data import read_samples
@@ -68,6 +68,12 @@ def test_an_odd_and_honest_text_is_read_right(tmp_path, name):
 @pytest.mark.parametrize("make", [workbook_beside_other_cells, open_document, tdms_with_times_of_day])
 def test_times_of_day_are_read_in_other_files_too(tmp_path, make):
     _check_read(make(tmp_path))
+
+
+def test_labview_s_numbers_are_read_without_its_heading(tmp_path):
+    path = tmp_path / "bare.lvm"
+    path.write_text("X_Value\tForce (N)\tPosition (mm)\tComment\n" + rows(T, F, D, delimiter="\t"))
+    _check_read(path)
 
 
 def _check_read(path: Path) -> None:

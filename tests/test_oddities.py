@@ -136,7 +136,7 @@ def test_a_pattern_that_names_no_files_is_one_line(tmp_path: Path, pattern: str)
     folder = write_bars(tmp_path / "bars", NeoHookean(5e-3, 1.0))
     toml = folder / "specimen.toml"
     toml.write_text(toml.read_text() + f'[[specimen]]\nname = "a"\nrecordings = ["{pattern}"]\n')
-    with pytest.raises(InputError, match=r"specimen\.toml: specimen\.recordings: .* is no pattern of files"):
+    with pytest.raises(InputError, match=r"specimen\.toml: specimen\.recordings: .* is not a pattern of files"):
         load_specimen(folder)
 
 
@@ -169,14 +169,14 @@ def test_presses_that_stand_one_behind_the_other_in_a_file_are_doubted() -> None
     one = made()
     times = np.concatenate([one.time, one.time + one.time[-1] + 0.1])
     joined = Recording(times, np.tile(one.displacement, 2), np.tile(one.force, 2), "t")
-    assert any("2 presses stand in one file" in line for line in doubted(joined))
+    assert any("2 presses are in one file" in line for line in doubted(joined))
 
 
 @pytest.mark.parametrize("text", ["1e300", "-1e12"])
 def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "trial.csv"
     path.write_text("time_s,displacement_mm,force_N\n" + "".join(f"{k / 10},{k / 100},{text}\n" for k in range(60)))
-    with pytest.raises(InputError, match="60 numbers are no readings"):
+    with pytest.raises(InputError, match="60 numbers cannot be readings"):
         read_samples(path)
 
 
@@ -184,8 +184,8 @@ def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> 
     ("old", "new", "words"),
     [
         ("force_sd_N = 0.04", "force_sd_N = 1e300", "is out of range; give a value at most 1e+06, in N"),
-        ('title = "Made for a test"', "title = 7", "7 is no text; write it in quotes: title = "),
-        ("aim_mm = [0.0, 0.0]", "aim_mm = true", "True is no list; write aim_mm = [...]"),
+        ('title = "Made for a test"', "title = 7", "7 is not text; write it in quotes: title = "),
+        ("aim_mm = [0.0, 0.0]", "aim_mm = true", "True is not a list; write aim_mm = [...]"),
     ],
 )
 def test_a_key_of_a_wrong_type_is_refused_with_how_to_write_it(tmp_path: Path, old: str, new: str, words: str) -> None:

@@ -52,28 +52,28 @@ ON_ITS_SIDE = "".join(
 
 MANGLED = {
     "empty": (written("a.csv", b""), "is empty"),
-    "no such kind": (written("a.is_comp", b"TDAT"), "'.is_comp' is no kind"),
+    "no such kind": (written("a.is_comp", b"TDAT"), "'.is_comp' is not a kind"),
     "cut workbook": (truncated, "can't be read as .xlsx"),
     "noise for TDMS": (written("a.tdms", b"\x89\x01" + bytes(99)), "can't be read as .tdms"),
     "binary for text": (written("a.txt", bytes(range(256)) * 9), "null bytes"),
-    "no units": (table("time,position,force", T, D, F), "'position' states no unit"),
-    "unit of an angle": (table("time_s,position_mm,load_deg", T, D, F), "'deg' of 'load' is no unit"),
+    "no units": (table("time,position,force", T, D, F), "'position' has no unit"),
+    "unit of an angle": (table("time_s,position_mm,load_deg", T, D, F), "'deg' of 'load' is not a unit"),
     "two trials abreast": (
         table("Time (s),Stroke (mm),Load (N),Time (s),Stroke (mm),Load (N)", T, D, F, T, 0.9 * D, 2 * F),
         "2 trials stand side by side",
     ),
     "strain and stress over time": (
         table("Time (s),Strain (%),Stress (kPa)", T, D, F),
-        "holds strain ('Strain') and stress ('Stress') over time and no force",
+        "contains strain ('Strain') and stress ('Stress') over time and no force",
     ),
     "units in the cells": (
         written("a.csv", b"Time,Position,Force\n" + b"1.5 s,2.5 mm,3.5 N\n" * 60),
-        "its cells hold units beside the numbers ('1.5 s')",
+        "its cells contain units beside the numbers ('1.5 s')",
     ),
     "names that are shifted": (table(",Time (s),Stroke (mm),Load (N)", T, D, F), "4 names, the first of them empty"),
     "names of two words": (
         written("a.txt", ("load cell force time_s position_mm\n" + rows(F, T, D, delimiter=" ")).encode()),
-        "no row with the names of 3 columns",
+        "no row with the names of the 3 columns",
     ),
     "hours or minutes": (
         written("a.csv", timed("Time,Position (mm),Force (N)", ["12:30"] * len(T)).encode()),
@@ -86,8 +86,8 @@ MANGLED = {
         "'Force 1', 'Force 2', which differ",
     ),
     "overload": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ",OVERLOAD"), "'OVERLOAD'"),
-    "a missing cell": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ","), "2 cells"),
-    "not a number": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ",NaN"), "isn't finite"),
+    "a missing cell": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ","), "an empty cell"),
+    "not a number": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ",NaN"), "no finite number"),
     "two trials": (table("time_s,position_mm,force_N", *TWO_TRIALS), "time runs backwards"),
     "other names among the numbers": (changed(plain_csv, ROW, "time_s,displacement_mm,load_N"), "'time_s' where 3"),
     "coarse clock": (table("time_s,position_mm,force_N", np.floor(T), D, F), "time repeats"),
@@ -117,9 +117,9 @@ MANGLED = {
         written("a.txt", rows(np.linspace(-8e3, 0, 90), D[:90], D[:90], delimiter="\t", decimal=",").encode()),
         "the first goes up to 0 in equal steps, as a microscope's height does and no time",
     ),
-    "on its side": (written("a.csv", ON_ITS_SIDE.encode()), "its numbers stand in rows of 751, not in columns"),
-    "one column": (written("a.csv", b"Force (N)\n" + rows(F).encode()), "holds one column of numbers"),
-    "names alone": (written("a.csv", b"Time (s),Force (N)\n"), "holds no numbers; export the recording again"),
+    "on its side": (written("a.csv", ON_ITS_SIDE.encode()), "its numbers are in rows of 751, not in columns"),
+    "one column": (written("a.csv", b"Force (N)\n" + rows(F).encode()), "contains one column of numbers"),
+    "names alone": (written("a.csv", b"Time (s),Force (N)\n"), "contains no numbers; export the recording again"),
     "a factor in the unit": (
         table("Time (s),Position (mm),Force (x10 N)", T, D, 0.1 * F),
         "export 'Force' in N: 'x10 N' has a factor in it",
@@ -135,20 +135,20 @@ MANGLED = {
     ),
     "dates without a time": (
         written("a.csv", timed("Fecha,Position (mm),Force (N)", ["03/05/2024"] * len(T)).encode()),
-        "column 'Fecha': holds '03/05/2024'",
+        "column 'Fecha': contains '03/05/2024'",
     ),
     "a block that was never written": (
         written("a.csv", b"time_s,position_mm,force_N\n" + b"1,2,3\n" * 40 + bytes(999) + b"4,5,6\n" * 40),
-        "line 42: 999 null bytes stand in place of text: part of the file is lost",
+        "line 42: 999 null bytes are in the place of text: part of the file is lost",
     ),
-    "no quantity": (table("a,b,Width", T, D, F), "is no recording: none of its columns ('a', 'b', 'Width')"),
-    "few samples": (table("time_s,position_mm,force_N", T[:5], D[:5], F[:5]), "5 samples are no whole press"),
+    "no quantity": (table("a,b,Width", T, D, F), "is not a recording: none of its columns ('a', 'b', 'Width')"),
+    "few samples": (table("time_s,position_mm,force_N", T[:5], D[:5], F[:5]), "5 samples are not a whole press"),
     "no displacement": (
         table("time_s,Excitation (Newtons),Response (m/s^2)", T, F, D),
         "record displacement, too, and export all three columns",
     ),
     "a length without a unit": (table("time_s,L,force_N", T, D, F), "name displacement (of 'L'): legfem data look"),
-    "a force in volts": (table("time_s,position_mm,load_V", T, D, F), "no unit of force; export 'load' in N"),
+    "a force in volts": (table("time_s,position_mm,load_V", T, D, F), "not a unit of force; export 'load' in N"),
     "two forces of one name": (
         table("time_s,position_mm,Force (N),Force (N)", T, D, F, np.sin(T)),
         "give the columns 'Force' names of their own",
@@ -211,6 +211,7 @@ def _in_cells(path: Path, cell) -> Path:
     [
         (lambda k, f: f"=A{k}*0+{f}", "its 751 formulas were never calculated; open it in a spreadsheet, and save it"),
         (lambda k, f: datetime(2024, 5, 3) if k == 40 else f, "'2024-05-03' is a date, which a spreadsheet took"),
+        (lambda k, f: f"{f:.3f} N", "its cells contain units beside the numbers ('"),
         (lambda k, f: -9999.0 if k % 90 == 0 else f, "8 readings are -9999, which stands for missing ones"),
     ],
 )
@@ -282,7 +283,7 @@ def test_decimal_commas_between_commas_are_refused(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("time_s,displacement_mm,force_N\n" + rows(T, D, F, decimal=","))
     run = look(path)
-    assert run.exit_code == 2 and "3 names stand above 6 cells: its decimals have commas" in run.output
+    assert run.exit_code == 2 and "3 names are above 6 cells: commas separate both" in run.output
 
 
 def test_a_refusal_ends_with_the_command_that_reads_the_file(tmp_path: Path) -> None:

@@ -193,7 +193,9 @@ def _copies(rows: Sequence[Row]) -> Iterator[Suspicion]:
     shared = Counter(tuple(sorted(names)) for names in holders.values() if len(names) > 1)
     for names, count in shared.items():
         what = "a recording" if count == 1 else f"{count} recordings"
-        yield Suspicion(f"{listed(names)} hold {what} of the same numbers: was a folder copied or named twice?", names)
+        yield Suspicion(
+            f"{listed(names)} contain {what} with the same numbers: was a folder copied or named twice?", names
+        )
 
 
 def _exchanged(known: Mapping[str, Member], rows: Sequence[Row]) -> Iterator[Suspicion]:

@@ -1,6 +1,7 @@
 """What readings can't have been: a clock that counts rows, a cell at its limit, a spike, an offset, a drift, a copy."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +10,7 @@ from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.units import FloatArray
 from legfem.data.contact import LEG
 from legfem.data.phases import HOLD, LOADING
+from legfem.data.ranges import SPEED
 from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise, without_outliers
@@ -28,6 +30,8 @@ _SPIKE = 0.15
 
 _OFFSET = 0.05
 """Of the force's rise: what it may read at first touch, or back where it began, or gain in a hold."""
+_ALL = 0.8
+"""Of the rise: what stands at the start of a press that was recorded from its end."""
 _STUCK = 0.1
 """Of it: what a skin that sticks may pull with where the recording began."""
 _OFF_START = 0.05
@@ -44,7 +48,8 @@ _TIMES_STEP = 12.0
 _FORCES = {"mN": 1e-3, "kN": 1e3, "µN": 1e-6}
 _WAYS_OF_LEG = PhysicalRange("a travel", "mm", (2.5, 80.0), (0, np.inf), "presses of calves", {"µm": 1e-3, "m": 1e3})
 _WAYS = PhysicalRange("a travel", "mm", (1e-4, 300.0), (0, np.inf), "labs' tests", {"µm": 1e-3, "nm": 1e-6, "m": 1e3})
-_SPEEDS = PhysicalRange("a speed", "mm/s", (1e-5, 500.0), (0, np.inf), "testing machines", {"ms": 1e3, "min": 1 / 60})
+_SPEEDS = PhysicalRange("a speed", "mm/s", (1e-5, 500.0), (0, np.inf), "testing machines")
+_SPEEDS_OF_LEG = replace(_SPEEDS, usual=SPEED.usual, basis="presses of calves")
 _STIFFNESS_OF_LEG = PhysicalRange("a force", "N per mm", (0.005, 30.0), (0, np.inf), "presses of calves", _FORCES)
 _STIFFNESS = PhysicalRange(
     "a force", "N per mm²", (2e-5, 1e4), (0, np.inf), "travel squared, of brain to rubber", _FORCES
@@ -73,7 +78,7 @@ def pull_doubts(trial: Segmentation) -> Iterator[Doubt]:
         yield Doubt(
             trial.source,
             "recordings",
-            "is a pull by its columns' names, and is read as a press",
+            "has a pull's column names, and is read as a press",
             'of a specimen give direction = "tension" in specimen.toml; of a leg export the press',
         )
 
@@ -94,9 +99,11 @@ def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
     of_leg = trial.scales is LEG
     if of_leg:
         yield from pull_doubts(trial)
-    ways, stiffness = (_WAYS_OF_LEG, _STIFFNESS_OF_LEG) if of_leg else (_WAYS, _STIFFNESS)
+    ways, speeds, stiffness = (
+        (_WAYS_OF_LEG, _SPEEDS_OF_LEG, _STIFFNESS_OF_LEG) if of_leg else (_WAYS, _SPEEDS, _STIFFNESS)
+    )
     yield from ways.likely(trial.source, "displacement_mm", travel)
-    yield from _SPEEDS.likely(trial.source, "time_s", speed)
+    yield from speeds.likely(trial.source, "time_s", speed, "check that time is in s (not min or ms)")
     other = "; of a specimen, run again with --specimens" if of_leg else ""
     size = rise / travel if of_leg else rise / travel**2
     yield from stiffness.likely(trial.source, "force_N", size, f"check its unit in the file{other}")
@@ -177,8 +184,8 @@ def _joined_doubts(trial: Segmentation) -> Iterator[Doubt]:
             trial.source,
             "displacement_mm",
             f"goes from {d[k]:.3g} to {d[k + 1]:.3g} mm from one reading to the next, at {trial.recording.time[k]:.4g} "
-            f"s, and the force with it: {len(joins) + 1} presses stand in one file",
-            "keep one press a file",
+            f"s, and the force with it: {len(joins) + 1} presses are in one file",
+            "save each press in a file of its own",
         )
 
 
@@ -197,7 +204,15 @@ def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
         )
         return
     at_start, rise = standing_force(trial)
-    if at_start:
+    if at_start < -_ALL * rise:
+        yield Doubt(
+            trial.source,
+            "force_N",
+            f"is greatest, {-at_start:.3g} N, where the recording begins, and next to nothing where it ends, as in "
+            "unloading alone",
+            "export the loading before it, too; or give the force's sign in [recordings] if it is a press",
+        )
+    elif at_start:
         yield Doubt(
             trial.source,
             "force_N",
@@ -314,7 +329,7 @@ def _spike_doubts(source: str, recording: Recording) -> Iterator[Doubt]:
         yield Doubt(
             source,
             "force_N",
-            f"one reading, {recording.force[at]:.4g} N at {recording.time[at]:.4g} s, stands alone",
+            f"one reading, {recording.force[at]:.4g} N at {recording.time[at]:.4g} s, differs from all around it",
             "remove the row if it is a disturbance",
         )
 
@@ -358,7 +373,7 @@ def refuse_copies(other: Recording, recordings: Sequence[Recording]) -> None:
                 str(other.source or other.trial),
                 "force_N",
                 f"is a copy of {named}: the two have the same noise, which no repeat has",
-                "remove one of them; a copy makes the result look surer than it is",
+                "remove one of them; with a copy the result looks more certain than it is",
             )
 
 

@@ -281,7 +281,7 @@ def largest_polygon(shape: object, source: str | Path, part: str) -> Polygon:
         raise InputError(
             source,
             part,
-            "nothing is left of it inside the leg with the clearances",
+            "with the clearances nothing of it is left inside the leg",
             "choose another level or correct the outlines",
         )
     return Polygon(max(pieces, key=lambda piece: piece.area).exterior)

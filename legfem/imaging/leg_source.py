@@ -213,7 +213,7 @@ def _outlines_of_contours(path: Path, plane: CuttingPlane) -> dict[str, Polygon]
         raise InputError(
             path,
             "level",
-            f"there is no level {level:g} mm, and {levels[0]:g} mm alone",
+            f"there is no level {level:g} mm, only {levels[0]:g} mm",
             "choose that level, or give contours at several",
         )
     outlines = [polygons_of(here, path, f"level {at:g} mm") for at, here in zip(levels, loops, strict=True)]

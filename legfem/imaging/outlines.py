@@ -203,7 +203,7 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
 def not_closed(path: Path, error: ValueError) -> InputError:
     """Return the error of a file with a contour that no closed curve goes through."""
     return InputError(
-        path, "x_mm, y_mm", f"a contour is no closed outline: {error}", "give its points in order around it, once"
+        path, "x_mm, y_mm", f"a contour is not a closed outline: {error}", "give its points in order around it, once"
     )
 
 
@@ -303,7 +303,7 @@ def _check_one_leg(skin: NDArray[np.bool_], volume: LabelVolume) -> None:
     pieces, _ = ndimage.label(skin[:, :, k])
     sizes = np.sort(np.bincount(pieces.ravel())[1:])
     if len(sizes) > 1 and sizes[-2] > _LEAST_LEG * sizes[-1]:
-        raise InputError(volume.source, f"slice {k}", "shows two legs", "give one: take the other's labels out")
+        raise InputError(volume.source, f"slice {k}", "shows two legs", "remove the labels of the other leg")
 
 
 def _bones(volume: LabelVolume) -> dict[str, NDArray[np.bool_]]:
@@ -323,7 +323,9 @@ def _slices_with(masks: dict[str, NDArray[np.bool_]], volume: LabelVolume) -> ND
     holds: dict[str, Any] = {part: mask.any(axis=(0, 1)) for part, mask in masks.items()}
     every = np.flatnonzero(np.all(list(holds.values()), axis=0))
     if len(every) < 2:
-        raise InputError(volume.source, "slices", "none holds skin, deep tissue and bones together", "check the labels")
+        raise InputError(
+            volume.source, "slices", "none contains skin, deep tissue and bones together", "check the labels"
+        )
     between = np.arange(every[0], every[-1] + 1)
     if len(between) > len(every):
         gap = int(np.setdiff1d(between, every)[0])

@@ -69,7 +69,7 @@ def check_known(names: Collection[str], nominal: Values, source: str) -> None:
             raise InputError(
                 source,
                 name,
-                "is no parameter of this model",
+                "is not a parameter of this model",
                 f"did you mean {nearest[0]}? There are {', '.join(known)}",
             )
 
@@ -172,7 +172,7 @@ def within_prior(parameter: Parameter) -> Parameter:
             parameter.name,
             f"lies outside the bounds of the search, {parameter.bounds[0]:g} to "
             f"{parameter.bounds[1]:g} {parameter.unit}",
-            "widen the bounds, or doubt the prior",
+            "widen the bounds, or correct the prior",
         )
     return Parameter(
         parameter.name, parameter.unit, bounds, prior, parameter.role, parameter.scale, parameter.statement

@@ -51,7 +51,7 @@ def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
             raise InputError(
                 toml,
                 f"{field}.effect",
-                f"{one.effect!r} is no effect that legfem knows",
+                f"{one.effect!r} is not an effect that legfem knows",
                 f"give one of {', '.join(every)}",
             )
         first = every[one.effect].parameters[0]

@@ -282,7 +282,7 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
         return curve
     if not depth >= LEG.depth:
         raise InputError(
-            "--depth", f"{depth:g} mm", "is too little to identify from", f"give at least {LEG.depth:g} mm"
+            "--depth", f"{depth:g} mm", "is too shallow to identify a stiffness from", f"give at least {LEG.depth:g} mm"
         )
     n = int((curve.displacement <= depth + 1e-9).sum())
     return replace(

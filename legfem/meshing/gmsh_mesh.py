@@ -38,7 +38,7 @@ def gmsh_model(name: str) -> Iterator[Any]:
         If it is still at work on a mesh that was given up.
     """
     if _at_work():
-        raise InputError("mesh", "gmsh", "still works on a mesh that was given up", "start the program again")
+        raise InputError("mesh", "gmsh", "is still working on a mesh that was given up", "start the program again")
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)

@@ -202,9 +202,9 @@ def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
     least, most = (cells * math.exp(excess(end)) for end in (low, high))
     if not least <= cells <= most:
         raise InputError(
-            "mesh",
-            "cells",
-            f"{cells} tetrahedra can't be had for this leg",
+            "--cells",
+            f"{cells}",
+            f"this leg cannot be meshed with {cells} tetrahedra",
             f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}",
         )
     return settings.refined(math.exp(brentq(excess, low, high, xtol=0.01)))

@@ -334,7 +334,7 @@ def _comfort(details: StockingDetails) -> str:
         return "Unknown."
     where = place_in_fat(details.leg.bare, found.greatest_in_fat_at)
     return (
-        "The greatest pressure in the fat, which holds the pain receptors, is "
+        "The greatest pressure in the fat, where the pain receptors are, is "
         f"{both_units(found.greatest_in_fat)}, {where}. It is {low_in_fat(details)}."
     )
 

@@ -172,7 +172,7 @@ def _inside(details: StockingDetails) -> list[Block]:
     where = place_in_fat(details.leg.bare, found.greatest_in_fat_at)
     blocks.append(
         Prose(
-            "The greatest pressure in the fat, which holds the pain receptors, is the second "
+            "The greatest pressure in the fat, where the pain receptors are, is the second "
             f"paper's measure of discomfort. It is {where}."
         )
     )

@@ -47,7 +47,7 @@ def _zipped(path: Path) -> list[Sheet]:
         files = [one for one in files if Path(one.filename).suffix.lower() in READERS] or files
         if len(files) != 1:
             few = ", ".join(one.filename for one in files[:4]) + (", ..." if len(files) > 4 else "")
-            told = f"holds {len(files)} files ({few})" if files else "holds no files"
+            told = f"contains {len(files)} files ({few})" if files else "contains no files"
             raise InputError(path, "file", told, "unpack it, and look at one of them")
         check_size(path, files[0].file_size)
         return _read_within(path, Path(files[0].filename).name, archive.read(files[0]))
@@ -69,7 +69,7 @@ def _read_within(path: Path, name: str, content: bytes) -> list[Sheet]:
         try:
             refuse_force_curve(inner)
             if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
-                raise InputError(inner, "file", "holds another archive", "unpack it")
+                raise InputError(inner, "file", "contains another archive", "unpack it")
             return read_sheets(inner)
         except InputError as error:
             raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
@@ -81,12 +81,12 @@ _UNPACK: dict[str, type[gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile]] = {
     ".xz": lzma.LZMAFile,
 }
 READERS: dict[str, Reader] = {
-    **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab"), read_text),
+    # LabVIEW's own heading may have been left out, or taken off.
+    **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab", ".lvm"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
     ".xls": _old_workbook,
     ".ods": _open_document,
     ".tdms": _tdms,
-    ".lvm": _lvm,
     ".mat": _matlab,
     **dict.fromkeys((".h5", ".hdf5"), _hdf5),
     ".zip": _zipped,
@@ -155,13 +155,13 @@ def read_sheets(path: Path) -> list[Sheet]:
             path,
             "file",
             f"can't be read as {ending or 'what it begins as'} ({said})",
-            "it is damaged or of another kind: copy or export it again",
+            "it may be damaged, or of another kind than its name says: copy or export it again",
         ) from error
     if not sheets:
         raise InputError(
             path,
             "file",
-            "holds no columns of numbers with names",
+            "contains no columns of numbers with names",
             "export time, displacement and force, each with its name",
         )
     return sheets
@@ -181,4 +181,4 @@ def _no_file(path: Path) -> InputError:
 
 def _no_kind(path: Path) -> InputError:
     kinds = f"export it as one of {', '.join(READERS)}"
-    return InputError(path, "file", f"'{path.suffix}' is no kind that is read", kinds)
+    return InputError(path, "file", f"'{path.suffix}' is not a kind of file that legfem reads", kinds)

@@ -75,7 +75,7 @@ def read_lvm(path: Path) -> list[Sheet]:
     found = lvm_read.read(str(path), read_from_pickle=False, dump_file=False)
     count = int(found["Segments"])
     if count != 1:
-        raise InputError(path, "segments", f"{count} in one file", "save one trial a file")
+        raise InputError(path, "segments", f"there are {count} in one file", "save each trial in a file of its own")
     segment = found[0]
     values = np.asarray(segment["data"], dtype=np.float64)
     labels = [str(name).strip() for name in segment["Channel names"]]

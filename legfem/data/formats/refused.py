@@ -56,7 +56,7 @@ def refuse_force_curve(path: Path) -> None:
         raise InputError(
             path,
             "file",
-            f"is a force curve of an atomic force microscope ({whose}), which is none of legfem's tests",
+            f"is a force curve of an atomic force microscope ({whose}), which is not one of legfem's tests",
             "if a ball of known diameter pressed a specimen, export Time (s), Indentation (nm) and Force (nN) as CSV",
         )
 

@@ -1,5 +1,6 @@
 """Tissues whose stiffness varies: along the leg, or from place to place."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -61,10 +62,11 @@ class StiffnessGradient(EnergyTerm):
 class UnevenStiffness(EnergyTerm):
     r"""What of the distortion energy is more about some points of a region.
 
-    .. math:: \sum_k e_k \exp\!\left(-\frac{|X - X_k|^2}{2 r_k^2}\right) U_\text{distortion}
+    .. math:: \sum_k e_k \exp\!\left(-\frac{\pi |X - X_k|^4}{4 r_k^4}\right) U_\text{distortion}
 
     is added to the region's energy; nothing happens where all excesses :math:`e_k` are zero. One
-    point is a lump with no edge, as much as a disk of radius :math:`\sqrt 2 r_k` in section.
+    point is a lump that is as much as a disk of radius :math:`r_k` in section, with a narrow edge that
+    a mesh without it can integrate.
 
     Parameters
     ----------
@@ -155,4 +157,4 @@ class StiffLump(EnergyTerm):
 
 
 def _near(away: Expr, radius: Expr | float) -> Expr:
-    return ufl.exp(-ufl.dot(away, away) / (2 * radius**2))
+    return ufl.exp(-0.25 * math.pi * (ufl.dot(away, away) / radius**2) ** 2)

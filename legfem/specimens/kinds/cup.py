@@ -107,7 +107,7 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
             raise InputError(
                 source,
                 "pressure",
-                f"a suction of {peak:.4g} kPa is more than the atmosphere has",
+                f"a suction of {peak:.4g} kPa is more than the atmosphere's pressure",
                 f"check the unit: as mbar it is {0.1 * peak:.3g} kPa, as mmHg {0.1333 * peak:.3g} kPa",
             )
         radius, height = math.sqrt(body.opening / math.pi), float(np.ptp(recording.displacement))

@@ -189,7 +189,7 @@ def _small_fascia(result: StudyResult) -> ClaimFinding:
     for analysis in result.analyses:
         tests = analysis.main("fascia")
         if not tests:
-            return ClaimFinding(None, "the fascia is no factor", "")
+            return ClaimFinding(None, "the fascia is not a factor", "")
         greatest = max(abs(test.value) for test in analysis.main())
         shares[analysis.metric.label] = max(abs(test.value) for test in tests) / greatest
     worst = max(shares, key=lambda name: shares[name])
@@ -206,7 +206,7 @@ def _insignificant(
     for analysis in result.analyses:
         tests = chosen(analysis)
         if not tests:
-            return ClaimFinding(None, f"{what} is no factor", "")
+            return ClaimFinding(None, f"{what} is not a factor", "")
         greatest = max(abs(test.value) for test in analysis.main())
         largest = max(largest, max(abs(test.value) for test in tests) / greatest)
         found += [t for t in tests if t.significant]
