@@ -14,7 +14,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from legfem.channels.registry import CHANNELS
 from making import write_subject
 from making_instrument_files import REAL, D, F, T, plain_csv, rows, workbook, zwick
 from making_odd_files import (
@@ -30,6 +29,7 @@ from making_odd_files import (
 from openpyxl import Workbook
 from typer.testing import CliRunner
 
+from legfem.channels.kinds import CHANNELS
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data import read_samples
