@@ -16,7 +16,7 @@ from making_specimens import write_bars
 
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording, read_samples, segment
-from legfem.data.plausibility import cut_off, trial_doubts
+from legfem.data.plausibility import cut_off, magnitude_doubts, trial_doubts
 from legfem.geometry.section import PARTS
 from legfem.geometry.section_from_outlines import polygons_of
 from legfem.legs.loading import load_sites, load_subject
@@ -108,6 +108,22 @@ def test_a_force_that_drifts_is_doubted_by_what_is_left_where_it_began(rate: flo
     assert said and float(said[1]) == pytest.approx(rate, abs=0.005)
 
 
+def test_unloading_alone_is_called_that() -> None:
+    one = made(depth=16.0)
+    lines = doubted(replace(one, displacement=one.displacement - 16.0, force=one.force - one.force[-20:].mean()))
+    assert any("as in unloading alone" in line for line in lines) and not any("preload" in line for line in lines)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 60.0])
+def test_a_speed_at_which_no_leg_is_pressed_is_doubted(factor: float) -> None:
+    one = made()
+    trial = segment(replace(one, time=one.time / factor), Instrument(0.03, 0.02))
+    assert any(
+        "a speed of" in str(doubt) and "check that time is in s" in str(doubt) for doubt in magnitude_doubts(trial)
+    )
+    assert not list(magnitude_doubts(segment(one, Instrument(0.03, 0.02))))
+
+
 def test_a_force_that_rises_in_a_hold_is_doubted() -> None:
     one = made(hold=40.0)
     (line,) = doubted(replace(one, force=one.force + 0.12 * one.time), starts_at_contact=True)
@@ -156,6 +172,14 @@ def test_points_in_no_order_are_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="skin: its points are in no order"):
         polygons_of({"skin": [points]}, Path("points.csv"), "level 10 mm")
     assert time.monotonic() - start < 2.0
+
+
+@pytest.mark.parametrize("change", [lambda force: -force, lambda force: force + 4.0])
+def test_a_force_that_jumps_where_the_displacement_goes_on_is_doubted(change) -> None:
+    one = made(hold=20.0)
+    within = (one.time > 25.0) & (one.time < 29.0)
+    found = doubted(replace(one, force=np.where(within, change(one.force), one.force)))
+    assert any("while the displacement goes on as before" in line and "at 25." in line for line in found)
 
 
 def test_a_loading_with_a_gap_is_doubted() -> None:

@@ -105,6 +105,17 @@ def test_a_specimen_of_layers_has_each_stiffness_first_and_one_recording_is_no_s
     assert list(said(page)) == []
 
 
+def test_an_interval_that_is_all_that_was_searched_is_called_not_determined(tmp_path: Path):
+    """As of a law's parameters that trade against each other: its ends say where the search ended."""
+    (fit,) = pages.specimens(tmp_path)
+    (found,) = fit.estimates.values()
+    open_ = replace(found, ci95=found.parameter.bounds, identifiability="not identifiable")
+    text = plain_page(pages.specimen_page([replace(fit, estimates={"deep.C10": open_})], ""), [])
+    text = " ".join(text.split())
+    assert "C10 = 5.00 kPa (interval not determined)" in text and "No interval of C10 was found" in text
+    assert f" to {1e3 * found.parameter.bounds[1]:g}" not in text
+
+
 MUSCLE = parameter_of("muscle.C10", {"muscle.C10": 5e-3})
 
 

@@ -39,6 +39,8 @@ _OFF_START = 0.05
 _NEAR_START = 0.05
 _JUMP, _LEVEL_FORCE = 0.08, 0.03
 """Of the travel, and of the force's rise: what a drive doesn't go from one sample to the next, ..."""
+_JUMP_OF_FORCE, _TIMES_WAY = 0.2, 3.0
+"""Of the force's whole range, and of the usual way between readings: what a force doesn't do within such a way."""
 _GAP = 0.1
 """Of the travel."""
 _TIMES_STEP = 12.0
@@ -66,6 +68,7 @@ def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
     """
     _refuse_jump(trial)
     yield from _spike_doubts(trial.source, trial.recording)
+    yield from _force_jump_doubts(trial)
     yield from _gap_doubts(trial)
     yield from _joined_doubts(trial)
     yield from _start_doubts(trial)
@@ -147,6 +150,26 @@ def _refuse_jump(trial: Segmentation) -> None:
             f"jumps from {d[k]:.4g} to {d[k + 1]:.4g} mm at {trial.recording.time[k + 1]:.4g} s, and the force stays "
             "as it is: a sensor or a counter that was reset",
             f"add {d[k] - d[k + 1]:.4g} mm to what follows, or keep the part before it",
+        )
+
+
+def _force_jump_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield a doubt about a force that jumps where the displacement goes on as before."""
+    d, force = without_outliers(trial.recording.displacement), without_outliers(trial.recording.force)
+    steps, ways = np.abs(np.diff(force)), np.abs(np.diff(d))
+    usual = float(np.median(ways[ways > 0])) if (ways > 0).any() else 0.0
+    far = max(_JUMP_OF_FORCE * float(np.ptp(force)), _TIMES_STEP * float(np.median(steps)), 8.0 * trial.force_noise)
+    found = np.flatnonzero((steps > far) & (ways < _TIMES_WAY * usual + 4.0 * trial.displacement_noise))
+    # Where the drive turns, friction does the same.
+    jumps = [int(k) for k in found if len(set(trial.labels[max(k - 2, 0) : k + 4])) == 1]
+    if jumps:
+        k = jumps[0]
+        yield Doubt(
+            trial.source,
+            "force_N",
+            f"jumps from {force[k]:.3g} to {force[k + 1]:.3g} N from one reading to the next, at "
+            f"{trial.recording.time[k + 1]:.4g} s, while the displacement goes on as before",
+            "look for a slip, a loose cable or a changed sign, and keep the part without it",
         )
 
 

@@ -202,7 +202,7 @@ def _headline(best: SpecimenFit) -> web.Headline:
     values = "; ".join(
         f"{_words(name)}: no value, since the search stopped at its {found.at_bound} bound"
         if found.at_bound and found.parameter.scale == "log"
-        else f"{_words(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
+        else f"{_words(name)} {estimates.value_text(found)} ({estimates.interval_text(found, '95 % ')})"
         for name, found in best.estimates.items()
         if found.parameter.role == "identified"
     )

@@ -298,7 +298,7 @@ def level_blocks(details: StockingDetails) -> list[Block]:
         )
     if len(levels) > 1 and not makers.assumed_fabric:
         blocks.append(Prose(_falling(levels)))
-    slope = 10 * np.polyfit(along.levels, along.mean, 1)[0]
+    slope = round(10 * float(np.polyfit(along.levels, along.mean, 1)[0]), 2) + 0.0
     blocks.append(
         Prose(
             f"Gradient: {slope:+.2f} mmHg per cm upwards, from {along.mean[0]:.1f} mmHg at the lower end to "
@@ -329,13 +329,13 @@ def level_blocks(details: StockingDetails) -> list[Block]:
             band_name="95 % interval of the mean",
         )
     )
-    error = leg.accuracy
-    tension = f"{100 * error.tension_sd:g} % of the fabric's tension; " if error.tension_sd else ""
+    error, tension_sd = leg.accuracy, details.tension_sd
+    tension = f"{100 * tension_sd:.2g} % of the fabric's tension; " if tension_sd else ""
     blocks.append(
         Prose(
             f"The intervals include these errors (standard deviations): {tension}{100 * error.pressure_sd:g} % of the "
             "pressure on each eighth of the girth; and for the mesh, by judgement, a tenth of the change in pressure "
-            "that the leg's deformation causes." + ("" if error.tension_sd else f" {_EXACT_FABRIC}")
+            "that the leg's deformation causes." + ("" if tension_sd else f" {_EXACT_FABRIC}")
         )
     )
     return blocks

@@ -71,7 +71,7 @@ def number(value: float, spread: float = math.nan) -> str:
         return "0"
     if math.isfinite(spread) and spread > 0:
         digits = -math.floor(math.log10(0.65 * spread))
-        return f"{value:.{min(max(digits, 0), 6)}f}"
+        return f"{value:.{min(max(digits, 0), 6)}f}" if value != 0 or digits <= 6 else "0"
     return f"{value:.3g}"
 
 
