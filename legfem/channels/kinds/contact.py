@@ -1,0 +1,302 @@
+r"""What the cylinder's face feels: forces and a moment beside that along its travel, the contact's width, its pressure.
+
+Forces and the moment are a load cell's of several axes. The width is seen by ink, a camera or the edges of a pressure
+film. The skin is pressed up to where its deformed outline :math:`x(s)`, quadratic along every edge of the mesh, comes to the
+face but for the gap :math:`g` at which the contact's pressure begins: :math:`|x(s) - c| = R + g`. The width is the arc
+:math:`R\,(\varphi_1 - \varphi_0)` between the outermost of these points; as nodes move at the rates :math:`x'`, a point
+slides along the outline so that it stays there.
+
+Pressure is seen by sensels: a film or a mat between the cylinder and the skin. A sensel that reaches along the face from :math:`a` to :math:`b` (mm, from the face's deepest point, to the left of the
+travel) reads
+
+.. math:: p = \frac{1}{b - a} \sum_n q_n \left[S((s_n - a) / w) - S((s_n - b) / w)\right]
+
+of the nodes' normal loads :math:`q_n` (N per mm of the cylinder) at :math:`s_n`, with a smooth step :math:`S` from 0 to
+1 over :math:`\pm w`, by which a film spreads a load. Sensels side by side add up to the whole load.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.channels.kind import (
+    ChannelAccuracy,
+    ChannelFile,
+    ChannelKind,
+    ChannelPlan,
+    Channels,
+    Frames,
+    FramesError,
+    FramesFile,
+    Impossible,
+    Read,
+    ReadingsAtSite,
+)
+from legfem.channels.site import Site
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.geometry.section import across
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
+
+
+_SIX_AXES = ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01)
+"""Crosstalk of a six-axis cell is a per cent or two of the force along the travel."""
+LATERAL = ChannelKind(
+    "lateral_force",
+    "N",
+    "force of the cylinder on the skin across the travel, to its left",
+    _SIX_AXES,
+    models=frozenset({"2d", "3d"}),
+)
+AXIAL = replace(
+    LATERAL,
+    name="axial_force",
+    words="force of the cylinder on the skin along the leg, towards greater z",
+    models=frozenset({"3d"}),
+)
+MOMENT = ChannelKind(
+    "axis_moment",
+    "Nmm",
+    "moment of the cylinder on the skin about the cylinder's axis, counterclockwise in the section",
+    ChannelAccuracy(reading=0.3, bias=1.0, gain=0.02, slow=0.5, lag=0.01),
+)
+_PRESSED = 0.2
+"""Of the largest force along the travel, from which on another is compared with it."""
+
+
+class ContactForces(ChannelFile):
+    """Forces across the travel, to its left, and along the leg; and what friction turns the cylinder by."""
+
+    kinds: ClassVar = (LATERAL, AXIAL, MOMENT)
+    plans: ClassVar = (
+        ChannelPlan(
+            "record the lateral force too", (LATERAL.name,), "a load cell of two or more axes, and no more time"
+        ),
+        ChannelPlan(
+            "record the lateral force and the moment about the cylinder's axis too",
+            (LATERAL.name, MOMENT.name),
+            "a six-axis load cell, and no more time",
+        ),
+    )
+
+    def read(self, seen: "Seen") -> Channels:
+        """Return the force to the left; of a leg in 3D that along it, of a section the moment."""
+        found = {LATERAL.name: seen.force(seen.left)}
+        if len(seen.left) == 3:
+            return found | {AXIAL.name: seen.force(np.array([0.0, 0.0, 1.0]))}
+        return found | {MOMENT.name: seen.moment()}
+
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+        """Refuse a lateral force that exceeds the force along the travel, and a moment that friction can't make."""
+        force, values = recorded.force, recorded.values
+        pressed = force > _PRESSED * force.max()
+        if kind == MOMENT:
+            return _checked_moment(values[pressed], force[pressed], recorded.site.indenter.radius)
+        if kind != LATERAL or not pressed.any() or np.median(np.abs(values[pressed]) / force[pressed]) <= 1.0:
+            return None
+        worst = float(np.abs(values[pressed]).max())
+        return Impossible(
+            f"it is up to {worst:.3g} N, more than the force along the travel ({force.max():.3g} N)",
+            "check which of the load cell's axes is which, and its zero",
+        )
+
+
+def _checked_moment(values: FloatArray, force: FloatArray, radius: float) -> Impossible | None:
+    """Return why moments (k,), N mm, can't be about the axis of a cylinder that forces (k,) press, N."""
+    if not len(values) or np.median(np.abs(values) / force) <= radius:
+        return None
+    return Impossible(
+        f"it is up to {np.abs(values).max():.3g} N mm, and friction of {force.max():.3g} N on the face makes less",
+        "give it about the cylinder's axis, not about the load cell's origin, and check its unit",
+    )
+
+
+_SEEN = ChannelAccuracy(reading=0.7, bias=1.0, gain=0.03, slow=0.3, lag=0.1)
+"""Of an edge that fades: skin that is close to the face looks as if it touched."""
+WIDTH = ChannelKind("contact_width", "mm", "width of the contact along the cylinder's face", _SEEN, 0.02)
+
+
+class ContactWidths(ChannelFile):
+    """Arc between the outermost points of the skin that touch the cylinder."""
+
+    kinds: ClassVar = (WIDTH,)
+    plans: ClassVar = (
+        ChannelPlan(
+            "read how wide the contact is at {at}",
+            (WIDTH.name,),
+            "a camera along the cylinder, or ink on it",
+            frames=True,
+        ),
+    )
+
+    def read(self, seen: "Seen") -> Channels:
+        """Return the width; nothing before the skin touches."""
+        skin, radius = seen.line("skin"), seen.radius
+        reach = radius + seen.onset
+        away = skin.points - seen.centre
+        # Of an edge from 0 to 1: a + b s + c s^2.
+        first, last, middle = away.transpose(1, 0, 2)
+        bend, rise = 2 * first + 2 * last - 4 * middle, 4 * middle - 3 * first - last
+        gaps = np.linalg.norm(away, axis=2) - reach
+        length = np.linalg.norm(last - first, axis=1)
+        found: list[tuple[float, FloatArray]] = []
+        for edge in np.flatnonzero((gaps.min(axis=1) < length) & (gaps.max(axis=1) > -length)):
+            a, b, c = first[edge], rise[edge], bend[edge]
+            roots = np.roots([c @ c, 2 * b @ c, b @ b + 2 * a @ c, 2 * a @ b, a @ a - reach**2])
+            for s in (float(root.real) for root in roots if abs(root.imag) < 1e-9 and -1e-9 <= root.real <= 1 + 1e-9):
+                point, along = a + b * s + c * s**2, b + 2 * c * s
+                shapes = np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+                rates = np.array([shapes @ one[edge] for one in skin.rates]).reshape(-1, 2)
+                moving = rates - np.outer(rates @ point / (along @ point), along)
+                turn = np.array([-point[1], point[0]])
+                ahead, beside = point @ seen.model.system.direction, point @ seen.left
+                found.append((radius * float(np.arctan2(beside, ahead)), moving @ turn * radius / reach**2))
+        if len(found) < 2:
+            return {WIDTH.name: (0.0, np.zeros(len(skin.rates)))}
+        right, left = min(found, key=lambda one: one[0]), max(found, key=lambda one: one[0])
+        return {WIDTH.name: (left[0] - right[0], left[1] - right[1])}
+
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+        """Refuse a width of more than half the cylinder's face."""
+        half = float(np.pi * recorded.site.indenter.radius)
+        widest = float(recorded.values.max())
+        if widest <= half:
+            return None
+        return Impossible(
+            f"it is up to {widest:.3g} mm, and half the cylinder's face is {half:.3g} mm",
+            "check its unit and the cylinder's diameter",
+        )
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return the face's deepest point at first touch."""
+        return site.deepest
+
+
+_FILM = ChannelAccuracy(reading=0.5, bias=0.3, gain=0.1, slow=0.2, lag=0.1, creep=0.05, threshold=1.0)
+"""Of thin-film sensors on a curved face: a tenth of the reading, and a twentieth more for each decade of time."""
+PRESSURE = ChannelKind(
+    "contact_pressure", "kPa", "pressure of the cylinder on the skin, in sensels along its face", _FILM, 0.03
+)
+_BLUR_MM = 1.5
+_MOST_SENSELS = 24
+"""More are taken together, neighbours in twos, threes and so on."""
+_MORE_THAN_FORCE = 1.5
+
+
+class ContactPressures(FramesFile):
+    """Mean pressures over sensels; a place is where one begins and ends along the face, mm."""
+
+    kinds: ClassVar = (PRESSURE,)
+    entry = PRESSURE.name
+    columns = ("angle_deg", "pressure_kPa")
+
+    def read(self, seen: "Seen") -> Channels:
+        """Return the pressures of the sensels that there are."""
+        places = seen.places(PRESSURE.name)
+        if not len(places):
+            return {}
+        face, comm = seen.face, seen.model.system.comm
+        found = {}
+        for name, (begins, ends) in zip(PRESSURE.courses(len(places)), places, strict=True):
+            (low, low_slope), (high, high_slope) = (_step((face.arc - at) / _BLUR_MM) for at in (begins, ends))
+            share, slope = low - high, (low_slope - high_slope) / _BLUR_MM
+            width = ends - begins
+            load = comm.allreduce(float(share @ face.load)) / width
+            rates = comm.allreduce(face.load_rates @ share + face.arc_rates @ (slope * face.load)) / width
+            found[name] = (mpa_to_kpa(load), mpa_to_kpa(1.0) * np.asarray(rates))
+        return found
+
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+        """Refuse pressures whose sum exceeds the force by far: no film's gain is off by so much."""
+        pressed = np.flatnonzero(recorded.force > 0.5 * recorded.force.max())
+        width = recorded.places[:, 1] - recorded.places[:, 0]
+        angle = recorded.places.mean(axis=1) / recorded.site.indenter.radius
+        # Of the sensels that read at about one force: kPa over mm2 are mN.
+        load = 1e-3 * recorded.values * width * np.cos(angle) * recorded.site.indenter.length
+        found = []
+        for at in np.unique(recorded.force[pressed]):
+            together = recorded.force == at
+            found.append(float(load[together].sum()) / float(at))
+        if not found or np.median(found) <= _MORE_THAN_FORCE:
+            return None
+        return Impossible(
+            f"the pressures add up to {np.median(found):.2g} times the force",
+            "check their unit, and that angles are those of the sensels' middles about the cylinder's axis",
+        )
+
+    def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
+        """Return the sensels' middles on the face at first touch, and the directions in which they press."""
+        angle = places.mean(axis=1) / site.indenter.radius
+        left = across(site.direction)
+        ways = np.cos(angle)[:, None] * site.direction + np.sin(angle)[:, None] * left
+        return site.touch + site.indenter.radius * ways, ways
+
+    def apart(self, places: FloatArray) -> FloatArray:
+        """Return how far the sensels' middles are apart along the face."""
+        middles = places.mean(axis=1)
+        return np.abs(np.subtract.outer(middles, middles))
+
+    def shared(
+        self,
+        places: FloatArray,
+        time: FloatArray,
+        frame: NDArray[np.int_],
+        values: FloatArray,
+        accuracy: ChannelAccuracy,
+    ) -> dict[str, FloatArray]:
+        """Return what a film's creep does."""
+        decades = np.log10(1.0 + np.maximum(time, 0.0))
+        return {"creep": accuracy.creep * decades * values} if accuracy.creep else {}
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the sensels' pressures; a sensel reaches half-way to its neighbours."""
+        angles = np.unique(np.concatenate([one.columns[:, 0] for one in frames]))
+        if len(angles) < 2:
+            raise FramesError("angle_deg", f"{len(angles)} sensel", "give the pressures of two sensels at least")
+        if np.abs(angles).max() > 90.0:
+            raise FramesError(
+                "angle_deg",
+                f"is up to {np.abs(angles).max():.0f}: the skin touches within 90 degrees of the line of travel",
+                "give the angle of a sensel's middle from the face's deepest point, to the left of the travel",
+            )
+        ends = np.deg2rad(_ends(angles)) * site.indenter.radius
+        group = np.arange(len(angles)) // -(-len(angles) // _MOST_SENSELS)
+        first = np.flatnonzero(np.diff(group, prepend=-1))
+        edges = np.append(ends[first], ends[-1])
+        places = tuple((round(float(a), 4), round(float(b), 4)) for a, b in pairwise(edges))
+        return [[_of_trial(one, angles, group, np.diff(ends), places)] for one in frames]
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return the face's deepest point at first touch."""
+        return site.deepest
+
+
+def _step(t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a smooth step from 0 at -1 to 1 at 1, and its slope."""
+    inside = np.clip(t, -1.0, 1.0)
+    return 0.5 + 0.75 * inside - 0.25 * inside**3, 0.75 * (1 - inside**2)
+
+
+def _ends(middles: FloatArray) -> FloatArray:
+    between = 0.5 * (middles[1:] + middles[:-1])
+    return np.concatenate([[2 * middles[0] - between[0]], between, [2 * middles[-1] - between[-1]]])
+
+
+def _of_trial(
+    frames: Frames,
+    angles: FloatArray,
+    group: NDArray[np.int_],
+    width: FloatArray,
+    places: tuple[tuple[float, ...], ...],
+) -> Read:
+    """Return the mean pressures of groups of sensels, by their widths."""
+    sensel = np.searchsorted(angles, frames.columns[:, 0])
+    keys, row = np.unique(np.column_stack([frames.time, group[sensel]]), axis=0, return_inverse=True)
+    own = width[sensel]
+    means = np.bincount(row.ravel(), own * frames.columns[:, 1]) / np.bincount(row.ravel(), own)
+    return Read(PRESSURE.name, keys[:, 0], means, keys[:, 1].astype(int), places)
