@@ -1,12 +1,14 @@
 r"""What the cylinder's face feels: forces and a moment beside that along its travel, the contact's width, its pressure.
 
 Forces and the moment are a load cell's of several axes. The width is seen by ink, a camera or the edges of a pressure
-film. The skin is pressed up to where its deformed outline :math:`x(s)`, quadratic along every edge of the mesh, comes to the
+film.
+
+The skin is pressed up to where its deformed outline :math:`x(s)`, quadratic along every edge of the mesh, comes to the
 face but for the gap :math:`g` at which the contact's pressure begins: :math:`|x(s) - c| = R + g`. The width is the arc
 :math:`R\,(\varphi_1 - \varphi_0)` between the outermost of these points; as nodes move at the rates :math:`x'`, a point
-slides along the outline so that it stays there.
+slides along the outline so that it stays there. Pressure is seen by sensels: a film or a mat between the cylinder and the skin.
 
-Pressure is seen by sensels: a film or a mat between the cylinder and the skin. A sensel that reaches along the face from :math:`a` to :math:`b` (mm, from the face's deepest point, to the left of the
+A sensel that reaches along the face from :math:`a` to :math:`b` (mm, from the face's deepest point, to the left of the
 travel) reads
 
 .. math:: p = \frac{1}{b - a} \sum_n q_n \left[S((s_n - a) / w) - S((s_n - b) / w)\right]
