@@ -6,7 +6,8 @@ film.
 The skin is pressed up to where its deformed outline :math:`x(s)`, quadratic along every edge of the mesh, comes to the
 face but for the gap :math:`g` at which the contact's pressure begins: :math:`|x(s) - c| = R + g`. The width is the arc
 :math:`R\,(\varphi_1 - \varphi_0)` between the outermost of these points; as nodes move at the rates :math:`x'`, a point
-slides along the outline so that it stays there. Pressure is seen by sensels: a film or a mat between the cylinder and the skin.
+slides along the outline so that it stays there. Pressure is seen by sensels: a film or a mat between the
+cylinder and the skin.
 
 A sensel that reaches along the face from :math:`a` to :math:`b` (mm, from the face's deepest point, to the left of the
 travel) reads
