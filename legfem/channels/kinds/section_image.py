@@ -2,7 +2,8 @@ r"""Images of the section: displacements inside it (speckle tracking, elastograp
 
 A file of displacements has a frame a time: points ``x_mm, y_mm`` where they were before the cylinder pressed, in the
 outlines' coordinates, and by how much they have moved since. Errors of tracking are alike over some millimetres, so
-that points are taken together in cells of a few millimetres; a cell's mean moves as the tissue at the points' middle does.
+that points are taken together in cells of a few millimetres; a cell's mean moves as the tissue at the points' middle
+does.
 
 An image is laid into the section by hand, or by its outline: it may lie :math:`s` beside where it is said to, and be
 turned by :math:`\theta` about its middle :math:`c`. To first order a reading at :math:`X` then is
