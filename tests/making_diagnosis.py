@@ -12,17 +12,18 @@ from legfem.data import Instrument, Recording, segment_all
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
-from legfem.inverse.library import NuisanceChanges, PairChanges
+from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import Columns
 from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
 from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
-from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
+from legfem.legs.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from legfem.legs.schema import SUBJECTS
 from legfem.solve.protocol import Protocol
 
@@ -70,7 +71,6 @@ class ClosedForm:
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that aren't tested, and why."""
     nuisances: NuisanceChanges = field(default_factory=lambda: NuisanceChanges(GRID, {}, {}))
-    pairs: PairChanges = field(default_factory=PairChanges)
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the force (N)."""
@@ -105,6 +105,10 @@ class ClosedForm:
         if first.scale == "log":
             strength = np.log(strength)
         return strength * shapes.get(mechanism.name, np.zeros(len(x)))
+
+    def pair_change(self, pair: object, stiffness: Stiffness) -> Columns:
+        """Return nothing: two effects act each as if alone."""
+        return {}
 
 
 def two_rates(repeats: int = 3) -> list[Recording]:

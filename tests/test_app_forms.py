@@ -69,7 +69,7 @@ def test_what_is_typed_is_read_as_the_key_wants_it():
     assert read_value(known["indenter.diameter_mm"], " 30 ") == 30.0
     assert read_value(known["title"], "") is None
     for text in ("3O", "1,5", "nan"):
-        with pytest.raises(InputError, match="no number"):
+        with pytest.raises(InputError, match="not a number"):
             read_value(known["indenter.diameter_mm"], text)
 
 
@@ -156,7 +156,7 @@ def test_what_pressed_a_leg_is_written_where_it_is_no_cylinder_along_it(tmp_path
     ("length", "pressed", "line"),
     [
         (None, {}, "indenter.length_mm: missing; give the cylinder's length"),
-        (None, {"shape": "ball", "axis_deg": 90.0}, "indenter.axis_deg: is of no use for a ball"),
+        (None, {"shape": "ball", "axis_deg": 90.0}, "indenter.axis_deg: has no effect for a ball"),
         (-5.0, {}, "indenter.length_mm"),
         (None, {"shape": "cone"}, "indenter.shape"),
     ],

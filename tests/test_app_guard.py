@@ -137,7 +137,7 @@ def test_the_pages_show_what_stands_in_the_workspace(served):
     workspace, visitor = served
     name = workspace.new_input("a leg of mine")
     assert name in visitor.get("/").text
-    assert "no plain name" in visitor.get("/input/.hidden").text
+    assert "not a plain name" in visitor.get("/input/.hidden").text
     assert "there is none" in visitor.get("/run/nothing").text
     assert visitor.get("/compare").status_code == 200
     assert visitor.get("/assets/app/press.js").status_code == 404
@@ -155,7 +155,7 @@ def test_a_port_that_is_taken_is_said_in_a_line(tmp_path, capsys):
         with pytest.raises(SystemExit) as ended:
             app(["--workspace", str(tmp_path / "new"), "--port", port, "--no-browser"])
     assert ended.value.code == 2
-    assert capsys.readouterr().err.startswith(f"--port: {port}: another program has it")
+    assert capsys.readouterr().err.startswith(f"--port: {port}: another program uses it")
     assert not (tmp_path / "new").exists()
 
 

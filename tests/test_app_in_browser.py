@@ -30,7 +30,7 @@ def test_a_folder_is_dropped_previewed_mapped_identified_and_diagnosed(tmp_path)
     assert "Muscle stiffness C10 = 0." in seen["identified"]
     assert "C10 between 0." in seen["diagnosed"], "loading alone leaves what may hide open"
     assert "diagnose-example-leg" in seen["compared"]
-    assert "no plain name" in seen["led out"]
+    assert "not a plain name" in seen["led out"]
     with pytest.raises(InputError) as refused:
         load_subject(tmp_path / "workspace" / "inputs" / "bad")
     assert seen["bad"] == str(refused.value)

@@ -37,7 +37,7 @@ def test_every_folder_with_a_subject_is_a_member_or_those_that_a_pattern_names(t
     folders(tmp_path, "P1/left", "P1/right", "P2/left", ".old/P3")
     assert [one.name for one in find_members(tmp_path, "identify").every] == ["P1/left", "P1/right", "P2/left"]
     assert [one.name for one in find_members(tmp_path, "identify", "P*/right").every] == ["P1/right"]
-    with pytest.raises(lf.InputError, match=r"no folder below it holds leg\.toml; check the path"):
+    with pytest.raises(lf.InputError, match=r"no folder below it contains leg\.toml; check the path"):
         find_members(tmp_path, "stocking")
 
 
@@ -61,13 +61,13 @@ def test_a_table_says_what_is_known_of_each(tmp_path: Path, form: str) -> None:
 
 
 WRONG = {
-    "twice": ("folder\na\nb\na\n", "folder, line 4: 'a' stands in line 2 too; remove one"),
-    "twice by another path": ("folder\na\n./a\n", "folder, line 3: './a' stands in line 2 too"),
+    "twice": ("folder\na\nb\na\n", "folder, line 4: 'a' is in line 2 too; remove one"),
+    "twice by another path": ("folder\na\n./a\n", "folder, line 3: './a' is in line 2 too"),
     "no name": ("folder,age\na,3\n,4\n", "folder, line 3: is empty; name a folder"),
-    "no column": ("leg,age\na,3\n", "header: there is neither folder nor subject; add a column folder"),
+    "no column": ("leg,age\na,3\n", "header: there is no column folder or subject; add a column called folder"),
     "a column twice": ("folder,Age,age\na,3,4\n", "header: column 'age' is there twice"),
     "none there": ("folder\nx\ny\n", "folder: none of 2 folders is there; write paths as seen from"),
-    "no date": ("folder,date\na,1/2/26\n", "date, line 2: '1/2/26' is no date; write 2026-01-31"),
+    "no date": ("folder,date\na,1/2/26\n", "date, line 2: '1/2/26' is not a date; write 2026-01-31"),
     "no rows": ("folder,date\n", "rows: there are none; give a row a folder"),
 }
 

@@ -33,7 +33,8 @@ def test_two_folders_with_the_same_recordings_are_pointed_out():
     rows[5] = replace(rows[5], recordings=rows[9].recordings)
     (said,) = sentences(members, rows)
     assert said == (
-        f"{rows[5].name} and {rows[9].name} hold a recording of the same numbers: was a folder copied or named twice?"
+        f"{rows[5].name} and {rows[9].name} contain a recording with the same numbers: was a folder copied or named "
+        "twice?"
     )
 
 

@@ -99,7 +99,7 @@ def test_its_file_is_a_prior_for_new_legs(cohort, tmp_path: Path) -> None:
     with pytest.raises(lf.InputError, match=r"c10_superficial: is not in it; there is c10_deep"):
         cohort_prior("superficial.C10", path)
     path.write_text("{}")
-    with pytest.raises(lf.InputError, match=r"holds no population; give the population\.json"):
+    with pytest.raises(lf.InputError, match=r"contains no population; give the population\.json"):
         cohort_prior("deep.C10", path)
     with pytest.raises(lf.InputError, match=r"can't be taken by a diagnosis; give one of deep\.C10"):
         deep_prior(["deep.C10=population"] * 2)

@@ -130,5 +130,7 @@ def test_a_number_that_is_not_finite_is_refused_by_every_option(tmp_path, words,
     run = CliRunner().invoke(application(group), [*rest, *given.replace("nan", number).split(), *needed])
     option = given.split()[0]
     assert run.exit_code == BAD_INPUT
-    assert f"{option}: {number}: is no finite number; give one" in run.output or f"value for '{option}'" in run.output
+    assert (
+        f"{option}: {number}: is not a finite number; give one" in run.output or f"value for '{option}'" in run.output
+    )
     assert list(tmp_path.iterdir()) == []

@@ -112,7 +112,7 @@ def test_wrong_level_and_missing_surface_are_explained(tmp_path):
     surfaces = _surfaces()
     del surfaces["fibula"]
     path = _write(tmp_path / "sections.csv", surfaces)
-    with pytest.raises(InputError, match="there is no level 305 mm, and 300 mm alone"):
+    with pytest.raises(InputError, match="there is no level 305 mm, only 300 mm"):
         _source(path).outlines(CuttingPlane.at_level(305))
     with pytest.raises(InputError, match="fibula: missing at level 300"):
         _source(path).outlines(CuttingPlane.at_level(300))

@@ -224,7 +224,7 @@ def test_coding_and_space_filling() -> None:
         ("low_mm = 0.2", "low_mm = 2000.0", "out of range"),
         ("low_mm = 0.2", 'low_mm = "thin"', "not a finite number"),
         ('"linear"', '"log"', "use 'linear' or 'logarithmic'"),
-        ("[20, 30]", "[30, 20]", "no part of 0 to 30 mm"),
+        ("[20, 30]", "[30, 20]", "not a part of 0 to 30 mm"),
         ("title =", "title", "TOML"),
         ("depth_mm", "depth", "did you mean 'depth_mm'?"),
     ],

@@ -25,9 +25,9 @@ from typer.testing import CliRunner
 from legfem.commands.study import app
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.study import doe_command as command
+from legfem.study.doe import command
+from legfem.study.doe.command import run
 from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, failed, simulate
-from legfem.study.doe_command import run
 
 SHALLOW = """\
 depth_mm = 2.0

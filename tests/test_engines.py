@@ -84,7 +84,7 @@ def test_workers_of_several_threads_are_refused() -> None:
     [
         ("dask", None, "--scheduler: missing: dask needs a scheduler; start one with"),
         ("dask", "tcp://127.0.0.1:9", "--scheduler: tcp://127.0.0.1:9: doesn't answer"),
-        ("local", "tcp://127.0.0.1:9", "is of no use on local; add --on dask"),
+        ("local", "tcp://127.0.0.1:9", "has no effect on local; add --on dask"),
         ("mpi", None, "--on: mpi: there is one rank; begin the command with mpirun"),
     ],
 )

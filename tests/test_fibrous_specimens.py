@@ -107,7 +107,7 @@ def test_round_tests_take_fibres_along_the_load_alone_and_layers_one_of_theirs(t
     for change, words in (
         (('"load"', '"across"'), '"across" breaks the symmetry of a ball on a layer; give "load"'),
         (('layer = "muscle"\n', ""), "fibres.layer: is missing; give one of fat, muscle"),
-        (('"muscle"\nratio', '"bone"\nratio'), "'bone' is no layer"),
+        (('"muscle"\nratio', '"bone"\nratio'), "'bone' is not a layer"),
     ):
         (tmp_path / "specimen.toml").write_text(ball + layers + text.replace(*change))
         with pytest.raises(InputError) as error:

@@ -147,17 +147,17 @@ def test_what_does_not_lie_along_a_leg_is_identified_in_3d_as_by_the_command(tmp
 
 
 WRONG = {
-    "no such site": ({"site": "front"}, "site: front: is no site of the leg; give one of back"),
+    "no such site": ({"site": "front"}, "site: front: is not a site of the leg; give one of back"),
     "no such law": ({"law": "Ogden"}, "law: 'Ogden': unknown law"),
     "no such model": ({"model": "4d"}, "model: '4d': unknown model; give one of 2d, 3d"),
-    "no processes": ({"jobs": 0}, "jobs: 0: is no such whole number"),
+    "no processes": ({"jobs": 0}, "jobs: 0: is not possible here"),
     "a correction in 3D": ({"model": "3d", "correction": "own"}, "correction: own: nothing is left to correct in 3D"),
     "a section's mesh in 3D": ({"model": "3d", "mesh": "coarse"}, "mesh: coarse: is a section's"),
     "a leg's mesh in a plane": ({"mesh": SolidLegSettings()}, "mesh: SolidLegSettings: is no"),
     "no emulator": ({"settings": IdentificationSettings(emulator=False)}, "emulator: 2 sites"),
     "no weights": ({"settings": IdentificationSettings(weighting="paper")}, "weighting: 2 sites"),
     "fibres in a plane": ({"identify": RATIO}, 'plane strain; solve the leg in 3D: model="3d"'),
-    "no such parameter": ({"identify": ["deep.C11"]}, "identify: deep.C11: is no parameter"),
+    "no such parameter": ({"identify": ["deep.C11"]}, "identify: deep.C11: is not a parameter"),
     "an instrument's": ({"identify": ["instrument.gain"]}, "identify: instrument.gain"),
     "held of all": ({"fix": {"instrument.zero": 0.1}}, "fix: instrument.zero"),
     "no file": ({"correction": "nowhere.json"}, "nowhere.json"),
@@ -208,9 +208,9 @@ def test_a_diagnosis_takes_one_site(tmp_path) -> None:
 
 @pytest.mark.parametrize("call", [lf.identify, lf.diagnose])
 def test_what_is_no_leg_is_told_so(call, scanned) -> None:
-    with pytest.raises(lf.InputError, match=r"leg: int: is no leg that was indented; give an id"):
+    with pytest.raises(lf.InputError, match=r"leg: int: is not a leg that was indented; give an id"):
         call(3)
-    with pytest.raises(lf.InputError, match=r"leg: StockingLeg: is no leg that was indented"):
+    with pytest.raises(lf.InputError, match=r"leg: StockingLeg: is not a leg that was indented"):
         call(lf.load_leg(scanned))
 
 

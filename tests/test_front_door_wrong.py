@@ -11,28 +11,28 @@ import legfem as lf
 from legfem.inverse.settings import IdentificationSettings
 
 LEG = {
-    "a word for a depth": ({"depth": "deep"}, "depth: 'deep': is no depth; give a number of mm"),
-    "an endless depth": ({"depth": math.inf}, "depth: inf: is no depth"),
-    "a word for jobs": ({"jobs": "2"}, "jobs: '2': is no such whole number; give one from 1 on"),
-    "half a process": ({"jobs": 1.5}, "jobs: 1.5: is no such whole number"),
+    "a word for a depth": ({"depth": "deep"}, "depth: 'deep': is not a depth; give a number of mm"),
+    "an endless depth": ({"depth": math.inf}, "depth: inf: is not a depth"),
+    "a word for jobs": ({"jobs": "2"}, "jobs: '2': is not possible here; give a whole number from 1"),
+    "half a process": ({"jobs": 1.5}, "jobs: 1.5: is not possible here"),
     "a name for names": ({"identify": "deep.C10"}, "identify: 'deep.C10': is of another kind"),
     "no names": ({"identify": []}, "nothing is left to identify; name a parameter"),
     "a number for a name": ({"identify": [3]}, "identify: 3: is of another kind; give a list"),
     "twice": ({"identify": ["deep.C10", "deep.C10"]}, "identify: deep.C10: is there twice"),
     "free and held": (
         {"identify": ["deep.C10"], "fix": {"deep.C10": 1e-3}},
-        "fix: deep.C10: is to be identified too; leave one of them out",
+        "fix: deep.C10: is to be identified as well; leave one of them out",
     ),
-    "a unit in a value": ({"fix": {"deep.D1": "28 1/MPa"}}, "fix: deep.D1: '28 1/MPa' is no value; give a number"),
-    "no number": ({"fix": {"deep.D1": math.nan}}, "fix: deep.D1: nan is no value"),
-    "endless": ({"fix": {"deep.D1": math.inf}}, "fix: deep.D1: inf is no value"),
+    "a unit in a value": ({"fix": {"deep.D1": "28 1/MPa"}}, "fix: deep.D1: '28 1/MPa' is not a value; give a number"),
+    "no number": ({"fix": {"deep.D1": math.nan}}, "fix: deep.D1: nan is not a value"),
+    "endless": ({"fix": {"deep.D1": math.inf}}, "fix: deep.D1: inf is not a value"),
     "negative": ({"fix": {"deep.D1": -28}}, "fix: deep.D1=-28: is negative or nothing"),
     "names for values": ({"fix": ["deep.D1"]}, "fix: deep.D1: can't be read; write 'deep.D1=28 1/MPa'"),
     "a number for values": ({"fix": 28.0}, "fix: 28.0: is of another kind; give values by full name"),
     "a prior without its unit": ({"prior": ["deep.C10=1±1"]}, "prior: deep.C10: has no unit"),
     "a text for priors": ({"prior": "deep.C10=1±1 kPa"}, "prior: 'deep.C10=1±1 kPa': is of another kind"),
-    "bounds the wrong way round": ({"c10_bounds": (3.0, 1.0)}, "c10_bounds: 3 1: is no range of stiffnesses"),
-    "no correction": ({"correction": None}, "correction: None: is no correction; give own, none"),
+    "bounds the wrong way round": ({"c10_bounds": (3.0, 1.0)}, "c10_bounds: 3 1: is not a range of stiffnesses"),
+    "no correction": ({"correction": None}, "correction: None: is not a correction; give own, none"),
     "a dictionary of settings": ({"settings": {"seed": 1}}, "settings: {'seed': 1}: is of another"),
     "no such weights": (
         {"settings": IdentificationSettings(weighting="x")},
@@ -40,23 +40,23 @@ LEG = {
     ),
     "a negative seed": ({"settings": IdentificationSettings(seed=-1)}, "seed: -1"),
     "a seed that no generator takes": ({"settings": IdentificationSettings(seed=2**32)}, "seed: 4294967296: is too"),
-    "a number for a law": ({"law": 3}, "law: 3: is no law; give a text"),
+    "a number for a law": ({"law": 3}, "law: 3: is not a law; give a text"),
     "texts for bounds": ({"c10_bounds": ("1", "3")}, "c10_bounds: ('1', '3'): is of another kind; give two numbers"),
     "a number for a correction": ({"correction": 0.2}, "correction: 0.2: is of another kind; give a name or"),
     "no folder": ({"out": 3}, "out: 3: is of another kind; give a folder's path"),
-    "no such mesh": ({"mesh": "fine"}, "mesh: fine: is no section's; give coarse"),
-    "a site of a leg without": ({"site": "back"}, "is no site of the leg; leave it out"),
-    "a number for a site": ({"site": 3}, "site: 3: is no name"),
-    "a specimen's": ({"leave_out": ["trial1"]}, "leave_out: given: is of no use for a leg"),
+    "no such mesh": ({"mesh": "fine"}, "mesh: fine: is not a section's mesh; give coarse"),
+    "a site of a leg without": ({"site": "back"}, "is not a site of the leg; leave it out"),
+    "a number for a site": ({"site": 3}, "site: 3: is not a name"),
+    "a specimen's": ({"leave_out": ["trial1"]}, "leave_out: given: has no effect for a leg"),
 }
 SPECIMENS = {
-    "a depth": ({"depth": 3.0}, "depth: given: is of no use for specimens; leave it out"),
-    "a model": ({"model": "3d"}, "model: given: is of no use for specimens"),
-    "a correction": ({"correction": "none"}, "correction: given: is of no use for specimens"),
+    "a depth": ({"depth": 3.0}, "depth: given: has no effect for specimens; leave it out"),
+    "a model": ({"model": "3d"}, "model: given: has no effect for specimens"),
+    "a correction": ({"correction": "none"}, "correction: given: has no effect for specimens"),
     "a name for names": ({"leave_out": "fast"}, "leave_out: 'fast': is of another kind"),
-    "no such parameter": ({"identify": ["deep.C11"]}, "identify: deep.C11: is no parameter"),
+    "no such parameter": ({"identify": ["deep.C11"]}, "identify: deep.C11: is not a parameter"),
     "held and negative": ({"fix": {"deep.D1": -1.0}}, "fix: deep.D1=-1: is negative"),
-    "no processes": ({"jobs": 0}, "jobs: 0: is no such whole number"),
+    "no processes": ({"jobs": 0}, "jobs: 0: is not possible here"),
 }
 
 
@@ -93,12 +93,12 @@ def test_a_file_in_the_way_of_results_is_told(leg, tmp_path) -> None:
 
 
 def test_what_is_wrong_with_a_diagnosis_is_told(leg, bars) -> None:
-    assert line_of(lf.diagnose, leg, seed=-1).startswith("seed: -1: is no such whole number")
-    assert line_of(lf.diagnose, leg, jobs=0).startswith("jobs: 0: is no such whole number")
-    assert line_of(lf.diagnose, leg, specimens=["a"]).startswith("specimens: given: is of no use")
+    assert line_of(lf.diagnose, leg, seed=-1).startswith("seed: -1: is not possible here")
+    assert line_of(lf.diagnose, leg, jobs=0).startswith("jobs: 0: is not possible here")
+    assert line_of(lf.diagnose, leg, specimens=["a"]).startswith("specimens: given: has no effect")
     specimens = lf.load_specimen(bars)
-    assert line_of(lf.diagnose, specimens, site="back").startswith("site: given: is of no use")
-    assert "is no specimen of the folder" in line_of(lf.diagnose, specimens, specimens=["a"])
+    assert line_of(lf.diagnose, specimens, site="back").startswith("site: given: has no effect")
+    assert "is not a specimen of the folder" in line_of(lf.diagnose, specimens, specimens=["a"])
 
 
 def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
@@ -106,12 +106,12 @@ def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
     assert line_of(lf.load_specimen, leg.directory).endswith("load the folder with lf.load_subject")
     assert line_of(lf.stocking, leg.directory).endswith("load the folder with lf.load_subject")
     for load in (lf.load_subject, lf.load_sites, lf.load_leg, lf.load_specimen):
-        assert line_of(load, None).startswith("folder: NoneType: is no path")
+        assert line_of(load, None).startswith("folder: NoneType: is not a path")
 
 
 def test_a_pressed_leg_is_none_in_a_stocking(leg, scanned) -> None:
-    assert line_of(lf.stocking, leg).startswith("leg: Subject: is no leg that was scanned")
-    assert line_of(lf.stocking, scanned, cells=-5).startswith("cells: -5: is no such whole number")
+    assert line_of(lf.stocking, leg).startswith("leg: Subject: is not a leg that was scanned")
+    assert line_of(lf.stocking, scanned, cells=-5).startswith("cells: -5: is not possible here")
 
 
 def test_a_law_that_was_not_identified_is_told(bars) -> None:

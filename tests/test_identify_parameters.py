@@ -228,7 +228,7 @@ def test_what_has_only_a_prior_is_a_nuisance_and_what_is_held_is_in_the_models_u
     assert roles == {"deep.C10": "identified", "deep.C20": "identified", "superficial.C10": "nuisance"}
     assert read_value("deep.D1=28 1/MPa", NOMINAL) == ("deep.D1", 28.0)
     assert read_value("fascia.C10=50 kPa", NOMINAL) == ("fascia.C10", pytest.approx(0.05))
-    with pytest.raises(InputError, match="to be identified too"):
+    with pytest.raises(InputError, match="to be identified as well"):
         ParameterTexts(["deep.C10"], fixed=["deep.C10=1 kPa"]).held(NOMINAL)
 
 
@@ -237,18 +237,18 @@ def test_what_has_only_a_prior_is_a_nuisance_and_what_is_held_is_in_the_models_u
     [
         (["--identify", "superfical.C10"], "did you mean superficial.C10?"),
         (["--identify", "deep.c10"], "did you mean deep.C10?"),
-        (["--identify", "superficial.C20"], "is no parameter of this model"),
+        (["--identify", "superficial.C20"], "is not a parameter of this model"),
         (["--prior", "superficial.C10=2"], "can't be read"),
         (["--prior", "fascia.C10=population"], "is not in the population's table"),
         (["--prior", "superficial.C10=2±1"], "has no unit"),
         (["--prior", "superficial.C10=2±1 mm"], "has the unit 'mm'; give it in MPa or kPa"),
         (["--prior", "superficial.C10=2±0 kPa"], "has no width"),
-        (["--prior", "superficial.C10=2 x/ 0.5 kPa"], "is no factor"),
+        (["--prior", "superficial.C10=2 x/ 0.5 kPa"], "is not a factor"),
         (["--prior", "deep.C10=900±1 kPa"], "outside the bounds"),
         (["--prior", "superficial.C10=2±1 kPa", "--weighting", "paper"], "--weighting"),
         (["--fix", "deep.D1=28"], "has no unit"),
         (["--fix", "deep.D1=-3 1/MPa"], "is negative"),
-        (["--fix", "deep.C10=1 kPa", "--identify", "deep.C10"], "to be identified too"),
+        (["--fix", "deep.C10=1 kPa", "--identify", "deep.C10"], "to be identified as well"),
         (["--identify", "deep.C20"], "deep.C10: is neither identified nor given"),
         (["--identify", "deep.C10", "--law", "reduced-polynomial"], "deep.C20: is neither"),
         (["--identify", "deep.C20", "--law", "neo-hookean"], "nothing is left to identify"),

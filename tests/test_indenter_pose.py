@@ -150,7 +150,7 @@ def test_a_folder_says_what_presses_and_how_it_lies(tmp_path, indenter, kind, ex
     ("indenter", "match"),
     [
         ("", "length_mm: missing"),
-        ('shape = "ball"\naxis_deg = 90.0', "axis_deg: is of no use for a ball"),
+        ('shape = "ball"\naxis_deg = 90.0', "axis_deg: has no effect for a ball"),
         ('shape = "cube"', "indenter.shape"),
     ],
 )

@@ -64,7 +64,7 @@ REFUSED = {
         "".join(f"Specimen {k}\nTime (s),Extension (mm),Load (N)\n{rows(T, D, k * F)}\n" for k in (1, 2)),
         "time runs backwards",
     ),
-    "a factor before a run": ("Time (s),Position (mm),Force (N) x10\n" + rows(T, D, F), "states no unit"),
+    "a factor before a run": ("Time (s),Position (mm),Force (N) x10\n" + rows(T, D, F), "has no unit"),
     "two units of one column": ("Time_s,Position_mm,Force_N\ns,mm,mN\n" + rows(T, D, F), "'N or mN' of 'Force'"),
     "thousands without quotes": (
         "Zeit [ms];Kraft [N];Weg [µm]\n" + "".join(f"{k},5;1,0;1.{k:03d},25\n" for k in range(60)),
@@ -72,7 +72,7 @@ REFUSED = {
     ),
     "a force that was read less often": (
         "Time (s),Depth (mm),Force (N)\n" + "".join(f"{k},{k},{'' if k % 2 else k + 0.5}\n" for k in range(60)),
-        "column 'Force (N)': is empty in many rows: it was read less often than the others",
+        "column 'Force (N)': is empty in many rows: it was recorded less often than the others",
     ),
     "results": ("Specimen,Fmax (N),Modulus (kPa)\n1,12.1,3.1\n2,12.2,3.0\n3,11.9,3.2\n", "export all three columns"),
 }
@@ -110,7 +110,9 @@ def test_of_several_tables_the_refusal_s_command_names_one(tmp_path: Path) -> No
         for row in np.column_stack([T, D, F]).tolist():
             page.append(row)
     book.save(tmp_path / "two.xlsx")
-    with pytest.raises(InputError, match=r"2 tables hold recordings.*legfem data look .*two\.xlsx --sheet 'Probe 1'"):
+    with pytest.raises(
+        InputError, match=r"2 tables contain recordings.*legfem data look .*two\.xlsx --sheet 'Probe 1'"
+    ):
         read(tmp_path / "two.xlsx")
 
 
@@ -128,7 +130,7 @@ def test_a_pull_that_is_taken_for_a_leg_s_press_is_doubted(tmp_path: Path, kind:
     path.write_text(f"Time (s),{kind} extension (mm),{kind} load (N)\n" + rows(T, D, F))
     lines = [str(doubt) for doubt in magnitude_doubts(segment(read(path)))]
     assert len(lines) == (kind == "Tensile")
-    assert all("is a pull by its columns' names" in line for line in lines)
+    assert all("has a pull's column names" in line for line in lines)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,7 @@
 """Channels that some of a library's solutions lack: weighed by what the others have."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -10,13 +9,13 @@ import pytest
 from legfem.experiments.plane_strain import LateralPlacement
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.channel_readings import PlannedChannel
-from legfem.inverse.library import PairChanges, pair_strength
+from legfem.inverse.library import Library, NuisanceChanges, pair_strength
 from legfem.inverse.library_build import _filled, _known_channels
 from legfem.inverse.library_tasks import Task
-from legfem.inverse.mechanism import Solution
+from legfem.inverse.mechanism import Stiffness, Values
 from legfem.inverse.observations import blank_observations
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import Displaced, PathRequest, SolvedResponses
+from legfem.inverse.responses import Columns, Displaced, PathRequest, SolvedResponses
 from legfem.legs.mechanisms import TissueMechanism, mechanism_named
 from legfem.meshing.section import MeshMotion
 from legfem.solve.protocol import Protocol
@@ -114,64 +113,74 @@ class SeenTogether(SolvedResponses):
         return GRID
 
 
+@dataclass(eq=False)
+class Tabulated(SeenTogether):
+    """Each by itself by solutions, two at once by a library's table; by none as if each were alone."""
+
+    pairs: dict[frozenset[str], dict[str, np.ndarray]] = field(default_factory=dict)
+
+    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
+        nuisances = NuisanceChanges(GRID, {}, {})
+        return Library(GRID, None, {}, nuisances, POINT[0], pairs=self.pairs).pair_change(pair, stiffness)  # type: ignore[arg-type]
+
+
+def made(kind: type[SeenTogether] = SeenTogether, **given: object) -> SeenTogether:
+    return kind(Tilted(), 20.0, None, {}, **given)  # type: ignore[arg-type]
+
+
+def tissue(name: str) -> TissueMechanism:
+    mechanism = mechanism_named(name)
+    assert isinstance(mechanism, TissueMechanism)
+    return mechanism
+
+
 def test_what_two_effects_do_at_once_is_beyond_each() -> None:
     """Exactly their product; nothing where one of them is at its null, nor of solutions of another model."""
-    solved = SeenTogether(Tilted(), 20.0, None, {})  # type: ignore[arg-type]
-    fat, fascia, nothing = (
-        mechanism.solution({"factor": factor})
-        for mechanism, factor in zip(
-            [task.mechanism for name in FACTORS for task in tasks_of(name, 1.0)], (2.5, 8.0, 1.0), strict=True
-        )
-        if mechanism is not None
-    )
+    solved, fat = made(), (tissue(FACTORS[0]), {"factor": 2.5})
     beyond = np.log(2.5) * np.log(8.0)
-    found = solved.together((fat, fascia), POINT)
+    found = solved.pair_change((fat, (tissue(FACTORS[1]), {"factor": 8.0})), POINT)
     np.testing.assert_allclose(found["force"], np.expm1(0.05 * beyond))
     np.testing.assert_allclose(found[FAT], 0.02 * beyond * np.concatenate([[0.0], GRID]))
-    for name, values in solved.together((fat, nothing), POINT).items():
+    for name, values in solved.pair_change((fat, (tissue(FACTORS[1]), {"factor": 1.0})), POINT).items():
         np.testing.assert_allclose(values, 0.0, atol=1e-12, err_msg=name)
-    assert solved.together((fat, Solution("bones on springs", {})), POINT) == {}
+    assert solved.pair_change((fat, (tissue("support-compliance"), {"compliance": 0.1})), POINT) == {}
 
 
 def test_a_full_prediction_of_two_effects_has_what_they_do_at_once() -> None:
-    """In force and thickness, where the tissue is pressed to; asked for without it they act each as if alone."""
-    solved = SeenTogether(Tilted(), 20.0, None, {})  # type: ignore[arg-type]
+    """In force and thickness, where the tissue is pressed to; where that isn't known they act each as if alone."""
     observed = blank_observations([Protocol.ramp(20.0, 0.4)], [PlannedChannel(FAT)])
-    predictor = Predictor(observed, solved, "neo-hookean", together=solved.together)
+    together, apart = (Predictor(observed, made(kind), "neo-hookean") for kind in (SeenTogether, Tabulated))
     values = {DEEP_C10: 0.8e-3, "superficial-stiffness.factor": 2.5, "fascia-stiffness.factor": 8.0}
     both = [mechanism_named(name) for name in FACTORS[:2]]
-    alone, whole = predictor(values, both), predictor(values, both, True)
+    alone, whole = apart(values, both), together(values, both)
     force, fat = observed.data.spans
     beyond = np.log(2.5) * np.log(8.0)
     np.testing.assert_allclose(whole[force], np.exp(0.05 * beyond) * alone[force])
     np.testing.assert_allclose(whole[fat] - alone[fat], 0.02 * beyond * observed.data.channels[1].station, rtol=1e-6)
     one = {name: value for name, value in values.items() if "fascia" not in name}
-    np.testing.assert_array_equal(predictor(one, both[:1], True), predictor(one, both[:1]))
+    np.testing.assert_array_equal(together(one, both[:1]), apart(one, both[:1]))
 
 
 def test_a_tabulated_pair_is_in_proportion_to_both_departures() -> None:
     """Solved at one strength of each: what is bilinear in their logarithms is exact at any, softer ones too."""
-    solved = SeenTogether(Tilted(), 20.0, None, {})  # type: ignore[arg-type]
-    fat, fascia = [task.mechanism for name in FACTORS[:2] for task in tasks_of(name, 1.0)]
-    assert fat is not None and fascia is not None
+    fat, fascia = (tissue(name) for name in FACTORS[:2])
     strengths = [pair_strength(one) for one in (fat, fascia)]
     assert strengths == [3.5, 9.0]
-    solutions = [one.solution({"factor": at}) for one, at in zip((fat, fascia), strengths, strict=True) if at]
-    pairs = PairChanges({frozenset(FACTORS[:2]): solved.together(solutions, POINT)})
+    solved = made()
+    pair = [(one, {"factor": at}) for one, at in zip((fat, fascia), strengths, strict=True) if at]
+    tabulated = made(Tabulated, pairs={frozenset(FACTORS[:2]): solved.pair_change(pair, POINT)})
     observed = blank_observations([Protocol.ramp(20.0, 0.4)], [PlannedChannel(FAT)])
-    by_table = Predictor(observed, solved, "neo-hookean", pairs=pairs)
-    by_solution = Predictor(observed, solved, "neo-hookean", together=solved.together)
+    by_table, by_solution, apart = (
+        Predictor(observed, one, "neo-hookean") for one in (tabulated, solved, made(Tabulated))
+    )
     seen = observed.data.spans[1]
     for first, second in ((3.5, 9.0), (2.0, 5.0), (0.5, 9.0)):
         values = {DEEP_C10: 0.8e-3, "superficial-stiffness.factor": first, "fascia-stiffness.factor": second}
-        true = by_solution(values, [fat, fascia], True)
+        true = by_solution(values, [fat, fascia])
         np.testing.assert_allclose(by_table(values, [fat, fascia])[seen], true[seen], rtol=1e-6)
-        alone = by_solution(values, [fat, fascia])
-        assert np.abs(alone - true)[seen].max() > 0.1
-    tilt = mechanism_named("indenter-tilt")
-    assert isinstance(tilt, TissueMechanism)
-    assert pairs([(fat, {"factor": 2.0}), (tilt, {"angle": 5.0})]) == {}
-    assert pair_strength(mechanism_named("viscoelasticity")) is None  # type: ignore[arg-type]
+        assert np.abs(apart(values, [fat, fascia]) - true)[seen].max() > 0.1
+    assert tabulated.pair_change([(fat, {"factor": 2.0}), (tissue("indenter-tilt"), {"angle": 5.0})], POINT) == {}
+    assert pair_strength(tissue("viscoelasticity")) is None
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from making_specimens import write_bars
 
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording, read_samples, segment
-from legfem.data.plausibility import cut_off, trial_doubts
+from legfem.data.plausibility import cut_off, magnitude_doubts, trial_doubts
 from legfem.geometry.section import PARTS
 from legfem.geometry.section_from_outlines import polygons_of
 from legfem.legs.loading import load_sites, load_subject
@@ -108,6 +108,22 @@ def test_a_force_that_drifts_is_doubted_by_what_is_left_where_it_began(rate: flo
     assert said and float(said[1]) == pytest.approx(rate, abs=0.005)
 
 
+def test_unloading_alone_is_called_that() -> None:
+    one = made(depth=16.0)
+    lines = doubted(replace(one, displacement=one.displacement - 16.0, force=one.force - one.force[-20:].mean()))
+    assert any("as in unloading alone" in line for line in lines) and not any("preload" in line for line in lines)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 60.0])
+def test_a_speed_at_which_no_leg_is_pressed_is_doubted(factor: float) -> None:
+    one = made()
+    trial = segment(replace(one, time=one.time / factor), Instrument(0.03, 0.02))
+    assert any(
+        "a speed of" in str(doubt) and "check that time is in s" in str(doubt) for doubt in magnitude_doubts(trial)
+    )
+    assert not list(magnitude_doubts(segment(one, Instrument(0.03, 0.02))))
+
+
 def test_a_force_that_rises_in_a_hold_is_doubted() -> None:
     one = made(hold=40.0)
     (line,) = doubted(replace(one, force=one.force + 0.12 * one.time), starts_at_contact=True)
@@ -136,7 +152,7 @@ def test_a_pattern_that_names_no_files_is_one_line(tmp_path: Path, pattern: str)
     folder = write_bars(tmp_path / "bars", NeoHookean(5e-3, 1.0))
     toml = folder / "specimen.toml"
     toml.write_text(toml.read_text() + f'[[specimen]]\nname = "a"\nrecordings = ["{pattern}"]\n')
-    with pytest.raises(InputError, match=r"specimen\.toml: specimen\.recordings: .* is no pattern of files"):
+    with pytest.raises(InputError, match=r"specimen\.toml: specimen\.recordings: .* is not a pattern of files"):
         load_specimen(folder)
 
 
@@ -158,6 +174,14 @@ def test_points_in_no_order_are_refused_at_once(tmp_path: Path) -> None:
     assert time.monotonic() - start < 2.0
 
 
+@pytest.mark.parametrize("change", [lambda force: -force, lambda force: force + 4.0])
+def test_a_force_that_jumps_where_the_displacement_goes_on_is_doubted(change) -> None:
+    one = made(hold=20.0)
+    within = (one.time > 25.0) & (one.time < 29.0)
+    found = doubted(replace(one, force=np.where(within, change(one.force), one.force)))
+    assert any("while the displacement goes on as before" in line and "at 25." in line for line in found)
+
+
 def test_a_loading_with_a_gap_is_doubted() -> None:
     one = made()
     kept = (one.time < 15.0) | (one.time > 25.0)
@@ -169,14 +193,14 @@ def test_presses_that_stand_one_behind_the_other_in_a_file_are_doubted() -> None
     one = made()
     times = np.concatenate([one.time, one.time + one.time[-1] + 0.1])
     joined = Recording(times, np.tile(one.displacement, 2), np.tile(one.force, 2), "t")
-    assert any("2 presses stand in one file" in line for line in doubted(joined))
+    assert any("2 presses are in one file" in line for line in doubted(joined))
 
 
 @pytest.mark.parametrize("text", ["1e300", "-1e12"])
 def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "trial.csv"
     path.write_text("time_s,displacement_mm,force_N\n" + "".join(f"{k / 10},{k / 100},{text}\n" for k in range(60)))
-    with pytest.raises(InputError, match="60 numbers are no readings"):
+    with pytest.raises(InputError, match="60 numbers cannot be readings"):
         read_samples(path)
 
 
@@ -184,8 +208,8 @@ def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> 
     ("old", "new", "words"),
     [
         ("force_sd_N = 0.04", "force_sd_N = 1e300", "is out of range; give a value at most 1e+06, in N"),
-        ('title = "Made for a test"', "title = 7", "7 is no text; write it in quotes: title = "),
-        ("aim_mm = [0.0, 0.0]", "aim_mm = true", "True is no list; write aim_mm = [...]"),
+        ('title = "Made for a test"', "title = 7", "7 is not text; write it in quotes: title = "),
+        ("aim_mm = [0.0, 0.0]", "aim_mm = true", "True is not a list; write aim_mm = [...]"),
     ],
 )
 def test_a_key_of_a_wrong_type_is_refused_with_how_to_write_it(tmp_path: Path, old: str, new: str, words: str) -> None:

@@ -80,7 +80,7 @@ def test_files_of_an_instrument_are_read_before_the_folder_says_what_they_are(le
     trial.write_text("\n".join(["Zeit [s];Weg [mm];Kraft [N]", *lines]).replace(".", ","))
     (leg / "recordings" / "trial2.csv").write_text("no table\n")
     seen = preview_of(leg, tmp_path)
-    assert "holds no subject.toml" in seen.trouble
+    assert "contains no subject.toml" in seen.trouble
     first, second = seen.recordings
     assert (first.channels.displacement.column, first.channels.displacement.sign) == ("Weg", -1)
     assert (first.columns[0].name, first.columns[0].unit) == ("Zeit", "s")

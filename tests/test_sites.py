@@ -231,7 +231,7 @@ def test_a_character_that_goes_wrong_in_a_site_ends_in_one_line_or_none(tmp_path
         (["--model", "3d"], "--model"),
         (["--no-emulator"], "--no-emulator"),
         (["--weighting", "paper"], "--weighting"),
-        (["--site", "front"], "is no site"),
+        (["--site", "front"], "is not a site"),
         (["--identify", "instrument.gain"], "--identify"),
         (["--fix", "instrument.zero=0.1 N"], "--fix"),
         (["--prior", "instrument.zero=0.5±0.1 N"], "is not about 0"),

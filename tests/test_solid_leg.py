@@ -129,7 +129,7 @@ def test_bad_shapes_and_settings_give_one_line():
         mesh_solid_leg(crossing)
     with pytest.raises(InputError, match="not within the segment"):
         mesh_solid_leg(shape, SolidMeshSettings(z_range=(-5.0, 20.0)))
-    with pytest.raises(InputError, match="can't be had"):
+    with pytest.raises(InputError, match=r"--cells: \d+: this leg cannot be meshed with"):
         settings_for_cells(shape, 10)
 
 

@@ -44,10 +44,10 @@ def test_the_command_predicts_what_it_leaves_out(bars: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["--leave-out", "nobody"], "is no recording and no specimen"),
+        (["--leave-out", "nobody"], "is neither a recording nor a specimen"),
         (["--leave-out", "bar"], "leaves nothing to fit"),
         (["--identify", "deep.C1"], "did you mean deep.C10"),
-        (["--subject", "3"], "is given too"),
+        (["--subject", "3"], "is given as well"),
     ],
 )
 def test_a_wrong_option_is_one_line(bars: Path, more: list[str], words: str) -> None:

@@ -198,9 +198,9 @@ def test_so_does_one_recording_of_it(tmp_path: Path, kept: str) -> None:
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["--specimen", "nobody"], "is no specimen of the folder"),
-        (["--subject", "3"], "is given too"),
-        (["--seed", "-1"], "is no such whole number"),
+        (["--specimen", "nobody"], "is not a specimen of the folder"),
+        (["--subject", "3"], "is given as well"),
+        (["--seed", "-1"], "is not possible here"),
     ],
 )
 def test_a_wrong_option_is_one_line(tmp_path: Path, more: list[str], words: str) -> None:

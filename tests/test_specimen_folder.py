@@ -81,7 +81,7 @@ sign = -1
         ),
         (
             ("[recordings]", '[[specimen]]\nname = "a"\nwidth_mm = 3.0\nrecordings = ["recordings/*"]\n[recordings]'),
-            "width_mm: is no size of this test",
+            "width_mm: is not a size of this test",
         ),
         (
             ("[recordings]", 2 * '[[specimen]]\nname = "a"\nrecordings = ["recordings/*"]\n' + "[recordings]"),

@@ -179,8 +179,12 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
     # The muscle's interval carries the fabric's; the fat's is ruled by the outlines' errors.
     assert narrower[0] < 0.85 and narrower[1] < 1.05
     assert len(sensor_rows(result)) == 2
+    # So does the mean pressure by height, whose tension the sensors narrow.
+    along = result.pressure_along
+    middle = len(along.levels) // 2
+    assert 0.9 * SENSOR / np.sqrt(2) < along.sd[middle] / along.mean[middle] < 0.5 * TENSION
     said = plain_page(stocking_web_page(fit), [])
-    assert "tension of the fabric over what was given" in said and "at 20" in said
+    assert "tension of the fabric, relative to what was given" in said and "at 20" in said
     assert result.equilibrium.load.pressure.mean() == pytest.approx(worn.load.pressure.mean(), rel=0.06)
     assert all(abs(one.standardised_residual) < 3 for one in result.sensors)
     assert MPA_PER_MMHG * 10 < result.pressures.mean_interface < MPA_PER_MMHG * 100

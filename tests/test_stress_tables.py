@@ -83,11 +83,11 @@ def test_a_table_is_asked_about_with_the_line_that_reads_it(tmp_path: Path, head
 @pytest.mark.parametrize(
     ("header", "line", "words"),
     [
-        ("stretch,stress (kPa)", NOMINAL.replace("kPa", "N/mm3"), "'N/mm3' is no unit of stress"),
+        ("stretch,stress (kPa)", NOMINAL.replace("kPa", "N/mm3"), "'N/mm3' is not a unit of stress"),
         ("stretch,stress (Pa)", NOMINAL, "the file says 'Pa'"),
         ("stretch,stress (kPa)", NOMINAL.replace("nominal", "engineering"), "use 'nominal' or 'true'"),
         ("stretch,stress (kPa)", NOMINAL.replace(', measure = "nominal"', ""), "engineering and true stress differ"),
-        ("stretch,stress (kPa)", NOMINAL.replace('"stress"', '"force"'), "there is no one column 'force'"),
+        ("stretch,stress (kPa)", NOMINAL.replace('"stress"', '"force"'), "there is not exactly one column 'force'"),
         ("stretch,stress (kPa)", NOMINAL.replace("stretch =", "strain ="), "goes to"),
     ],
 )
@@ -103,7 +103,7 @@ def test_a_wrong_line_is_refused_in_one(tmp_path: Path, header: str, line: str, 
 
 def test_a_stretch_that_is_a_strain_is_refused_with_the_line_that_reads_it(tmp_path: Path) -> None:
     described(write_table(tmp_path, "stretch,stress (kPa)", STRETCH - 1, nominal(STRETCH)), TENSION, NOMINAL)
-    with pytest.raises(InputError, match="a stretch of 0 is none") as error:
+    with pytest.raises(InputError, match="a stretch of 0 is impossible") as error:
         lf.load_specimen(tmp_path)
     described(tmp_path, TENSION, line_in(error.value))
     assert stiffness(tmp_path) == pytest.approx(C10, rel=2e-3)

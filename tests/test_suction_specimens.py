@@ -88,7 +88,7 @@ def test_an_instrument_s_suction_is_read_in_its_unit(tmp_path: Path, suctions) -
     (one,) = lf.load_specimen(tmp_path).recordings
     assert one.course.peak == pytest.approx(4e-3 * np.pi * 25.0, rel=0.02)
     (tmp_path / "specimen.toml").write_text((CUP + channels).replace('"mbar"', '"N"'))
-    with pytest.raises(InputError, match="'N' is no unit of pressure"):
+    with pytest.raises(InputError, match="'N' is not a unit of pressure"):
         lf.load_specimen(tmp_path)
 
 
@@ -96,7 +96,7 @@ def test_an_instrument_s_suction_is_read_in_its_unit(tmp_path: Path, suctions) -
     ("factor", "words"),
     [
         # Pa, and mbar, called kPa.
-        ((1000.0, 1.0), "more than the atmosphere has"),
+        ((1000.0, 1.0), "more than the atmosphere's pressure"),
         ((30.0, 1.0), "as mbar it is 12 kPa"),
         # Micrometres called mm.
         ((1.0, 1000.0), "over an opening of 10 mm"),

@@ -134,7 +134,7 @@ def test_bad_files_give_one_line(tmp_path):
         _shape({**parts, "tibia": tmp_path / "none.stl"}, LEVELS)
     header = "# vtk DataFile Version 4.2\nSlicer\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n0 0 0\n"
     for text, words in (
-        (header, "holds no triangles"),
+        (header, "contains no triangles"),
         (f"{header}POLYGONS 1 4\n3 0 1 2\n", r"names a point that isn't there.*save it as STL"),
         (f"{header}POLYGONS 2 8\n3 0 0 0\n", r"4 numbers where 8 are announced"),
     ):
@@ -143,7 +143,7 @@ def test_bad_files_give_one_line(tmp_path):
             read_surface(tmp_path / "slicer.vtk")
         assert "\n" not in str(caught.value)
     (tmp_path / "s.vtp").write_text("<VTKFile type='ImageData'></VTKFile>")
-    with pytest.raises(InputError, match="holds no PolyData"):
+    with pytest.raises(InputError, match="contains no PolyData"):
         read_surface(tmp_path / "s.vtp")
     (tmp_path / "text.stl").write_text("nothing")
     with pytest.raises(InputError, match=r"text.stl: file"):
@@ -153,7 +153,7 @@ def test_bad_files_give_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.svg", "<svg/>", "holds a drawing, no surface"),
+        ("a.svg", "<svg/>", "contains a drawing, not a surface"),
         ("a.dxf", "0\nSECTION\n2\nENTITIES\n0\nENDSEC\n0\nEOF\n", r"a\.dxf: file"),
         ("a.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", r"a\.ply: file"),
         ("a.xyz", "0 0 0\n1 0 0\n0 1 0\n", r"a\.xyz: file: "),

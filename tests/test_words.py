@@ -23,11 +23,14 @@ _EXPONENT, _KEY = r"\d\.\d+e\+\d+", r"(deep|superficial|fascia|muscle|fat)\.[CD]
 UNWANTED = {
     r"reckon\w*": "calculate",
     r"mend(s|ed|ing)?": "fix",
-    r"(not|n't|cannot) be told": "cannot be determined",
-    r"(not|n't|cannot) tell": "cannot determine",
+    r"(not|\w+n't|cannot) be told": "cannot be determined",
+    r"(not|\w+n't|cannot) tell": "cannot determine",
     r"told (from|apart)": "distinguished",
     r"holds? the true": "contains the true value",
     r"hold (true|19|90)": "contain",
+    r"holds? (no|one|another|bytes|units|strain|recordings|\d+|the pain)\b": "contain",
+    r"is no (such )?(number|text|unit|name|plain|path|pattern|parameter|value|list|leg|whole)": "is not a",
+    r"is of no use": "has no effect",
     r"times smaller": "smaller by a factor",
     r"nothing speaks against": "the model fits",
     r"ask(s|ed)? for (its|a|no) further": "needs",
@@ -100,6 +103,17 @@ def test_a_specimen_of_layers_has_each_stiffness_first_and_one_recording_is_no_s
     assert "C10 is known" not in page.headline.sentence and "C10 of the muscle is known" in plain_page(page, [])
     assert "1 recording was fitted from first contact" in " ".join(plain_page(page, []).split())
     assert list(said(page)) == []
+
+
+def test_an_interval_that_is_all_that_was_searched_is_called_not_determined(tmp_path: Path):
+    """As of a law's parameters that trade against each other: its ends say where the search ended."""
+    (fit,) = pages.specimens(tmp_path)
+    (found,) = fit.estimates.values()
+    open_ = replace(found, ci95=found.parameter.bounds, identifiability="not identifiable")
+    text = plain_page(pages.specimen_page([replace(fit, estimates={"deep.C10": open_})], ""), [])
+    text = " ".join(text.split())
+    assert "C10 = 5.00 kPa (interval not determined)" in text and "No interval of C10 was found" in text
+    assert f" to {1e3 * found.parameter.bounds[1]:g}" not in text
 
 
 MUSCLE = parameter_of("muscle.C10", {"muscle.C10": 5e-3})

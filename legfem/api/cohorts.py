@@ -221,7 +221,12 @@ def cohort(
 
 def _population(members: Members, rows: Sequence[Row], options: Options) -> tuple[PopulationFit, ...]:
     if priors := options.given.get("prior"):
-        raise InputError("--population", ", ".join(priors), "would count twice: each leg has it", "leave out --prior")
+        raise InputError(
+            "--population",
+            ", ".join(priors),
+            "would count twice: each leg's folder states it already",
+            "leave out --prior",
+        )
     return populations(members.every, rows, int(options.given.get("seed", 0)))
 
 
@@ -235,9 +240,9 @@ _TAKES: Mapping[str, tuple[str, ...]] = {
 def _options(task: Task, given: Mapping[str, Any], library: Given | None) -> Options:
     for name in given:
         if name not in _TAKES[task]:
-            raise InputError(f"--{name}", "given", f"is of no use with --do {task}", "leave it out")
+            raise InputError(f"--{name}", "given", f"has no effect with --do {task}", "leave it out")
     if library is not None and task != "diagnose":
-        raise InputError("--library", "given", f"is of no use with --do {task}", "leave it out")
+        raise InputError("--library", "given", f"has no effect with --do {task}", "leave it out")
     return Options(task, given, "" if library is None else str(library))
 
 

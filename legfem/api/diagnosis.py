@@ -119,7 +119,7 @@ class DiagnosedFolder(Result):
         """Return a specimen's by its name; raises KeyError for one that isn't there."""
         found = {one.id: one for one in self.specimens}
         if name not in found:
-            raise KeyError(f"{name!r} is no specimen: there is {', '.join(found)}")
+            raise KeyError(f"{name!r} is not a specimen: there is {', '.join(found)}")
         return found[name]
 
     @property
@@ -406,7 +406,7 @@ def plan(
     if isinstance(subject, str | Path):
         subject = load_subject(folder_of(subject, SUBJECTS), need_recordings=False, need_instrument=False, site=site)
     elif not isinstance(subject, Subject):
-        raise wrong("leg", type(subject).__name__, "is no leg that is indented", "give an id, a folder or a Subject")
+        raise wrong("leg", type(subject).__name__, "is not a leg that is indented", "give an id, a folder or a Subject")
     doubts = tuple(doubts_about(subject))
     log_doubts(doubts)
     expected = Expected(c10, c20, depth, rate)

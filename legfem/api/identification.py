@@ -29,9 +29,9 @@ from legfem.common.progress import progress_on
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import LAWS, LawName, Values, check_held
-from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.parse_parameters import ParameterTexts
+from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
 from legfem.legs.identification import as_leg, check_joint, identify_leg, nominal_of, searches_in_3d
 from legfem.legs.model_3d import check_has_ends
@@ -97,10 +97,10 @@ class AskedParameters:
             endless = value == math.inf and str(name).endswith(".D2")
             if not isinstance(value, Real) or not (math.isfinite(value) or endless):
                 remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
-                raise wrong("fix", str(name), f"{value!r} is no value", remedy)
+                raise wrong("fix", str(name), f"{value!r} is not a value", remedy)
             check_held("--fix", f"{name}={value:g}", str(name), float(value))
             if name in names:
-                raise wrong("fix", name, "is to be identified too", "leave one of them out")
+                raise wrong("fix", name, "is to be identified as well", "leave one of them out")
         return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
 
     @property
@@ -237,7 +237,7 @@ def identify(
     check_names("leave_out", leave_out)
     check_one_of("model", model, ("2d", "3d"))
     if not isinstance(correction, str | Path):
-        raise wrong("correction", repr(correction), "is no correction", "give own, none, auto or a file")
+        raise wrong("correction", repr(correction), "is not a correction", "give own, none, auto or a file")
     given = opened(leg, site)
     if isinstance(given, SpecimenFolder):
         legs_alone = {
@@ -310,7 +310,7 @@ def _plane_settings(mesh: Mesh | None) -> PlaneStrainSettings | None:
         return PlaneStrainSettings(SectionMeshSettings().refined(1 / COARSENING))
     if mesh is None or isinstance(mesh, PlaneStrainSettings):
         return mesh
-    raise _wrong_mesh(mesh, "is no section's", "give coarse, or PlaneStrainSettings")
+    raise _wrong_mesh(mesh, "is not a section's mesh", "give coarse, or PlaneStrainSettings")
 
 
 def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
@@ -366,7 +366,7 @@ def stocking(
         raise InputError(
             "leg",
             type(known).__name__,
-            "is no leg that was scanned in a stocking",
+            "is not a leg that was scanned in a stocking",
             "give an id, a folder, or what load_leg returned",
         )
     check_whole("cells", cells, 1)

@@ -86,7 +86,7 @@ def _check_kind(name: str, value: object) -> None:
     if value is None:
         return
     if name in _TEXTS and not isinstance(value, str):
-        raise wrong(name, repr(value), "is no name" if name == "site" else f"is no {name}", "give a text")
+        raise wrong(name, repr(value), "is not a name" if name == "site" else f"is not a {name}", "give a text")
     if name in _PATHS and not isinstance(value, str | Path):
         raise of_another_kind(name, value, _PATHS[name])
     if name in _LISTS:
@@ -111,9 +111,9 @@ def wrong(name: str, given: object, problem: str, remedy: str) -> InputError:
 
 
 def check_whole(name: str, value: object, least: int) -> None:
-    """Raise an InputError for what is no whole number, or below the least."""
+    """Raise an InputError for what is not a whole number, or below the least."""
     if not isinstance(value, Integral) or value < least:
-        raise wrong(name, repr(value), "is no such whole number", f"give one from {least:g} on")
+        raise wrong(name, repr(value), "is not possible here", f"give a whole number from {least:g}")
 
 
 _LAST_SEED = 2**32 - 1
@@ -128,9 +128,9 @@ def check_seed(value: object) -> None:
 
 
 def check_finite(name: str, value: object, unit: str = "mm") -> None:
-    """Raise an InputError for what is no finite number; None is none."""
+    """Raise an InputError for what is not a finite number; None is none."""
     if value is not None and not (isinstance(value, Real) and math.isfinite(value)):
-        raise wrong(name, repr(value), f"is no {name}", f"give a number of {unit}")
+        raise wrong(name, repr(value), f"is not a {name}", f"give a number of {unit}")
 
 
 def check_one_of(name: str, value: object, known: tuple[str, ...]) -> None:
@@ -159,7 +159,7 @@ def check_unused(what: str, given: Mapping[str, bool]) -> None:
     """Raise an InputError for an argument that is given, and that ``what`` has no use for."""
     for name, is_given in given.items():
         if is_given:
-            raise wrong(name, "given", f"is of no use for {what}", "leave it out")
+            raise wrong(name, "given", f"has no effect for {what}", "leave it out")
 
 
 def of_another_kind(name: str, given: object, wanted: str) -> InputError:
@@ -231,7 +231,7 @@ def opened(
     from legfem.specimens.folder import FILE, SpecimenFolder
 
     if not isinstance(site, str):
-        raise wrong("site", repr(site), "is no name", "give the name of one of the sites")
+        raise wrong("site", repr(site), "is not a name", "give the name of one of the sites")
     if isinstance(given, str | Path):
         if (Path(given) / FILE).is_file() and not (Path(given) / SUBJECTS.file).exists():
             return load_specimen(given)
@@ -243,7 +243,7 @@ def opened(
         raise InputError(
             "leg",
             type(given).__name__,
-            "is no leg that was indented",
+            "is not a leg that was indented",
             "give an id, a folder, or what load_subject or load_sites returned",
         )
     if not site:
@@ -254,7 +254,24 @@ def opened(
             return one
     names = ", ".join(one.site for one in sites if one.site)
     remedy = f"give one of {names}" if names else "leave it out: the leg has none"
-    raise wrong("site", site, "is no site of the leg", remedy)
+    raise wrong("site", site, "is not a site of the leg", remedy)
+
+
+def named(
+    subject: str | None, subject_dir: Path | None, specimen_dir: Path | None, site: str | None
+) -> "Subject | SitedLeg | SpecimenFolder":
+    """Return what a command's options name: a leg, one of its sites, all of them, or specimens.
+
+    Raises
+    ------
+    InputError
+        If none or several are named, or anything in the folder is missing or wrong.
+    """
+    if specimen_dir is None:
+        return opened(SUBJECTS.named(subject, subject_dir), site or "")
+    if subject is None and subject_dir is None:
+        return load_specimen(specimen_dir)
+    raise InputError("--subject", "--specimen-dir", "is given as well", "leave one out")
 
 
 def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
@@ -341,7 +358,7 @@ def folder_of(given: Given, catalogue: Catalogue) -> Path:
 
 def _check_path(given: object) -> None:
     if not isinstance(given, str | Path):
-        raise InputError("folder", type(given).__name__, "is no path", "give an id, or the path of a folder")
+        raise InputError("folder", type(given).__name__, "is not a path", "give an id, or the path of a folder")
 
 
 def _check_folder_kind(folder: Path, wanted: str) -> None:

@@ -172,7 +172,7 @@ def read_value(setting: Setting, text: str) -> Value:
     Raises
     ------
     InputError
-        If it is no number where one is asked for.
+        If it is not a number where one is asked for.
     """
     text = text.strip()
     if not text:
@@ -188,7 +188,7 @@ def read_value(setting: Setting, text: str) -> Value:
         raise InputError(
             setting.name,
             "value",
-            f"{text!r} is no number",
+            f"{text!r} is not a number",
             "write decimals with points, and coordinates with a comma between",
         )
     return numbers if setting.kind is list else numbers[0]

@@ -194,7 +194,7 @@ class Run:
 
     def _given(self) -> dict[str, Any]:
         if not self.there:
-            raise InputError(self.folder, "run.json", "not found", "begin the run anew")
+            raise InputError(self.folder, "run.json", "not found", "start the run again")
         return self._read("run.json")
 
     def _read(self, name: str) -> dict[str, Any]:

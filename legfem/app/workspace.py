@@ -52,7 +52,7 @@ def plain_name(name: str) -> str:
         raise InputError(
             "upload",
             "name",
-            f"{name[:80]!r} is no plain name",
+            f"{name[:80]!r} is not a plain name",
             "name files and folders without separators, and begin with a letter or a digit",
         )
     return name
@@ -188,11 +188,13 @@ class Workspace:
         Raises
         ------
         InputError
-            If a part of the path is no plain name, or it is too deep.
+            If a part of the path is not a plain name, or it lies in too many folders.
         """
         parts = path.split("/")
         if len(parts) > _MOST_PARTS:
-            raise InputError("upload", path, "is too deep", f"give at most {_MOST_PARTS - 1} folders")
+            raise InputError(
+                "upload", path, "lies in too many folders", f"use at most {_MOST_PARTS - 1} folders inside each other"
+            )
         return self.input(name).joinpath(*(plain_name(part) for part in parts))
 
     async def receive(self, name: str, path: str, content: AsyncIterable[bytes]) -> Path:

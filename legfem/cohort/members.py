@@ -90,7 +90,7 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
         If there are none, or the table can't be read or names one twice.
     """
     if not folder.is_dir():
-        raise InputError(folder, "cohort", "not found", "give a folder that holds the subjects' folders")
+        raise InputError(folder, "cohort", "not found", "give the folder that contains the subjects' folders")
     found = _folders(folder, task, layout)
     there = [path for name in TABLES if (path := folder / name).is_file()]
     if table is None and len(there) > 1:
@@ -101,7 +101,7 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
     if not found:
         files = " or ".join(FILES[task])
         where = f"matches {layout!r} and" if layout else "below it"
-        raise InputError(folder, "cohort", f"no folder {where} holds {files}", "check the path, --layout and --do")
+        raise InputError(folder, "cohort", f"no folder {where} contains {files}", "check the path, --layout and --do")
     return Members(folder, tuple(Member(name, path, name) for name, path in found.items()))
 
 
@@ -110,7 +110,7 @@ def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
     try:
         places = [path for path in folder.glob(layout) if path.is_dir()] if layout else [folder, *_below(folder)]
     except (ValueError, NotImplementedError) as error:
-        raise InputError("--layout", layout, f"is no pattern ({error})", "write it as in P*/leg-*") from None
+        raise InputError("--layout", layout, f"is not a pattern ({error})", "write it as in P*/leg-*") from None
     held = [path for path in places if any((path / file).is_file() for file in FILES[task])]
     return {path.relative_to(folder).as_posix(): path for path in sorted(held)}
 
@@ -126,7 +126,7 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
     cells = _cells(table)
     column = "folder" if "folder" in cells else "subject"
     if column not in cells:
-        raise InputError(table, "header", "there is neither folder nor subject", "add a column folder")
+        raise InputError(table, "header", "there is no column folder or subject", "add a column called folder")
     seen: dict[Path, int] = {}
     members = []
     numbers = {name: numbers for name in cells if (numbers := _as_numbers(cells[name], name)) is not None}
@@ -137,7 +137,7 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
         path = (folder / row[column]).resolve()
         if path in seen:
             raise InputError(
-                table, f"{column}, line {line}", f"'{row[column]}' stands in line {seen[path]} too", "remove one"
+                table, f"{column}, line {line}", f"'{row[column]}' is in line {seen[path]} too", "remove one"
             )
         seen[path] = int(line)
         known: dict[str, str | float] = {
@@ -166,7 +166,7 @@ def _problem(path: Path, written: str, found: Mapping[str, Path], files: Sequenc
         return ""
     near = difflib.get_close_matches(written, found, n=1)
     hint = f"did you mean '{near[0]}'?" if near else "check its name"
-    what = f"holds no {' or '.join(files)}" if path.is_dir() else "is not there"
+    what = f"contains no {' or '.join(files)}" if path.is_dir() else "is not there"
     return f"folder '{written}' {what}; {hint}"
 
 
@@ -217,4 +217,4 @@ def _check_date(table: Path, line: int, text: str) -> None:
     try:
         pd.to_datetime(text, format="ISO8601")
     except ValueError:
-        raise InputError(table, f"date, line {line}", f"'{text}' is no date", "write 2026-01-31") from None
+        raise InputError(table, f"date, line {line}", f"'{text}' is not a date", "write 2026-01-31") from None

@@ -206,7 +206,7 @@ def hierarchy_of(members: Sequence[Member], rows: Sequence[Row], key: str) -> tu
     kept, shown, design = design_of(table, ("group", "sex", *steps), COVARIATES, {})
     people = kept["person"].nunique()
     if people < LEAST_PEOPLE:
-        raise InputError("--population", key, f"{people} people have one", f"a population needs {LEAST_PEOPLE}")
+        raise InputError("--population", key, f"only {people} people have one", f"a population needs {LEAST_PEOPLE}")
     text = kept[["person", "side", "session", "date", "rater", "rig"]].fillna("").astype(str)
     visit = text["session"].where(text["session"] != "", text["date"])
     whose = {

@@ -59,6 +59,6 @@ def _check_free(port: int) -> None:
             raise InputError(
                 "--port",
                 f"{port}",
-                "another program has it (legfem's app already?)",
-                "give another, or use the window that is open",
+                "another program uses it (is legfem's app running already?)",
+                "give another port, or use the window that is open",
             ) from None

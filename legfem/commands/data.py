@@ -89,7 +89,7 @@ def look(
         names = [path.stem for path in files]
         if len(set(names)) < len(names):
             twice = next(path for path in files if names.count(path.stem) > 1)
-            raise InputError(twice, "name", "two files have it", "give each trial its own name")
+            raise InputError(twice, "name", "two files have this name", "give each trial its own name")
         read, tomls = [], {}
         for path in files:
             recording = read_own(path)
@@ -99,7 +99,7 @@ def look(
             else:
                 sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
                 if not sheets:
-                    raise InputError(path, "--sheet", f"there is no '{sheet}'", "leave it out to see all")
+                    raise InputError(path, "--sheet", f"there is no '{sheet}'", "leave --sheet out to see all tables")
                 proposal = propose(path, sheets, named, sheet)
                 recording = recording_of(path, sheets, proposal.channels)
                 layout = recordings_toml(proposal.channels)
@@ -117,8 +117,8 @@ def look(
             raise InputError(
                 other,
                 "recordings",
-                f"is laid out otherwise than {first.name}",
-                "look at files of each layout by themselves, and keep them in folders of their own",
+                f"has other columns than {first.name}",
+                "look at files with the same columns together, and keep each kind in a folder of its own",
             )
         trials = among_repeats([trial for _, trial in read])
         doubts = tuple(doubt for one in trials for doubt in (*magnitude_doubts(one), *trial_doubts(one)))

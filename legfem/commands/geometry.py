@@ -73,7 +73,7 @@ def convert(
                 "give one of --cross-sections, --scan, --surface and --subject-dir",
             )
         if site is not None and subject_dir is None:
-            raise InputError("--site", site, "is of a folder", "give --subject-dir, or leave it out")
+            raise InputError("--site", site, "belongs to a folder", "give --subject-dir, or leave it out")
         scanned = None
         if subject_dir is not None:
             folder = subject_dir
@@ -135,7 +135,10 @@ def _by_name(options: Sequence[str]) -> dict[str, list[str]]:
         name, sign, value = option.partition("=")
         if not (sign and name and value):
             raise InputError(
-                "--label, --surface", option, "is no NAME=VALUE", "write --label deep=2 or --surface skin=skin.stl"
+                "--label, --surface",
+                option,
+                "is not of the form NAME=VALUE",
+                "write --label deep=2 or --surface skin=skin.stl",
             )
         found.setdefault(name, []).append(value)
     return found
@@ -145,4 +148,4 @@ def _label(number: str) -> int:
     try:
         return int(number)
     except ValueError:
-        raise InputError("--label", number, "is no whole number", "give the scan's") from None
+        raise InputError("--label", number, "is not a whole number", "give the scan's") from None

@@ -32,7 +32,7 @@ class FiniteNumbers(TyperCommand):
                 given = ctx.params.get(str(option.name))
                 for one in given if isinstance(given, list | tuple) else (given,):
                     if isinstance(one, float) and not math.isfinite(one):
-                        raise InputError(option.opts[0], f"{one}", "is no finite number", "give one")
+                        raise InputError(option.opts[0], f"{one}", "is not a finite number", "give one")
         return super().invoke(ctx)
 
 
@@ -199,7 +199,7 @@ def process_count(jobs: int | None, ranks: int) -> int:
         If ``jobs`` is below 1.
     """
     if jobs is not None and jobs < 1:
-        raise InputError("--jobs", f"{jobs}", "is no number of processes", "give 1 or more")
+        raise InputError("--jobs", f"{jobs}", "is not a number of processes", "give 1 or more")
     # A rank of mpirun can't start processes that would use MPI too.
     return 1 if ranks > 1 else jobs or usable_cores()
 

@@ -45,7 +45,7 @@ def read_text(path: Path, missing: str, remedy: str) -> str:
             text = raw.decode("utf-16" if wide else "utf-8-sig").replace("\r\n", "\n")
             if "\0" not in text:
                 return text
-            raise InputError(path, "file", "holds bytes that are no text (NUL)", remedy)
+            raise InputError(path, "file", "contains bytes that are not text (NUL)", remedy)
     except FileNotFoundError:
         raise InputError(path, "file", "not found", remedy_for_missing(path, missing)) from None
     except UnicodeDecodeError as error:
@@ -215,7 +215,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Text = Annotated[str, Field(min_length=1)]
-Title = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f\x7f]*$", max_length=500)]
+Title = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f\x7f\u202a-\u202e\u2066-\u2069]*$", max_length=500)]
 """Of one line: it is shown on terminals and pages."""
 PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$", max_length=100)]
 """Of a file or folder too: results are written under it, and must not leave their folder."""
@@ -319,19 +319,19 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
             near = difflib.get_close_matches(str(given), _choices(context), n=1)
             return f"unknown value {given!r}", (f"did you mean '{near[0]}'?" if near else f"use {context['expected']}")
         case "string_pattern_mismatch" if context["pattern"].startswith("^[^"):
-            return f"{given!r} holds a line's end or another control character", "take it out"
+            return f"{given!r} contains a line's end or another control character", "remove it"
         case "string_pattern_mismatch":
-            return f"{given!r} is no plain name", (
+            return f"{given!r} is not a plain name", (
                 "begin with a letter or digit, and use these, dots, dashes, underscores and spaces"
             )
         case "string_type" | "string_too_short":
-            return f"{_shown(given)} is no text", f'write it in quotes: {keys[-1]} = "..."'
+            return f"{_shown(given)} is not text", f'write it in quotes: {keys[-1]} = "..."'
         case "bool_type":
             return f"{given!r} is neither true nor false", f"write {keys[-1]} = true or {keys[-1]} = false"
         case "list_type":
-            return f"{given!r} is no list", f"write {keys[-1]} = [...], with commas between its parts"
+            return f"{given!r} is not a list", f"write {keys[-1]} = [...], with commas between its parts"
         case "model_type" | "model_attributes_type" | "dict_type":
-            return f"{given!r} is no table", f"write [{'.'.join(keys)}] on a line of its own, and its keys below"
+            return f"{given!r} is not a table", f"write [{'.'.join(keys)}] on a line of its own, and its keys below"
         case "too_short" | "too_long":
             return f"{given!r} has the wrong length", "write [x, y]"
         case _:
@@ -398,9 +398,9 @@ def why_no_toml(text: str, error: ValueError) -> tuple[str, str]:
 
 def _of_line(line: str, error: str) -> tuple[str, str] | None:
     if error.startswith("Cannot overwrite"):
-        return "gives a key that stands above already", "keep one of the two"
+        return "gives a key that is given above already", "keep one of the two"
     if error.startswith("Cannot declare"):
-        return "is a table that stands above already", "put its keys under the first"
+        return "is a table that is given above already", "put its keys under the first"
     if _OTHER_QUOTES.search(line):
         return "has an editor's curved quotes", 'write straight ones: "..."'
     if re.match(r"^\s*[\w-]+\s*:", line):

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind, Frames, FramesError, FramesFile, Read
-from legfem.channels.registry import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
+from legfem.channels.kinds import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.channels.site import Site
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
@@ -101,8 +101,8 @@ class RecordedChannelEntry(FileTable):
             raise InputError(
                 source,
                 f"{field}.lag_s",
-                f"clocks that may be {self.lag_s:g} s apart say nothing of where the cylinder was",
-                "bring both to one clock (tap the cylinder, and look for it in both)",
+                f"clocks that may be {self.lag_s:g} s apart do not say where the cylinder was",
+                "record both on one clock, or tap the cylinder and find that moment in both",
             )
         for stated, of in _OF_IMAGES_AND_FILMS.items():
             if getattr(self, stated) is not None and not getattr(usual, of):
@@ -253,7 +253,7 @@ def _with_frames(
 ) -> Recording:
     taken = {one.name for one in recording.channels} & {one.name for one in found}
     if taken:
-        raise InputError(path, "channels", f"{', '.join(taken)} is there already", "keep one of both")
+        raise InputError(path, "channels", f"{', '.join(taken)} is given already", "keep one of the two")
     channels = [_at_places(path, one, entry.accuracy(CHANNELS[one.name], toml)) for one in found]
     return replace(recording, channels=(*recording.channels, *channels))
 
@@ -336,7 +336,7 @@ def _of_instrument(path: Path, kind: ChannelKind, column: str | None, own: Input
         raise InputError(
             path,
             what,
-            f"no one column of {there} is it",
+            f"none, or more than one, of the columns {there} can be it",
             f"give time_s,{kind.column}, or name the column under [channels.{kind.name}]",
         )
     time, values = (c.values * factor for c in (timed[0], named[0]) for factor in (_factor(c),))

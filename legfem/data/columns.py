@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.data.formats.labels import OWN, Quantity, Unit, names_quantity, unit_named
 from legfem.data.formats.sheet import Column, Sheet
@@ -35,7 +35,7 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
         columns = [c for c in columns if not unit or unit_named(c.unit or unit) == unit_named(unit)] or columns
         if len(columns) != 1 or not (unit or columns[0].unit):
             names = ", ".join(f"'{c.name}'" for c in sheet.columns)
-            missing = "has no unit" if columns else "is no column of the file"
+            missing = "has no unit" if columns else "is not a column of the file"
             raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = SourceColumn(name, unit or str(columns[0].unit))
         return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
@@ -48,7 +48,7 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
         alike = [c for c in sheet.columns if names_quantity(c.name, quantity)]
         why = f"no column is named, or has a unit, like it (of {names})"
         if alike:
-            why = f"'{alike[0].unit}' of '{alike[0].name}' is no unit of {quantity}"
+            why = f"'{alike[0].unit}' of '{alike[0].name}' is not a unit of {quantity}"
         raise InputError(path, f"recordings.{quantity}", why, f"name it with --{quantity} NAME:UNIT")
     named = [c for c in candidates if names_quantity(c.name, quantity)]
     able = named or candidates
@@ -59,7 +59,10 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     told = ", ".join(f"'{n}'" for n in (chosen.name, *differing))
     if differing and _side_by_side(sheet):
         raise InputError(
-            path, ABREAST, f"{len(differing) + 1} trials stand side by side: {told}", "keep one trial a file"
+            path,
+            ABREAST,
+            f"{len(differing) + 1} trials stand side by side: {told}",
+            "save each trial in a file of its own",
         )
     if differing:
         raise InputError(
@@ -77,14 +80,14 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
         raise InputError(
             path,
             f"recordings.{quantity}.unit",
-            f"column '{chosen.name}' states no unit",
+            f"column '{chosen.name}' has no unit",
             f"give it with --{quantity} '{chosen.name}:{OWN[quantity]}', if it is that",
         )
     if unit_named(chosen.unit) is None:
         raise InputError(
             path,
             f"recordings.{quantity}.unit",
-            f"'{chosen.unit}' of '{chosen.name}' isn't known",
+            f"'{chosen.unit}' of '{chosen.name}' is not a known unit",
             f"give it with --{quantity} '{chosen.name}:UNIT' in multiples of {OWN[quantity]}",
         )
     same += f"; {len(others)} more say the same" if others else ""
@@ -124,7 +127,7 @@ def _unit_of_time(column: Column) -> tuple[str, str] | None:
     """
     whole = float(np.ptp(column.values))
     step = whole / max(len(column.values) - 1, 1)
-    units = {"s": 1.0, "ms": 1e-3, "days": 86400.0}
+    units = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "days": 86400.0}
     fits = [
         unit
         for unit, factor in units.items()
@@ -136,7 +139,7 @@ def _unit_of_time(column: Column) -> tuple[str, str] | None:
     other = "ms" if unit == "s" else "s"
     factor = units[other]
     would = f"the test would last {factor * whole:.3g} s, with a reading every {factor * step:.2g} s"
-    return unit, f"it states no unit, and in {other} {would}"
+    return unit, f"it has no unit, and in {other} {would}"
 
 
 def may_be(column: Column, quantity: Quantity) -> bool:

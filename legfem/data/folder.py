@@ -243,5 +243,5 @@ class Catalogue:
             If there is no such folder.
         """
         if not directory.is_dir():
-            raise InputError(directory, "subject folder", "not found", f"give a folder that holds {self.file}")
+            raise InputError(directory, "subject folder", "not found", f"give a folder that contains {self.file}")
         return directory / self.file

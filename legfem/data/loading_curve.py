@@ -96,7 +96,7 @@ def loading_branch(trial: Segmentation) -> Branch:
     virgin = approach & (depth >= reached - trial.displacement_noise)
     if np.count_nonzero(virgin & (depth >= 0)) < 5:
         raise InputError(
-            trial.source, "displacement_mm", "there is no loading after contact", "press deeper or remove this trial"
+            trial.source, "displacement_mm", "there is no loading after contact", "press deeper, or remove this trial"
         )
     order = np.argsort(depth[virgin], kind="stable")
     force = recording.force - contact.baseline
@@ -333,7 +333,7 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
             trials[int(np.argmin([b.depth[-1] for b in branches]))].source,
             "displacement_mm",
             f"{deepest:.2f} mm of loading are too short to identify from",
-            "press deeper or take this trial out",
+            "press deeper, or remove this trial",
         )
     fits = [local_line(b.depth, b.force, grid, 0.5 * step) for b in branches]
     curves = np.vstack([fit.value for fit in fits])

@@ -1,6 +1,7 @@
 """What readings can't have been: a clock that counts rows, a cell at its limit, a spike, an offset, a drift, a copy."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +10,7 @@ from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.units import FloatArray
 from legfem.data.contact import LEG
 from legfem.data.phases import HOLD, LOADING
+from legfem.data.ranges import SPEED
 from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise, without_outliers
@@ -28,6 +30,8 @@ _SPIKE = 0.15
 
 _OFFSET = 0.05
 """Of the force's rise: what it may read at first touch, or back where it began, or gain in a hold."""
+_ALL = 0.8
+"""Of the rise: what stands at the start of a press that was recorded from its end."""
 _STUCK = 0.1
 """Of it: what a skin that sticks may pull with where the recording began."""
 _OFF_START = 0.05
@@ -35,6 +39,8 @@ _OFF_START = 0.05
 _NEAR_START = 0.05
 _JUMP, _LEVEL_FORCE = 0.08, 0.03
 """Of the travel, and of the force's rise: what a drive doesn't go from one sample to the next, ..."""
+_JUMP_OF_FORCE, _TIMES_WAY = 0.2, 3.0
+"""Of the force's whole range, and of the usual way between readings: what a force doesn't do within such a way."""
 _GAP = 0.1
 """Of the travel."""
 _TIMES_STEP = 12.0
@@ -44,7 +50,8 @@ _TIMES_STEP = 12.0
 _FORCES = {"mN": 1e-3, "kN": 1e3, "µN": 1e-6}
 _WAYS_OF_LEG = PhysicalRange("a travel", "mm", (2.5, 80.0), (0, np.inf), "presses of calves", {"µm": 1e-3, "m": 1e3})
 _WAYS = PhysicalRange("a travel", "mm", (1e-4, 300.0), (0, np.inf), "labs' tests", {"µm": 1e-3, "nm": 1e-6, "m": 1e3})
-_SPEEDS = PhysicalRange("a speed", "mm/s", (1e-5, 500.0), (0, np.inf), "testing machines", {"ms": 1e3, "min": 1 / 60})
+_SPEEDS = PhysicalRange("a speed", "mm/s", (1e-5, 500.0), (0, np.inf), "testing machines")
+_SPEEDS_OF_LEG = replace(_SPEEDS, usual=SPEED.usual, basis="presses of calves")
 _STIFFNESS_OF_LEG = PhysicalRange("a force", "N per mm", (0.005, 30.0), (0, np.inf), "presses of calves", _FORCES)
 _STIFFNESS = PhysicalRange(
     "a force", "N per mm²", (2e-5, 1e4), (0, np.inf), "travel squared, of brain to rubber", _FORCES
@@ -61,6 +68,7 @@ def trial_doubts(trial: Segmentation) -> Iterator[Doubt]:
     """
     _refuse_jump(trial)
     yield from _spike_doubts(trial.source, trial.recording)
+    yield from _force_jump_doubts(trial)
     yield from _gap_doubts(trial)
     yield from _joined_doubts(trial)
     yield from _start_doubts(trial)
@@ -73,7 +81,7 @@ def pull_doubts(trial: Segmentation) -> Iterator[Doubt]:
         yield Doubt(
             trial.source,
             "recordings",
-            "is a pull by its columns' names, and is read as a press",
+            "has a pull's column names, and is read as a press",
             'of a specimen give direction = "tension" in specimen.toml; of a leg export the press',
         )
 
@@ -94,9 +102,11 @@ def magnitude_doubts(trial: Segmentation) -> Iterator[Doubt]:
     of_leg = trial.scales is LEG
     if of_leg:
         yield from pull_doubts(trial)
-    ways, stiffness = (_WAYS_OF_LEG, _STIFFNESS_OF_LEG) if of_leg else (_WAYS, _STIFFNESS)
+    ways, speeds, stiffness = (
+        (_WAYS_OF_LEG, _SPEEDS_OF_LEG, _STIFFNESS_OF_LEG) if of_leg else (_WAYS, _SPEEDS, _STIFFNESS)
+    )
     yield from ways.likely(trial.source, "displacement_mm", travel)
-    yield from _SPEEDS.likely(trial.source, "time_s", speed)
+    yield from speeds.likely(trial.source, "time_s", speed, "check that time is in s (not min or ms)")
     other = "; of a specimen, run again with --specimens" if of_leg else ""
     size = rise / travel if of_leg else rise / travel**2
     yield from stiffness.likely(trial.source, "force_N", size, f"check its unit in the file{other}")
@@ -143,6 +153,26 @@ def _refuse_jump(trial: Segmentation) -> None:
         )
 
 
+def _force_jump_doubts(trial: Segmentation) -> Iterator[Doubt]:
+    """Yield a doubt about a force that jumps where the displacement goes on as before."""
+    d, force = without_outliers(trial.recording.displacement), without_outliers(trial.recording.force)
+    steps, ways = np.abs(np.diff(force)), np.abs(np.diff(d))
+    usual = float(np.median(ways[ways > 0])) if (ways > 0).any() else 0.0
+    far = max(_JUMP_OF_FORCE * float(np.ptp(force)), _TIMES_STEP * float(np.median(steps)), 8.0 * trial.force_noise)
+    found = np.flatnonzero((steps > far) & (ways < _TIMES_WAY * usual + 4.0 * trial.displacement_noise))
+    # Where the drive turns, friction does the same.
+    jumps = [int(k) for k in found if len(set(trial.labels[max(k - 2, 0) : k + 4])) == 1]
+    if jumps:
+        k = jumps[0]
+        yield Doubt(
+            trial.source,
+            "force_N",
+            f"jumps from {force[k]:.3g} to {force[k + 1]:.3g} N from one reading to the next, at "
+            f"{trial.recording.time[k + 1]:.4g} s, while the displacement goes on as before",
+            "look for a slip, a loose cable or a changed sign, and keep the part without it",
+        )
+
+
 _JOINED = 0.3
 """Of the whole way and force, between two readings."""
 
@@ -177,8 +207,8 @@ def _joined_doubts(trial: Segmentation) -> Iterator[Doubt]:
             trial.source,
             "displacement_mm",
             f"goes from {d[k]:.3g} to {d[k + 1]:.3g} mm from one reading to the next, at {trial.recording.time[k]:.4g} "
-            f"s, and the force with it: {len(joins) + 1} presses stand in one file",
-            "keep one press a file",
+            f"s, and the force with it: {len(joins) + 1} presses are in one file",
+            "save each press in a file of its own",
         )
 
 
@@ -197,7 +227,15 @@ def _start_doubts(trial: Segmentation) -> Iterator[Doubt]:
         )
         return
     at_start, rise = standing_force(trial)
-    if at_start:
+    if at_start < -_ALL * rise:
+        yield Doubt(
+            trial.source,
+            "force_N",
+            f"is greatest, {-at_start:.3g} N, where the recording begins, and next to nothing where it ends, as in "
+            "unloading alone",
+            "export the loading before it, too; or give the force's sign in [recordings] if it is a press",
+        )
+    elif at_start:
         yield Doubt(
             trial.source,
             "force_N",
@@ -314,7 +352,7 @@ def _spike_doubts(source: str, recording: Recording) -> Iterator[Doubt]:
         yield Doubt(
             source,
             "force_N",
-            f"one reading, {recording.force[at]:.4g} N at {recording.time[at]:.4g} s, stands alone",
+            f"one reading, {recording.force[at]:.4g} N at {recording.time[at]:.4g} s, differs from all around it",
             "remove the row if it is a disturbance",
         )
 
@@ -358,7 +396,7 @@ def refuse_copies(other: Recording, recordings: Sequence[Recording]) -> None:
                 str(other.source or other.trial),
                 "force_N",
                 f"is a copy of {named}: the two have the same noise, which no repeat has",
-                "remove one of them; a copy makes the result look surer than it is",
+                "remove one of them; with a copy the result looks more certain than it is",
             )
 
 

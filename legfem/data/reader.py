@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.data.columns import ABREAST, find_column, may_be
 from legfem.data.formats import read_sheets
@@ -89,8 +89,8 @@ def propose(
         raise InputError(
             path,
             "recordings.sheet",
-            f"{len(usable)} tables hold recordings: {names}",
-            f"keep one trial a file, or name one: {look_command(path, {'sheet': usable[0][0].name})}",
+            f"{len(usable)} tables contain recordings: {names}",
+            f"save each trial in a file of its own, or name one: {look_command(path, {'sheet': usable[0][0].name})}",
         )
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
@@ -111,7 +111,7 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
     """Return the signs with which displacement and force grow in the first press, and why."""
     d, f = recording.displacement, recording.force
     if len(d) < FEWEST_ROWS:
-        raise InputError(path, "rows", f"{len(d)} samples are no whole press", f"record at least {FEWEST_ROWS}")
+        raise InputError(path, "rows", f"{len(d)} samples are not a whole press", f"record at least {FEWEST_ROWS}")
     few = max(3, len(d) // 200)
     away = d - np.median(d[:few])
     change = f - np.median(f[:few])
@@ -123,7 +123,7 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
         raise InputError(
             path,
             "recordings.force",
-            f"it doesn't follow the displacement (correlation {together:.2f}), so that directions can't be told",
+            f"it doesn't follow the displacement (correlation {together:.2f}), so the directions cannot be determined",
             "look at the file: does the indenter touch, and are these the right columns?",
         )
     d_sign = int(np.sign(away[turned - 1]))
@@ -230,7 +230,7 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
         raise InputError(
             path,
             "columns",
-            f"holds {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording",
+            f"contains {len(columns[0].values)} readings of {kind.name} and no force: it goes with a recording",
             f"give in subject.toml, beside the recordings: [channels.{kind.name}] file = {json.dumps(path.name)} "
             "(or a file a trial, with {trial} for the trial's name)",
         )
@@ -239,7 +239,7 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
         raise InputError(
             path,
             "columns",
-            f"holds strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
+            f"contains strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
             "export displacement in mm and force in N, which are strain times length and stress times area",
         )
     pressures = [c for c in columns if measures(c, "pressure")]
@@ -247,7 +247,7 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
         raise InputError(
             path,
             "columns",
-            f"holds a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
+            f"contains a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
             "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and run: "
             f"legfem data preview {shlex.quote(str(path.parent.parent))}",
         )
@@ -262,7 +262,7 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
         raise InputError(
             path,
             "columns",
-            f"is no recording: none of its columns ({few}) is named, or has a unit, like time, displacement or force",
+            f"is not a recording: none of its columns ({few}) has a name or unit of time, displacement or force",
             f"if three of them are, name them: {look_command(path, dict.fromkeys(QUANTITIES, 'NAME:UNIT'))}",
         )
 
@@ -273,7 +273,7 @@ def _without_names(path: Path, sheet: Sheet) -> InputError:
         return InputError(
             path,
             "columns",
-            f"its numbers stand in rows of {count}, not in columns",
+            f"its numbers are in rows of {count}, not in columns",
             "turn the table round: in a spreadsheet, Paste Special, Transpose",
         )
     to_zero = first[0] < 0 and abs(first[-1]) < 0.01 * abs(first[0])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind
-from legfem.channels.registry import CHANNELS, IN_COLUMNS
+from legfem.channels.kinds import CHANNELS, IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
@@ -195,7 +195,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
             path,
             f"'{channels.time.column}', row {rows[0] + 1} of {len(time)}",
             f"{backwards(time, rows[0])}; {len(rows)} such rows)",
-            "keep one trial a file, and record time finely enough to tell samples apart",
+            "save each trial in a file of its own, and record time with more digits",
         )
     used = {getattr(channels, q).column for q in QUANTITIES}
     left = tuple(column for column in sheet.columns if column.name not in used)
@@ -214,7 +214,7 @@ def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet
     if len(found) == 1:
         return found[0]
     names = ", ".join(f"'{sheet.name}'" for sheet in sheets)
-    raise InputError(path, "recordings.sheet", f"there is no one table {name!r}", f"name of {names}")
+    raise InputError(path, "recordings.sheet", f"there is not exactly one table {name!r}", f"name of {names}")
 
 
 def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColumn, area: float | None) -> FloatArray:
@@ -225,7 +225,7 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColu
         raise InputError(
             path,
             f"{field}.unit",
-            f"'{channel.unit}' is no unit of {measured}",
+            f"'{channel.unit}' is not a unit of {measured}",
             f"give {OWN[measured]} or a multiple of it",
         )
     columns = [c for c in sheet.columns if c.name == channel.column]
@@ -264,7 +264,7 @@ def _check_sizes(path: Path, values: Iterable[FloatArray]) -> None:
     for one in values:
         wrong = one[~(np.abs(one) < MOST)]
         if len(wrong):
-            problem = f"{len(wrong)} numbers are no readings, as {wrong[0]:g}"
+            problem = f"{len(wrong)} numbers cannot be readings, such as {wrong[0]:g}"
             raise InputError(path, "rows", problem, "remove those rows, or export the file again")
         for end in {one.min(), one.max()} if len(one) else ():
             missing, rest = one == end, one[one != end]
@@ -333,7 +333,7 @@ def read_own_table(path: Path, area: float | None) -> Recording:
             path,
             f"time_s, line {table.index[rows[0]]}",
             f"{backwards(time, rows[0])})",
-            "sort the rows by time, remove repeated ones, and keep one trial a file",
+            "sort the rows by time, remove repeated ones, and save each trial in a file of its own",
         )
     return Recording(
         time=time,

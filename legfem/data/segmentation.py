@@ -296,7 +296,7 @@ class Segmentation:
                 recording.source or recording.trial,
                 "displacement_mm",
                 "the trial does not begin with loading",
-                "take it out, or start it at first contact",
+                "remove it, or start it at first contact",
             )
         if segments[-1].phase == AIR:
             segments.pop()

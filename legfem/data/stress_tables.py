@@ -121,7 +121,7 @@ def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, Flo
         raise InputError(
             path,
             "recordings.table.unit",
-            f"'{columns.unit}' is no unit of stress",
+            f"'{columns.unit}' is not a unit of stress",
             f"give kPa, MPa, Pa, psi or bar, as in: {line}",
         )
     if measured_by(stress) == "pressure" and unit_named(stress.unit or "") != unit:
@@ -137,14 +137,14 @@ def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, Flo
             raise InputError(
                 path,
                 f"'{strain.name}'",
-                f"a stretch of {values.min():.4g} is none: it is the length over the undeformed one",
+                f"a stretch of {values.min():.4g} is impossible: it is the length divided by the undeformed length",
                 f"if it is a strain, give: {line.replace('stretch =', 'strain =')}",
             )
         values = values - 1
     elif columns.percent:
         values = values / 100
     if len(values) < _LEAST_ROWS:
-        raise InputError(path, "rows", f"{len(values)} are too few", f"give at least {_LEAST_ROWS}")
+        raise InputError(path, "rows", f"{len(values)} rows are too few", f"give at least {_LEAST_ROWS}")
     return values, loads
 
 
@@ -155,7 +155,9 @@ def _column(path: Path, sheet: Sheet, name: str) -> Column:
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     seen = stretch_and_stress(sheet)
     as_in = f", as in: {table_line(*seen)[1]}" if seen else ""
-    raise InputError(path, "recordings.table", f"there is no one column '{name}'", f"give one of {names}{as_in}")
+    raise InputError(
+        path, "recordings.table", f"there is not exactly one column '{name}'", f"give one of {names}{as_in}"
+    )
 
 
 def roughness(strain: FloatArray, load: FloatArray) -> float:

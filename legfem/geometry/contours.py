@@ -9,6 +9,7 @@ import difflib
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from shapely import Polygon
@@ -18,6 +19,9 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
 from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, minimal_fat_thickness
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _PLACE = re.compile(r"\[(\S+) (\S+)\]")
 """In what Shapely says of a polygon."""
@@ -52,7 +56,7 @@ def read_loops(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
     InputError
         If the table can't be read, or its levels are no leg's in mm.
     """
-    table = read_table(Path(path), LEVELS_HEADER, text=("part",), optional=("loop",))
+    table = _with_parts(read_table(Path(path), LEVELS_HEADER, text=("part",), optional=("loop",)))
     inside = table["level_mm"].between(*between)
     table = table[inside] if inside.any() else table
     if "loop" not in table:
@@ -92,6 +96,12 @@ def write_outlines(outlines: Mapping[float, Mapping[str, Polygon]], path: Path) 
 
 __all__ = ["LegSection", "check_girth", "check_section", "fat_thickness", "girth", "read_contours", "write_contours"]
 
+
+def _with_parts(table: "pd.DataFrame") -> "pd.DataFrame":
+    """Return a table with its parts' names as they are known: whoever writes ``Skin`` means the skin."""
+    return table.assign(part=table["part"].str.lower())
+
+
 SECTION_HEADER = ("part", "x_mm", "y_mm")
 MINIMAL_POINTS = 8
 MOST_POINTS = 5000
@@ -117,13 +127,13 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
         those of a leg (see `check_section`).
     """
     path = Path(path)
-    table = read_table(path, LEVELS_HEADER, text=("part",), optional=("level_mm", "loop", "i"))
+    table = _with_parts(read_table(path, LEVELS_HEADER, text=("part",), optional=("level_mm", "loop", "i")))
     if "level_mm" in table:
         raise InputError(
             path,
             "level_mm",
             "these are contours at several levels",
-            "say which to take: level_mm under [section] of subject.toml",
+            "choose one: level_mm under [section] of subject.toml",
         )
     for line, part in table["part"].items():
         if part not in PARTS:
@@ -235,7 +245,7 @@ def check_girth(around: float, source: str | Path) -> None:
     raise InputError(
         source,
         "skin",
-        f"the girth is {around:.4g} mm, not a leg's",
+        f"a girth of {around:.4g} mm is not a leg's",
         f"give coordinates in mm ({low:g}-{high:g} mm around)",
     )
 

@@ -78,7 +78,7 @@ class Indenter:
             raise InputError(
                 source,
                 "indenter",
-                f"a {self} isn't there in a section in plane strain",
+                f"a section in plane strain cannot be pressed by a {self}",
                 "solve the leg in 3D: legfem identify --model 3d",
             )
 

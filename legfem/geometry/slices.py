@@ -90,7 +90,7 @@ def calf_levels(shape: LegShape, count: int = 5, height: float = 30.0, centre: f
         raise InputError(
             "shape",
             "levels",
-            f"{high - low:g} mm of leg cannot hold slices over {height:g} mm",
+            f"{high - low:g} mm of leg are too short for slices over {height:g} mm",
             "give a longer segment, or spread the slices less",
         )
     if centre is None:

@@ -76,7 +76,7 @@ def _resampled(array: NDArray[np.integer], affine: FloatArray, source: str) -> t
         raise InputError(
             source,
             "affine",
-            "the grid is oblique, and no level holds the leg's whole section",
+            "the grid is oblique, and no level contains the leg's whole section",
             "scan or label more of the leg",
         )
     straight = np.diag([*spacing, 1.0])
@@ -238,7 +238,7 @@ def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> 
     A grid that is oblique to the patient's axes is resampled.
     """
     if array.ndim != 3 or affine.shape != (4, 4):
-        raise InputError(source, "shape", f"{array.shape} is not a volume's", "give one volume")
+        raise InputError(source, "shape", f"{array.shape} is not the shape of a volume", "give one volume")
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
     if not (spacing > 0).all() or not np.isfinite(affine).all():
         raise InputError(source, "affine", "is singular", "correct the header")

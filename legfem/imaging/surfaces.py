@@ -25,9 +25,9 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, check_girth
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.leg_shape_from_outlines import nested_shape
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section_from_outlines import Clearances, joined
+from legfem.imaging.outlines import nested_shape
 
 _END = 1e-3  # mm; nearer than that to a surface's end a plane passes through it
 
@@ -72,14 +72,14 @@ def read_surface(path: Path) -> Any:
         raise InputError(path, "file", "is neither a whole binary STL nor text", "save it again") from None
     except Exception as error:  # the readers raise all kinds
         said = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(path, "file", f"is no surface that can be read ({said})", "save it as STL") from None
+        raise InputError(path, "file", f"is not a surface that can be read ({said})", "save it as STL") from None
     if not isinstance(surface, trimesh.Trimesh):
         what = "points" if isinstance(surface, trimesh.PointCloud) else "a drawing"
-        raise InputError(path, "file", f"holds {what}, no surface", "save the leg's part as STL, PLY or OBJ")
+        raise InputError(path, "file", f"contains {what}, not a surface", "save the leg's part as STL, PLY or OBJ")
     if len(surface.faces) == 0:
-        raise InputError(path, "file", "holds no triangles", "save it as STL, PLY or OBJ")
+        raise InputError(path, "file", "contains no triangles", "save it as STL, PLY or OBJ")
     if not np.isfinite(surface.vertices).all():
-        raise InputError(path, "surface", "has corners that are no finite numbers", "save it again")
+        raise InputError(path, "surface", "has corners that are not finite numbers", "save it again")
     if not surface.is_watertight:
         edges, count = np.unique(surface.edges_sorted, axis=0, return_counts=True)
         free = edges[count == 1]
@@ -143,7 +143,7 @@ def shape_of_surfaces(
     source : str or Path
         What errors name as the file.
     clearances : Clearances, optional
-        Room to keep between the parts; see `legfem.geometry.leg_shape_from_outlines.nested_shape`.
+        Room to keep between the parts; see `legfem.imaging.outlines.nested_shape`.
 
     Raises
     ------
@@ -413,7 +413,7 @@ def _of_xml(content: bytes) -> tuple[FloatArray, _Triangles]:
     root = ElementTree.fromstring(content)
     grid = root.find("PolyData")
     if root.tag != "VTKFile" or grid is None:
-        raise ValueError("it holds no PolyData")
+        raise ValueError("it contains no PolyData")
     packer = root.attrib.get("compressor", "")
     if packer and packer not in _UNPACKED:
         raise ValueError(f"its compression {packer} is not known")

@@ -110,7 +110,10 @@ def _series(path: Path) -> SimpleITK.Image:
     found = reader.GetGDCMSeriesIDs(str(path))
     if len(found) != 1:
         raise InputError(
-            path, "series", f"the folder holds {len(found)} DICOM series", "give a folder with the slices of one"
+            path,
+            "series",
+            f"the folder contains {len(found)} DICOM series",
+            "give a folder with the slices of one series",
         )
     reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(path), found[0]))
     return reader.Execute()

@@ -12,8 +12,8 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, readable_unit
-from legfem.inverse.instrument import INSTRUMENT, READINGS
 from legfem.inverse.parameter import Parameter, Priors, Scale
+from legfem.inverse.readings import INSTRUMENT, READINGS
 
 type Values = Mapping[str, float]
 """Numbers of a model and its instrument by full name, in the model's units (mm, N, MPa, s)."""
@@ -69,7 +69,7 @@ def check_known(names: Collection[str], nominal: Values, source: str) -> None:
             raise InputError(
                 source,
                 name,
-                "is no parameter of this model",
+                "is not a parameter of this model",
                 f"did you mean {nearest[0]}? There are {', '.join(known)}",
             )
 
@@ -172,7 +172,7 @@ def within_prior(parameter: Parameter) -> Parameter:
             parameter.name,
             f"lies outside the bounds of the search, {parameter.bounds[0]:g} to "
             f"{parameter.bounds[1]:g} {parameter.unit}",
-            "widen the bounds, or doubt the prior",
+            "widen the bounds, or correct the prior",
         )
     return Parameter(
         parameter.name, parameter.unit, bounds, prior, parameter.role, parameter.scale, parameter.statement

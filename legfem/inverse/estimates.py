@@ -69,6 +69,11 @@ class Estimate:
         return bound_of(self.value, self.parameter.bounds)
 
     @property
+    def undetermined(self) -> bool:
+        """Whether the interval is all that was searched: it says where the search ended, and nothing of the value."""
+        return self._known.undetermined
+
+    @property
     def relative_half_width(self) -> float:
         """Half the interval over the value; see `legfem.inverse.intervals.Estimated`."""
         return self._known.relative_half_width
@@ -279,7 +284,9 @@ def reasons(
     parameter = known.parameter
     unit, factor = readable_unit(parameter.unit)
     low, high = (factor * end for end in known.ci95)
-    if known.at_bound == "lower":
+    if known.undetermined:
+        found = [f"no interval was found within what was searched, {_between(low, high)} {unit}"]
+    elif known.at_bound == "lower":
         found = [f"the optimum stands at the lower bound; at most {high:.3g} {unit} fits (95 %)"]
     elif known.at_bound == "upper":
         found = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]

@@ -315,7 +315,7 @@ def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> F
     """Return the full prediction less the emulated one (N,), 0 of channels that it hasn't; None where it stopped."""
     plain = replace(predictor, offset=0.0)
     full = replace(plain, responses=solved)
-    difference = full(fitted.values, fitted.mechanisms, True) - plain(fitted.values, fitted.mechanisms)
+    difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
     if np.isnan(difference[: len(predictor.observed.force)]).any():
         return None
     return np.nan_to_num(difference, nan=0.0)

@@ -60,6 +60,9 @@ ADDS_NOTHING = 0.9
 """Standard error over that of the prior, above which the data add nothing to the prior."""
 
 
+_AT_THE_END = 1e-6
+
+
 @dataclass(frozen=True)
 class Estimated:
     """How well one parameter is known; numbers in the parameter's unit.
@@ -85,6 +88,12 @@ class Estimated:
     def at_bound(self) -> Bound:
         """Whether the value stands at a bound of the search."""
         return bound_of(self.value, self.parameter.bounds)
+
+    @property
+    def undetermined(self) -> bool:
+        """Whether the interval is all that was searched: it says where the search ended, and nothing of the value."""
+        low, high = self.parameter.bounds
+        return bool(self.ci95[0] <= low * (1 + _AT_THE_END) and self.ci95[1] >= high * (1 - _AT_THE_END))
 
     @property
     def relative_half_width(self) -> float:
@@ -128,11 +137,11 @@ def verdict_on(relative_half_width: float, at_bound: Bound, model_fits: bool) ->
     return "weakly identifiable" if word == "identifiable" and not model_fits else word
 
 
-def bound_of(value: float, bounds: tuple[float, float], within: float = 0.0) -> Bound:
-    """Return at which bound a value stands, to within a relative distance."""
-    if value <= bounds[0] * (1 + within):
+def bound_of(value: float, bounds: tuple[float, float]) -> Bound:
+    """Return at which bound a value stands, or beyond which."""
+    if value <= bounds[0]:
         return "lower"
-    return "upper" if value >= bounds[1] * (1 - within) else ""
+    return "upper" if value >= bounds[1] else ""
 
 
 # Of a value's size, for differences.

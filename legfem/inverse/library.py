@@ -105,28 +105,6 @@ class ChannelTables:
 NO_CHANNELS = ChannelTables((), None, {})
 
 
-@dataclass(frozen=True, eq=False)
-class PairChanges:
-    """What two mechanisms do at once beyond each by itself, in proportion to the departures of both.
-
-    Parameters
-    ----------
-    known
-        Of two at their `pair_strength`, by their names: of the force relative at a grid (m,), of channels absolute
-        at zero and at the grid (m + 1,).
-    """
-
-    known: Mapping[frozenset[str], Columns] = field(default_factory=dict)
-
-    def __call__(self, acting: Sequence[tuple[TissueMechanism, Values]]) -> Columns:
-        """Return the changes where two act at given values; none where they aren't known."""
-        found = self.known.get(frozenset(m.name for m, _ in acting))
-        if found is None:
-            return {}
-        share = math.prod(_share_of_pair(m, its) for m, its in acting)
-        return {name: share * row for name, row in found.items()}
-
-
 _USUAL, _MOST_OF_PAIR = 1.2, 2.0
 """Departure of a strength at which pairs are solved, about; and the most over it up to which they are in proportion."""
 
@@ -169,7 +147,9 @@ class Library:
     """Of ln C10 from the middle, where it holds."""
     beside: ChannelTables = NO_CHANNELS
     """What is known of channels beside the force."""
-    pairs: PairChanges = PairChanges()
+    pairs: Mapping[frozenset[str], Columns] = field(default_factory=dict)
+    """What two mechanisms at their `pair_strength` do at once beyond each by itself, by their names; see
+    `Responses.pair_change`."""
     _curves: dict[tuple[str, str, bool], list[PchipInterpolator]] = field(default_factory=dict, init=False, repr=False)
     """Over the strength, at each of a table's stiffnesses."""
     _weights: list[tuple[Observations, FloatArray]] = field(default_factory=list, init=False, repr=False)
@@ -240,6 +220,12 @@ class Library:
         if mechanism.along_path:
             return share * observed.spread([row(stations.key) for stations in observed.protocols])
         return at(share * row(""))
+
+    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
+        """Return what two do at once beyond each, in proportion to the departures of both."""
+        found = self.pairs.get(frozenset(mechanism.name for mechanism, _ in pair), {})
+        share = math.prod(_share_of_pair(*one) for one in pair) if found else 0.0
+        return {name: share * row for name, row in found.items()}
 
     def _at_strength(
         self, tables: Mapping[tuple[str, str], Table], mechanism: TissueMechanism, key: str, values: Values, c10: float

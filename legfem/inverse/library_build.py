@@ -8,16 +8,7 @@ from scipy.interpolate import make_smoothing_spline
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.inverse.emulator import Emulator, Kriging, Samples
-from legfem.inverse.library import (
-    NO_CHANNELS,
-    ChannelTables,
-    Library,
-    NuisanceChanges,
-    PairChanges,
-    Table,
-    coordinates,
-    unchanged,
-)
+from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.inverse.library_tasks import ONE, Outcome, Task, middle_of, outcomes_of, tasks_for
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
@@ -131,7 +122,7 @@ def _assembled(
         for t, o in done
         if t.pair
     }
-    return Library(solved.grid, emulator, changes, nuisances, middle, missing, beside=tables, pairs=PairChanges(pairs))
+    return Library(solved.grid, emulator, changes, nuisances, middle, missing, beside=tables, pairs=pairs)
 
 
 def _is_elastic(task: Task) -> bool:

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from legfem.common.progress import Progress
 from legfem.data.phases import LOADING
 from legfem.inverse.library import pair_strength
-from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
+from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import BodyModels, Columns, Displaced, NotKeptError, SolvedResponses
 from legfem.inverse.stations import Stations
@@ -75,7 +75,7 @@ def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Out
     elif task.material:
         return coarse.sensitivities(coarse.variants.assumed, task.point)
     elif task.pair:
-        found = coarse.together([_solution_at(*one) for one in task.pair], task.point)
+        found = coarse.pair_change([(m, _values_at(m, strength)) for m, strength in task.pair], task.point)
     elif mechanism is None:
         found = solved.elastic(task.point)
     elif task.node is not None:
@@ -83,7 +83,7 @@ def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Out
     elif mechanism.derivatives:
         found = coarse.by_derivatives(mechanism, task.stations, task.point)
     else:
-        solution = _solution_at(mechanism, task.strength)
+        solution = mechanism.solution(_values_at(mechanism, task.strength))
         if task.stations is None:
             found = coarse.elastic_change(solution, task.point)
         else:
@@ -91,9 +91,9 @@ def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Out
     return {ONE: found}
 
 
-def _solution_at(mechanism: TissueMechanism, strength: float) -> Solution:
-    values = {p.name: null_of(p) for p in mechanism.parameters}
-    return mechanism.solution({**values, mechanism.parameters[0].name: strength})
+def _values_at(mechanism: TissueMechanism, strength: float) -> Values:
+    nulls = {p.name: null_of(p) for p in mechanism.parameters}
+    return {**nulls, mechanism.parameters[0].name: strength}
 
 
 def tasks_for(

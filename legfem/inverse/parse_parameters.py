@@ -96,12 +96,12 @@ class ParameterTexts:
         Raises
         ------
         InputError
-            For names, numbers or units that can't be, and for what is to be identified too.
+            For names, numbers or units that can't be, and for what is to be identified as well.
         """
         held = dict(read_value(text, nominal) for text in self.fixed)
         for name in held:
             if name in self.identify:
-                raise InputError("--fix", name, "is to be identified too", "leave one of them out")
+                raise InputError("--fix", name, "is to be identified as well", "leave one of them out")
         return held
 
     def laws(
@@ -155,7 +155,7 @@ def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
     centre, width = float(found["value"]), float(found["width"])
     logarithmic = re.fullmatch(_FACTOR, found["how"]) is not None
     if logarithmic and not (width > 1 and centre > 0):
-        raise InputError("--prior", text, "is no factor about a positive value", "give a factor over 1")
+        raise InputError("--prior", text, "is not a factor about a positive value", "give a factor over 1")
     if not logarithmic and not width > 0:
         raise InputError("--prior", text, "has no width", "give a standard deviation over 0")
     sd = math.log(width) if logarithmic else width * factor
@@ -215,7 +215,7 @@ def _bounds(option: str, bounds: tuple[float, float], least: float) -> tuple[flo
         raise InputError(
             option,
             f"{low:g} {high:g}",
-            "is no range of stiffnesses",
+            "is not a range of stiffnesses",
             "give two values in kPa, the lower one first; C10 must be positive",
         )
     return kpa_to_mpa(low), kpa_to_mpa(high)

@@ -115,7 +115,7 @@ def cohort_prior(name: str, path: Path) -> Prior:
     try:
         found = CohortPopulation.model_validate_json(read_text(path, remedy, remedy))
     except ValidationError:
-        raise InputError(path, "JSON", "holds no population", remedy) from None
+        raise InputError(path, "JSON", "contains no population", remedy) from None
     if key_of(name) not in found.parameters:
         raise InputError(path, key_of(name), "is not in it", f"there is {', '.join(found.parameters)}")
     one = found.parameters[key_of(name)]

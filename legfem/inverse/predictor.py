@@ -18,7 +18,7 @@ from scipy.interpolate import PPoly
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.emulator import At, GridSpline
-from legfem.inverse.mechanism import Mechanism, Solution, Stiffness, TissueMechanism, TissueResponses, null_of
+from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.responses import Columns
@@ -66,6 +66,13 @@ class Responses(TissueResponses, Protocol):
         """Return what a mechanism adds to channels (n, k); ``at`` evaluates courses where the tissue is pressed to."""
         ...
 
+    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
+        """Return what two mechanisms do at once beyond each by itself; nothing where that isn't known.
+
+        Of the force relative at the grid (m,), of channels absolute at zero and at the grid (m + 1,).
+        """
+        ...
+
 
 class Ends(Protocol):
     """A factor on the plane-strain force for the cylinder's ends, a function of the stiffness."""
@@ -103,11 +110,6 @@ class Predictor:
         C10 (MPa) by other means, where it was.
     offset
         (N,): what a full solution was above the emulated one, where one was made.
-    together
-        What two mechanisms' solutions do at once beyond each by itself, at a stiffness (kPa); see
-        `SolvedResponses.together`.
-    pairs
-        The same by tables, of two mechanisms at values.
     """
 
     observed: Observations
@@ -116,8 +118,6 @@ class Predictor:
     ends: Ends | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    together: Callable[[Sequence[Solution], Stiffness], Columns] | None = None
-    pairs: Callable[[Sequence[tuple[TissueMechanism, Mapping[str, float]]]], Columns] | None = None
     _splines: dict[tuple[int, float, float], PPoly | None] = field(default_factory=dict, repr=False)
     _curves: dict[tuple[int, tuple[str, ...], float, float], FloatArray] = field(default_factory=dict, repr=False)
 
@@ -152,13 +152,8 @@ class Predictor:
             statement="first contact, after that found in the recording",
         )
 
-    def __call__(
-        self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = (), whole: bool = False
-    ) -> FloatArray:
-        """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't.
-
-        ``whole`` solves what two effects do at once; without it that is looked up, where it is known.
-        """
+    def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
+        """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't."""
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
         c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
@@ -194,12 +189,8 @@ class Predictor:
                     factors = factors * (1 + change)
             own_factor = mechanism.force_factor(mine, observed)
             force, factors = force * own_factor, factors * own_factor
-        beyond: Columns = {}
         acting = [(m, its) for m, its in tissue if not m.along_path and not m.derivatives]
-        if len(acting) == 2 and whole and self.together is not None:
-            beyond = self.together([m.solution(its) for m, its in acting], (c10, c20))
-        elif len(acting) == 2 and not whole and self.pairs is not None:
-            beyond = self.pairs(acting)
+        beyond = self.responses.pair_change(acting, (c10, c20)) if len(acting) == 2 else {}
         if beyond:
             force = force * (1 + np.interp(observed.displacement, self.responses.grid, beyond["force"]))
         for mechanism in mechanisms:

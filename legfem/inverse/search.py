@@ -10,10 +10,10 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, Values, model_values, usual_range
 from legfem.inverse.comparison import Comparison
-from legfem.inverse.instrument import READINGS
 from legfem.inverse.least_squares import gauss_newton_step, polished, polished_with
 from legfem.inverse.outcome import FullSolver, Outcome, key_of_values
 from legfem.inverse.parameter import Domain, Parameter
+from legfem.inverse.readings import READINGS
 from legfem.inverse.settings import IdentificationSettings
 from legfem.inverse.trial import (
     Asking,
@@ -33,7 +33,7 @@ _LINE = np.array([[0.5]])
 _SQUARE = np.array([[0.5, 0.15]])
 # How far from all solves, in the coordinates, the emulator may draw an interval's end; beyond it is
 # solved there too, up to the greatest distance from the optimum.
-_FAR, _FARTHEST = 0.6, 1.2
+_FAR, _FARTHEST = 0.2, 1.2
 _HALF_INTERVAL = 2.0
 
 
@@ -87,7 +87,7 @@ def stiffer(law: IdentifiedLaw, points: FloatArray) -> FloatArray | None:
 
 
 def far_ends(best: Linearised, trials: Sequence[Trial]) -> FloatArray:
-    """Return the intervals' ends (n, p) that are far from all solves of one or two parameters.
+    """Return the intervals' ends (n, p) that are far from all solves of up to three parameters.
 
     Intervals and maps of the cost are drawn by the emulator, and none of them is drawn far from
     what was solved.
@@ -101,7 +101,7 @@ def far_ends(best: Linearised, trials: Sequence[Trial]) -> FloatArray:
     """
     law = best.law
     coordinates, model = Coordinates(law), np.array(law.of_model, dtype=int)
-    if not 0 < len(model) <= 2:
+    if not 0 < len(model) <= 3:
         return np.zeros((0, len(law.parameters)))
     by_point = np.linalg.inv(coordinates.derivatives(best.point[None])[0])
     errors = best.errors(best.misfit.covariance_at(law.values(best.point)))
@@ -270,7 +270,8 @@ class Search[C: Comparison]:
                     continue
                 self.converged = True
                 return
-            if self._wide and refuted >= _REFUTED and self.is_stationary():
+            ended = (self._wide and self.is_stationary()) or self._gains_nothing(emulated, proposal)
+            if refuted >= _REFUTED and ended:
                 self.converged = True
                 return
             # Where forces grow without measure an emulator is wrong between its solves.
@@ -356,13 +357,21 @@ class Search[C: Comparison]:
         """
         if self._is_short(self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE):
             return True
-        best = self.linearised(self.best)
-        curvature = np.diag(np.linalg.pinv(best.jacobian.T @ best.jacobian))
-        rise = float(np.min(self.standard_error() ** 2 / np.maximum(curvature, 1e-300)))
         key = key_of_values(self.law.values(step))
         (tried, *_) = (trial for trial in self.trials if key_of_values(trial.values) == key)
+        as_good = tried.objective - self.best.objective < _FLAT * self._rise_of_error()
+        return as_good or self._gains_nothing(emulated, proposal)
+
+    def _gains_nothing(self, emulated: Emulated, proposal: FloatArray) -> bool:
+        """Whether the emulator's optimum lowers the sum of squares by less than errors leave open."""
         to_gain = self.best.objective - float(emulated.objective(proposal))
-        return tried.objective - self.best.objective < _FLAT * rise or to_gain < _AGREE_OF_ERROR**2 * rise
+        return to_gain < _AGREE_OF_ERROR**2 * self._rise_of_error()
+
+    def _rise_of_error(self) -> float:
+        """Return by how much the sum of squares rises within the least known direction's standard error."""
+        best = self.linearised(self.best)
+        curvature = np.diag(np.linalg.pinv(best.jacobian.T @ best.jacobian))
+        return float(np.min(self.standard_error() ** 2 / np.maximum(curvature, 1e-300)))
 
     def _solved(self, point: FloatArray) -> bool:
         key = key_of_values(self.law.values(point))

@@ -68,7 +68,7 @@ def engine_named(name: EngineName, jobs: int, scheduler: str | None) -> Iterator
         If the engine isn't there.
     """
     if scheduler is not None and name != "dask":
-        raise InputError("--scheduler", scheduler, f"is of no use on {name}", "add --on dask")
+        raise InputError("--scheduler", scheduler, f"has no effect on {name}", "add --on dask")
     if name == "mpi":
         with _ranks() as engine:
             yield engine
@@ -146,7 +146,7 @@ def _queued(path: Path, stack: ExitStack) -> tuple[Any, int]:
     known = f"give one of [{'], ['.join(sorted(filter(None, queues)))}] with jobs, cores, memory and walltime"
     name, table = next(iter(given.items()), ("", {}))
     if len(given) != 1 or name not in queues or not isinstance(table, dict):
-        raise InputError(path, ", ".join(given) or "TOML", "is no queue that dask-jobqueue knows", known)
+        raise InputError(path, ", ".join(given) or "TOML", "is not a queue that dask-jobqueue knows", known)
     jobs, cores = table.pop("jobs", 1), table.get("cores", 1)
     for key, value in (("jobs", jobs), ("cores", cores)):
         if not isinstance(value, int) or value < 1:

@@ -22,8 +22,8 @@ from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.mechanisms import OCCURRENCES, Mechanism, mechanisms
-from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle import MuscleFibres
+from legfem.legs.mechanisms.rig import EndEffects
 from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
 from legfem.legs.subject import MeasuredEffect, Subject, elastography_priors
@@ -51,7 +51,7 @@ def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
             raise InputError(
                 toml,
                 f"{field}.effect",
-                f"{one.effect!r} is no effect that legfem knows",
+                f"{one.effect!r} is not an effect that legfem knows",
                 f"give one of {', '.join(every)}",
             )
         first = every[one.effect].parameters[0]
@@ -204,15 +204,7 @@ def diagnose_body(
         return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
 
     return diagnose(
-        Predictor(
-            observed,
-            library,
-            law,
-            ends,
-            accuracy.measured.get(DEEP_C10),
-            together=None if solved is None else solved.together,
-            pairs=library.pairs,
-        ),
+        Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),
         instrument,
         able,
         nuisances,

@@ -185,7 +185,7 @@ def _recordings(folder: Path, there: Sequence[Path], channels: SourceColumns | N
     stems = [file.stem for file in files]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:
-        raise InputError(folder, twice, "two files have this name", "keep one file a trial, of one format")
+        raise InputError(folder, twice, "two files have this name", "keep one file for each trial, in one format")
     return tuple(read_samples(file, channels) for file in files)
 
 
@@ -195,14 +195,14 @@ def _where_recordings_are(folder: Path, there: Sequence[Path]) -> str:
         return "run `legfem data look` on the instrument's files, and give [recordings]"
     if not folder.is_dir():
         if folder.exists():
-            return "it is a file: make it a folder, and put one CSV file a trial there"
+            return "it is a file: make it a folder, and put one CSV file for each trial there"
         beside = [path.name for path in recording_files(folder.parent) if _is_own(path)]
         made = f"make {folder.name}, with one CSV file a trial"
         return remedy_for_missing(folder, f"move {beside[0]} into a folder {folder.name}" if beside else made)
     within = sorted(path for path in folder.iterdir() if path.is_dir() and recording_files(path))
     if within:
         return f"move the files out of {within[0].name}"
-    return "put one CSV file a trial there: time_s,displacement_mm,force_N"
+    return "put one CSV file for each trial there: time_s,displacement_mm,force_N"
 
 
 def _is_own(path: Path) -> bool:

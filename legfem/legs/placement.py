@@ -190,7 +190,7 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
         raise InputError(
             source.name,
             "header",
-            "says not where the volume lies, which a pose needs",
+            "does not state where the volume lies, which a pose needs",
             "save it with its transform, or give the DICOM series it was labelled on as series",
         )
     motion, residual = _to_scan(directory, toml, indenter)

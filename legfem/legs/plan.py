@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from legfem.channels.registry import plans
+from legfem.channels.kinds import plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
@@ -126,9 +126,7 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
-    predictor = Predictor(
-        observed, library, law, ends, accuracy_of(subject).measured.get(DEEP_C10), pairs=library.pairs
-    )
+    predictor = Predictor(observed, library, law, ends, accuracy_of(subject).measured.get(DEEP_C10))
     noise = _stated(subject, observed)
     values = {DEEP_C10: kpa_to_mpa(expected.c10), DEEP_C20: kpa_to_mpa(expected.c20)}
     force = predictor(values)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from legfem.channels.kind import ReadingsAtSite
-from legfem.channels.registry import FILE_OF
+from legfem.channels.kinds import FILE_OF
 from legfem.channels.site import Site
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
@@ -146,7 +146,7 @@ def _unread(subject: "Subject") -> Iterator[Doubt]:
             str(next(iter(folders))),
             "recordings",
             f"{', '.join(others[:5])} {'is' if len(others) == 1 else 'are'} not read",
-            "remove them, or give [recordings] from `legfem data look`",
+            f"remove {'it' if len(others) == 1 else 'them'}, or give [recordings] from `legfem data look`",
         )
 
 
@@ -188,7 +188,7 @@ def _differing(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
     found = Doubt(
         stiff.source,
         "force_N",
-        f"is {most:.3g} times that of {soft.name} at {at:.1f} mm: no repeat",
+        f"is {most:.3g} times that of {soft.name} at {at:.1f} mm: so it is not a repeat",
         "keep one leg, posture, unit and gain in a folder, or remove the trial that is off",
     )
     if most > _APART:

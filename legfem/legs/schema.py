@@ -63,7 +63,7 @@ class IndenterEntry(FileTable):
             raise trouble("length_mm", "missing", "give the cylinder's length")
         for key in ("axis_deg", "axis"):
             if self.shape != "cylinder" and getattr(self, key) is not None:
-                raise trouble(key, f"is of no use for a {self.shape}", "leave it out")
+                raise trouble(key, f"has no effect for a {self.shape}", "leave it out")
         if self.axis is not None and self.axis_deg is not None:
             raise trouble("axis_deg", "is given beside axis", "give one of them")
         return self
@@ -356,7 +356,7 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
             f"give --site {next(iter(sites))}; legfem identify fits them together",
         )
     if site not in sites:
-        raise InputError("--site", site, "is no site of the leg", f"give one of {names}")
+        raise InputError("--site", site, "is not a site of the leg", f"give one of {names}")
     return _entry(toml, content, sites[site])
 
 

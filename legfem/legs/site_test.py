@@ -14,11 +14,10 @@ from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
-from legfem.inverse.data import Channel, Data
 from legfem.inverse.errors import numerical_covariance
 from legfem.inverse.fit import TestFit
-from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Channel, Data, Reading
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
 from legfem.legs.site_channels import SiteChannel
 from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
@@ -283,7 +282,7 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
         return curve
     if not depth >= LEG.depth:
         raise InputError(
-            "--depth", f"{depth:g} mm", "is too little to identify from", f"give at least {LEG.depth:g} mm"
+            "--depth", f"{depth:g} mm", "is too shallow to identify a stiffness from", f"give at least {LEG.depth:g} mm"
         )
     n = int((curve.displacement <= depth + 1e-9).sum())
     return replace(

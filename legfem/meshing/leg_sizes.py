@@ -182,7 +182,7 @@ class SolidMeshSettings:
         )
 
 
-def settings_for_cells(shape: LegShape, cells: int, settings: SolidMeshSettings | None = None) -> SolidMeshSettings:
+def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
     """Return settings, refined or coarsened, that give about a number of tetrahedra.
 
     Raises
@@ -190,7 +190,7 @@ def settings_for_cells(shape: LegShape, cells: int, settings: SolidMeshSettings 
     InputError
         If the leg can't be meshed with so few.
     """
-    settings = settings or SolidMeshSettings()
+    settings = SolidMeshSettings()
     shape = meshed_part(shape, settings)
     grid = TissueGrid.over(shape, spacing=5.0)
 
@@ -202,9 +202,9 @@ def settings_for_cells(shape: LegShape, cells: int, settings: SolidMeshSettings 
     least, most = (cells * math.exp(excess(end)) for end in (low, high))
     if not least <= cells <= most:
         raise InputError(
-            "mesh",
-            "cells",
-            f"{cells} tetrahedra can't be had for this leg",
+            "--cells",
+            f"{cells}",
+            f"this leg cannot be meshed with {cells} tetrahedra",
             f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}",
         )
     return settings.refined(math.exp(brentq(excess, low, high, xtol=0.01)))

@@ -34,10 +34,12 @@ def held_text(name: str, value: float) -> str:
     return f"{factor * value:.4g} {unit}".removesuffix(" -")
 
 
-def interval_text(found: Estimate) -> str:
-    """Return an estimate's 95 % interval."""
+def interval_text(found: Estimate, named: str = "") -> str:
+    """Return an estimate's 95 % interval, with a name before its numbers."""
+    if found.undetermined:
+        return "interval not determined"
     shown = found.shown
-    return " to ".join(number(end, shown.standard_error) for end in shown.ci95)
+    return named + " to ".join(number(end, shown.standard_error) for end in shown.ci95)
 
 
 def words_of(name: str) -> str:
@@ -147,7 +149,7 @@ def how_sure(parameters: Mapping[str, Estimate]) -> str:
 
 def _known_within(name: str, found: Estimate) -> str:
     symbol, half = symbol_of(name), found.relative_half_width
-    if not np.isfinite(half) or half > 1:
+    if found.undetermined or not np.isfinite(half) or half > 1:
         return f"{symbol} cannot be determined from this test ({found.identifiability})"
     range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""
     known = f"± {100 * half:.0f} %{range_}"
@@ -223,11 +225,19 @@ def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> lis
     """Return a sentence for what isn't identifiable, by what rules its interval."""
     groups: dict[ErrorSource, list[str]] = {}
     for name, found in parameters.items():
-        if found.identifiability != "identifiable":
+        if found.identifiability != "identifiable" and not found.undetermined:
             groups.setdefault(main_source(found.error_shares), []).append(symbol_of(name))
+    open_ = [symbol_of(name) for name, found in parameters.items() if found.undetermined]
     return [
-        f"These recordings do not determine {' and '.join(names)} well: {remedies.of(source)}."
-        for source, names in groups.items()
+        *(
+            f"No interval of {names} was found within what was searched: the law may have more parameters than these "
+            "recordings determine. Use a law with fewer (--law), or state what you already know (--prior)."
+            for names in filter(None, [" and ".join(open_)])
+        ),
+        *(
+            f"These recordings do not determine {' and '.join(names)} well: {remedies.of(source)}."
+            for source, names in groups.items()
+        ),
     ]
 
 

@@ -105,8 +105,9 @@ def preview_of(folder: Path, out: Path, progress: Progress | None = None) -> Pre
     error = InputError(
         folder,
         "folder",
-        f"holds no {SUBJECTS.file}, {LEGS.file} or {FILE}" + ("" if readable else ", nor a recording that can be read"),
-        "say what it is: the file describes leg, test and instruments",
+        f"contains no {SUBJECTS.file}, {LEGS.file} or {FILE}"
+        + ("" if readable else ", nor a recording that can be read"),
+        "add one of them: it describes the leg, the test and the instruments",
     )
     return Preview(folder.name, "", str(error), recordings=seen)
 

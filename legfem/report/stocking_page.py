@@ -91,14 +91,15 @@ def known_of(fit: StockingFit) -> list[web.Known]:
     if (text := tension_text(details)) is not None:
         rows.append(
             web.Known(
-                "tension of the fabric over what was given",
+                "tension of the fabric, relative to what was given",
                 text,
                 "estimated",
                 "both scans" + (" and the sensors" if details.sensors else ""),
             )
         )
     rows += [
-        web.Known(f"pressure on the skin, sensor {name}", text, data, "leg.toml") for name, text in sensor_rows(details)
+        web.Known(f"pressure on the skin at the sensor {name!r}", text, data, "leg.toml")
+        for name, text in sensor_rows(details)
     ]
     rows += modulus_rows(leg.elastography, leg.origin)
     if leg.registration is not None:
@@ -334,7 +335,7 @@ def _comfort(details: StockingDetails) -> str:
         return "Unknown."
     where = place_in_fat(details.leg.bare, found.greatest_in_fat_at)
     return (
-        "The greatest pressure in the fat, which holds the pain receptors, is "
+        "The greatest pressure in the fat, where the pain receptors are, is "
         f"{both_units(found.greatest_in_fat)}, {where}. It is {low_in_fat(details)}."
     )
 

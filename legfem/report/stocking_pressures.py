@@ -172,7 +172,7 @@ def _inside(details: StockingDetails) -> list[Block]:
     where = place_in_fat(details.leg.bare, found.greatest_in_fat_at)
     blocks.append(
         Prose(
-            "The greatest pressure in the fat, which holds the pain receptors, is the second "
+            "The greatest pressure in the fat, where the pain receptors are, is the second "
             f"paper's measure of discomfort. It is {where}."
         )
     )
@@ -208,42 +208,31 @@ def _postures(details: StockingDetails) -> list[Block]:
 
 
 def _bars(details: StockingDetails, found: TissuePressures) -> Bars:
-    leg, load = details.leg, details.equilibrium.load
     bars = [
-        LabelledBar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
-        LabelledBar(
-            f"skin, greatest ({highest_place(details)})",
-            mpa_to_mmhg(found.greatest_interface),
-            both_units(found.greatest_interface),
-        ),
-        LabelledBar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
-        LabelledBar(
-            "fat, greatest",
-            mpa_to_mmhg(found.greatest_in_fat),
-            f"{both_units(found.greatest_in_fat)}, {_share(found.greatest_in_fat, found)}",
-        ),
-        LabelledBar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
+        _bar("skin, mean", found.mean_interface),
+        _bar(f"skin, greatest ({highest_place(details)})", found.greatest_interface),
+        _bar("skin, least", float(details.equilibrium.load.pressure.min())),
+        _bar("fat, greatest", found.greatest_in_fat, f", {_share(found.greatest_in_fat, found)}"),
+        _bar("muscle, mean", found.mean_in_muscle),
     ]
-    for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
-        low, high = vein_interval(details, k)
-        known = np.isfinite(high)
+    for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True)):
+        name, (low, high) = f"vein, {vein.name}", vein_interval(details, k)
+        known = (low, high) if np.isfinite(high) else None
+        spread = f", {low:.1f} to {high:.1f} mmHg" if known else ""
         bars.append(
-            LabelledBar(
-                f"vein, {vein.name}",
-                mpa_to_mmhg(pressure) if np.isfinite(pressure) else 0.0,
-                both_units(pressure)
-                + (f", {low:.1f} to {high:.1f} mmHg" if known else "")
-                + f", {_share(pressure, found)}"
-                if np.isfinite(pressure)
-                else "not in the tissues: check the vein's position",
-                (low, high) if known else None,
-            )
+            _bar(name, pressure, f"{spread}, {_share(pressure, found)}", known)
+            if np.isfinite(pressure)
+            else LabelledBar(name, 0.0, "not in the tissues: check the vein's position", known)
         )
     return Bars(
         "Pressures in mmHg (kPa) with 95 % intervals: on the skin by Laplace's law, inside hydrostatic",
         ("where", "pressure"),
         bars,
     )
+
+
+def _bar(name: str, pressure: float, more: str = "", interval: tuple[float, float] | None = None) -> LabelledBar:
+    return LabelledBar(name, mpa_to_mmhg(pressure), both_units(pressure) + more, interval)
 
 
 def _share(pressure: float, found: TissuePressures) -> str:
@@ -309,7 +298,7 @@ def level_blocks(details: StockingDetails) -> list[Block]:
         )
     if len(levels) > 1 and not makers.assumed_fabric:
         blocks.append(Prose(_falling(levels)))
-    slope = 10 * np.polyfit(along.levels, along.mean, 1)[0]
+    slope = round(10 * float(np.polyfit(along.levels, along.mean, 1)[0]), 2) + 0.0
     blocks.append(
         Prose(
             f"Gradient: {slope:+.2f} mmHg per cm upwards, from {along.mean[0]:.1f} mmHg at the lower end to "
@@ -340,13 +329,13 @@ def level_blocks(details: StockingDetails) -> list[Block]:
             band_name="95 % interval of the mean",
         )
     )
-    error = leg.accuracy
-    tension = f"{100 * error.tension_sd:g} % of the fabric's tension; " if error.tension_sd else ""
+    error, tension_sd = leg.accuracy, details.tension_sd
+    tension = f"{100 * tension_sd:.2g} % of the fabric's tension; " if tension_sd else ""
     blocks.append(
         Prose(
             f"The intervals include these errors (standard deviations): {tension}{100 * error.pressure_sd:g} % of the "
             "pressure on each eighth of the girth; and for the mesh, by judgement, a tenth of the change in pressure "
-            "that the leg's deformation causes." + ("" if error.tension_sd else f" {_EXACT_FABRIC}")
+            "that the leg's deformation causes." + ("" if tension_sd else f" {_EXACT_FABRIC}")
         )
     )
     return blocks

@@ -283,7 +283,7 @@ def diagnose_specimens(
     every = folder.specimens
     for name in names:
         if name not in every:
-            raise InputError("--specimen", name, "is no specimen of the folder", f"give one of {', '.join(every)}")
+            raise InputError("--specimen", name, "is not a specimen of the folder", f"give one of {', '.join(every)}")
     for name in names or every:
         started = time.perf_counter()
         title = folder.title if len(every) == 1 else f"{folder.title}: {name}"

@@ -96,7 +96,10 @@ class SpecimenFolder:
         if not found:
             known = sorted({text for one in self.recordings for text in (one.name, one.specimen)})
             raise InputError(
-                "--leave-out", name, "is no recording and no specimen of the folder", f"give one of {', '.join(known)}"
+                "--leave-out",
+                name,
+                "is neither a recording nor a specimen of the folder",
+                f"give one of {', '.join(known)}",
             )
         if len(found) == len(self.recordings):
             raise InputError("--leave-out", name, "leaves nothing to fit", "name fewer")
@@ -120,7 +123,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     directory = Path(directory)
     toml = directory / FILE
     if not directory.is_dir():
-        raise InputError(directory, "specimen folder", "not found", f"give one that holds {FILE}")
+        raise InputError(directory, "specimen folder", "not found", f"give one that contains {FILE}")
     given = parse_specimen_file(toml)
     named = _named(directory, toml, given)
     _ask_for_tables(given, [path for _, _, path in named])
@@ -235,7 +238,8 @@ def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
             str(directory / "recordings"),
             "recordings",
             f"{', '.join(others[:5])} {'is' if len(others) == 1 else 'are'} not read",
-            "name them with a specimen, remove them, or give [recordings] from `legfem data look --specimens`",
+            "name every file under [[specimen]], remove the others, or give [recordings] from `legfem data look "
+            "--specimens`",
         )
     ]
 
@@ -260,7 +264,7 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
                     toml,
                     where,
                     f"there is no file {pattern!r}",
-                    "put one CSV file a recording there: time_s,displacement_mm,force_N; or give "
+                    "put one CSV file for each recording there: time_s,displacement_mm,force_N; or give "
                     "the channels of your instrument's files, from `legfem data look`",
                 )
             found += [(number, path) for path in files]
@@ -285,7 +289,7 @@ def _matching(toml: Path, directory: Path, pattern: str) -> list[Path]:
         found = sorted(path for path in directory.glob(pattern) if path.is_file())
     except ValueError:
         raise InputError(
-            toml, "specimen.recordings", f"{pattern!r} is no pattern of files", "give such as recordings/a*.csv"
+            toml, "specimen.recordings", f"{pattern!r} is not a pattern of files", "give one such as recordings/a*.csv"
         ) from None
     return [path for path in found if not is_litter(path)]
 

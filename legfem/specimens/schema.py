@@ -182,7 +182,7 @@ class SpecimenFile(_Tests):
             if any(one.fibres is not None for one in self.specimen):
                 raise trouble("specimen.fibres", "are given without [fibres]", "add that table, or remove it")
         elif names and given.layer not in names:
-            what = "is missing" if given.layer is None else f"{given.layer!r} is no layer"
+            what = "is missing" if given.layer is None else f"{given.layer!r} is not a layer"
             raise trouble("fibres.layer", what, f"give one of {', '.join(names)}")
         elif given.layer is not None and not names:
             raise trouble("fibres.layer", "there are no layers", "remove it")

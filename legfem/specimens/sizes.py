@@ -16,7 +16,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording, Segmentation, ranges
 from legfem.data.contact import Contact
 from legfem.data.plausibility import loading_doubts
-from legfem.inverse.data import Channel, Data
+from legfem.inverse.readings import Channel, Data
 from legfem.specimens.course import Course, course_of
 from legfem.specimens.kind import (
     LABS,
@@ -164,7 +164,7 @@ def _without_fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> OneT
     own = {**{key: size for key, size in cube.items() if getattr(given.test, key) is None}, **stated}
     for key in own:
         if key not in type(given.test).model_fields:
-            raise SizeError(key, "is no size of this test", "remove it")
+            raise SizeError(key, "is not a size of this test", "remove it")
     layers = _layers(given, specimen)
     if not layers:
         return given.kind.body_of(given.test.model_copy(update=own))

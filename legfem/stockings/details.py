@@ -1,7 +1,7 @@
 """What the fit of a leg in its stocking has beside that of any test: the leg as worn, its pressures, the searches."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -95,7 +95,14 @@ class StockingDetails:
         """Pressure of the stocking by height."""
         leg, tension = self.leg, None if self.best is None else self.best.tension
         on_bare = stocking_load(leg.bare, leg.stocking).times(1.0 if tension is None else 1 + tension.value)
-        return PressureAlong.of(leg.bare, self.equilibrium.load, on_bare, leg.accuracy)
+        accuracy = replace(leg.accuracy, tension_sd=self.tension_sd)
+        return PressureAlong.of(leg.bare, self.equilibrium.load, on_bare, accuracy)
+
+    @property
+    def tension_sd(self) -> float:
+        """Relative standard deviation of the fabric's tension: as found, where it was; else as given."""
+        tension = None if self.best is None else self.best.tension
+        return self.leg.accuracy.tension_sd if tension is None else tension.sd / (1 + tension.value)
 
     @property
     def at_levels(self) -> list[LevelPressure]:

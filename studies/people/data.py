@@ -129,7 +129,10 @@ def read_indentations(folder: Path) -> Indentations:
     table, numbers = table[good], numbers[good]
     if not len(table):
         raise InputError(
-            str(path), "", "holds no person with all numbers", "give forces in N, thicknesses in mm, pressures in MPa"
+            str(path),
+            "",
+            "contains no person with all numbers",
+            "give forces in N, thicknesses in mm, pressures in MPa",
         )
     people = tuple(sorted(set(table["SubID"])))
     sites = tuple(site for site in SITES if site in set(table["Location"]))

@@ -148,7 +148,7 @@ def identify(legs: Path, out: Path, settings: StockingSettings, jobs: int) -> No
     """Identify all legs made; what is done stays."""
     tasks = [(kind, leg) for kind in NOISE for leg in TRUTHS if (_folder(legs, kind, leg) / "leg.toml").is_file()]
     if not tasks:
-        raise InputError("--legs", str(legs), "holds no legs", "make them with --make first")
+        raise InputError("--legs", str(legs), "contains no legs", "make them with --make first")
     # The paper's search takes many solutions: it is compared where the segmentation is perfect.
     chosen = {kind: replace(settings, nelder_mead=settings.nelder_mead and kind == "perfect") for kind in NOISE}
     modules = ("studies.stockings.truth",)

@@ -81,7 +81,7 @@ class LayerThicknesses(ChannelFile):
         own = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)
         if own is None:
             return Impossible(
-                "the line of travel meets no bone in the section: there is no such thickness",
+                "the line of travel meets no bone in the section: so there is no such thickness",
                 "leave the column out, or correct aim_mm and direction_deg",
             )
         kept = np.isfinite(recorded.depth)

@@ -10,8 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.data.formats.force_curves import refuse_force_curve
-from legfem.data.formats.no_tables import refuse_what_holds_no_table
+from legfem.data.formats.refused import refuse_force_curve, refuse_what_holds_no_table
 from legfem.data.formats.sheet import MOST_BYTES, Column, Sheet, check_size
 from legfem.data.formats.text import read_text
 
@@ -32,7 +31,7 @@ def _reader(module: str, name: str) -> Reader:
 
 _workbook, _old_workbook = _reader("workbook", "read_workbook"), _reader("workbook", "read_old_workbook")
 _open_document = _reader("workbook", "read_open_document")
-_tdms, _lvm = _reader("labview", "read_tdms"), _reader("labview", "read_lvm")
+_tdms, _lvm = _reader("arrays", "read_tdms"), _reader("arrays", "read_lvm")
 _matlab, _hdf5 = _reader("arrays", "read_matlab"), _reader("arrays", "read_hdf5")
 
 
@@ -48,7 +47,7 @@ def _zipped(path: Path) -> list[Sheet]:
         files = [one for one in files if Path(one.filename).suffix.lower() in READERS] or files
         if len(files) != 1:
             few = ", ".join(one.filename for one in files[:4]) + (", ..." if len(files) > 4 else "")
-            told = f"holds {len(files)} files ({few})" if files else "holds no files"
+            told = f"contains {len(files)} files ({few})" if files else "contains no files"
             raise InputError(path, "file", told, "unpack it, and look at one of them")
         check_size(path, files[0].file_size)
         return _read_within(path, Path(files[0].filename).name, archive.read(files[0]))
@@ -70,7 +69,7 @@ def _read_within(path: Path, name: str, content: bytes) -> list[Sheet]:
         try:
             refuse_force_curve(inner)
             if zipfile.is_zipfile(inner) and inner.suffix.lower() not in (".xlsx", ".xlsm"):
-                raise InputError(inner, "file", "holds another archive", "unpack it")
+                raise InputError(inner, "file", "contains another archive", "unpack it")
             return read_sheets(inner)
         except InputError as error:
             raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
@@ -82,12 +81,12 @@ _UNPACK: dict[str, type[gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile]] = {
     ".xz": lzma.LZMAFile,
 }
 READERS: dict[str, Reader] = {
-    **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab"), read_text),
+    # LabVIEW's own heading may have been left out, or taken off.
+    **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv", ".tab", ".lvm"), read_text),
     **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
     ".xls": _old_workbook,
     ".ods": _open_document,
     ".tdms": _tdms,
-    ".lvm": _lvm,
     ".mat": _matlab,
     **dict.fromkeys((".h5", ".hdf5"), _hdf5),
     ".zip": _zipped,
@@ -156,13 +155,13 @@ def read_sheets(path: Path) -> list[Sheet]:
             path,
             "file",
             f"can't be read as {ending or 'what it begins as'} ({said})",
-            "it is damaged or of another kind: copy or export it again",
+            "it may be damaged, or of another kind than its name says: copy or export it again",
         ) from error
     if not sheets:
         raise InputError(
             path,
             "file",
-            "holds no columns of numbers with names",
+            "contains no columns of numbers with names",
             "export time, displacement and force, each with its name",
         )
     return sheets
@@ -182,4 +181,4 @@ def _no_file(path: Path) -> InputError:
 
 def _no_kind(path: Path) -> InputError:
     kinds = f"export it as one of {', '.join(READERS)}"
-    return InputError(path, "file", f"'{path.suffix}' is no kind that is read", kinds)
+    return InputError(path, "file", f"'{path.suffix}' is not a kind of file that legfem reads", kinds)

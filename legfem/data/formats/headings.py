@@ -33,7 +33,7 @@ def titles_and_units(
 
     Of several rows that are wide enough the names are the one most of whose cells name a quantity or a unit.
     """
-    above = [_paired(row, len(columns)) for row in _without_keys(above)]
+    above = [_paired(row, len(columns)) for row in _with_names_of_channels(_without_keys(above))]
     rows = [row for row in above if _says(row, columns)] or _listed(above, columns)
     if not rows:
         return None, None
@@ -101,6 +101,36 @@ def _without_keys(above: Sequence[Sequence[Cell]]) -> list[Sequence[Cell]]:
     units = ["s", *(text_of(cell).rpartition(" ")[2] for cell in keyed.get(_RANGES, ())[1:])]
     stated = any(name_and_unit(text_of(name))[1] for name in names)
     return [["Time (s)", *names[1:]]] if stated or len(units) < len(names) else [names, units]
+
+
+_COUNT_OF_CHANNELS = re.compile(r"(?P<count>\d+) channels?", re.IGNORECASE)
+_CHANNEL = re.compile(r"CH ?\d+", re.IGNORECASE)
+
+
+def _with_names_of_channels(above: Sequence[Sequence[Cell]]) -> list[Sequence[Cell]]:
+    """Return rows in which AcqKnowledge's ``CH1``, ``CH2`` are the names and units that stand a line each above."""
+    lines = [" ".join(text_of(cell) for cell in row if cell is not None) for row in above]
+    begin, found = next(
+        ((k, f) for k, line in enumerate(lines) if (f := _COUNT_OF_CHANNELS.fullmatch(line))), (0, None)
+    )
+    count = int(found["count"]) if found else 0
+    stated = [line for line in lines[begin + 1 :] if line][: 2 * count]
+    labels = [f"{name} ({unit})" for name, unit in zip(stated[::2], stated[1::2], strict=False)]
+    return [
+        _renamed(row, labels) if labels and sum(map(bool, map(_CHANNEL.fullmatch, map(text_of, row)))) == count else row
+        for row in above
+    ]
+
+
+def _renamed(row: Sequence[Cell], labels: Sequence[str]) -> list[Cell]:
+    """Return a row of names in which the channels' have their labels, in turn."""
+    left = iter(labels)
+    return [
+        next(left, cell)
+        if _CHANNEL.fullmatch(text_of(cell))
+        else (f"Time ({cell})" if (unit := unit_named(text_of(cell))) and unit.quantity == "time" else cell)
+        for cell in row
+    ]
 
 
 def names_something(label: str) -> bool:

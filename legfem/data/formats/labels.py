@@ -20,7 +20,7 @@ _POUND = 4.4482216152605
 _UNITS = {
     "time": {
         1.0: "s sec secs second seconds sek sekunde sekunden seconde secondes segundos secondi с сек 秒 초",
-        1e-3: "ms msec millisecond milliseconds millisekunden millis мс",
+        1e-3: "ms msec millisec millisecond milliseconds millisekunden millis мс",
         1e-6: "us µs microsecond microseconds micros",
         1e-9: "ns",
         1e3: "ks",
@@ -111,6 +111,7 @@ def unit_named(name: str) -> Unit | None:
 WORDS: dict[Quantity, str] = {
     "time": r"time|zeit|temps|tiempo|tempo|^t$|x_value|tijd|^tid$|^czas|^čas$|zaman|время|時間|时间|시간",
     "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth|distance"
+    r"|penetration|\bcourse\b|enfoncement|profondeur|corsa|profondità|carrera|profundidad|tiefe|eindring|\bhub\b"
     r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|deslocamento|verplaatsing|förskjutning"
     r"|deformation|przemieszczenie|перемещение|変位|変形|ストローク|位移|变形|行程|변위|^d$|^z$",
     "force": r"force|load|kraft|(?<![ep])last|fuerza|forza|força|effort|kracht|^charge|carga|carico|siła|síla|kuvvet"

@@ -29,15 +29,19 @@ _DASH = re.compile(r"(?<![\w–])–(?=[\d.,])")
 """In a minus sign's place."""
 _FORMULA = re.compile(r'="([^"]*)"')
 """How a cell is kept from a spreadsheet's guesses."""
-_COMMENT = re.compile(r"^\s*[#%]+\s?")
+_COMMENT = re.compile(r"^\s*(?:[#%]+|//+)\s?")
 _OF_NUMBERS = re.compile(r"(?=.*\d)[\s\d.,;:|+\-eEdD\"'\u00a0\u202f]*")
 _QUOTED_THOUSANDS = re.compile(rf'"\s*({THOUSANDS.pattern})\s*"')
 _SPACED_THOUSANDS = re.compile(r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))")
 """As the Swiss and the French write them; a plain space parts them only in a cell of its own."""
 _SPACED_CELL = re.compile(r'(?:^|(?<=[;\t"]))\s*[+-]?\d{1,3}(?: \d{3})+(?=(?:[.,]\d*)?\s*(?:[;\t"]|$))')
+_UNGROUPED = re.compile(r"[\w.,;\t+-]*")
+"""A line in which nothing can stand between thousands but a point or comma: most lines of a long file."""
 _QUOTED_LINE = re.compile(r'\s*"([^"]*[,;\t][^"]*)"\s*')
 _MOST_LINES_OF_A_CELL = 5
 _HEAD_BYTES = 20_000
+_MOST_LINES = 2_000_000
+"""Half an hour of a test at 1 kHz, which takes most of a minute to read."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +75,17 @@ def read_lines(path: Path) -> TextLines:
     Raises
     ------
     InputError
-        If it is no text, or a block of it was never written.
+        If it is no text, has too many lines, or a block of it was never written.
     """
     text, encoding, left = _decoded(path)
     given = _DASH.sub("-", text.translate(_CHARACTERS)).splitlines()
+    if len(given) > _MOST_LINES:
+        raise InputError(
+            path,
+            "file",
+            f"contains {len(given):,} lines; at most {_MOST_LINES:,} are read",
+            "export the test alone, sampled less finely",
+        )
     given = [_FORMULA.sub(r'"\1"', line) for line in _with_whole_cells(given)]
     # A line in quotes as a whole is one that a spreadsheet took for a cell.
     given = [found[1] if (found := _QUOTED_LINE.fullmatch(line)) else line for line in given]
@@ -82,7 +93,7 @@ def read_lines(path: Path) -> TextLines:
     first = _first_of_numbers(given)
     broken = next((k for k in range(first, len(given)) if "\0" in given[k]), None)
     if broken is not None:
-        raise InputError(path, f"line {broken + 1}", "holds a null byte: it is damaged", "copy it again")
+        raise InputError(path, f"line {broken + 1}", "contains a null byte: the file is damaged", "copy it again")
     remarks = [*told]
     remarks += [f"{left} null bytes at its end are left out: it was not written to its end"] if left else []
     texts, grouped, comments = [], 0, 0
@@ -93,11 +104,12 @@ def read_lines(path: Path) -> TextLines:
             continue
         # In quotes, and with a decimal mark of the other kind, there is but one way to read them.
         plain = _COMMENT.sub("", line.replace("\0", ""))
-        plain, count = _QUOTED_THOUSANDS.subn(_without_thousands, plain)
-        plain, further = _SPACED_THOUSANDS.subn("", plain)
-        plain, more = _SPACED_CELL.subn(lambda found: found[0].replace(" ", ""), plain)
+        if not _UNGROUPED.fullmatch(plain):
+            plain, count = _QUOTED_THOUSANDS.subn(_without_thousands, plain)
+            plain, further = _SPACED_THOUSANDS.subn("", plain)
+            plain, more = _SPACED_CELL.subn(lambda found: found[0].replace(" ", ""), plain)
+            grouped += count + further + more
         texts.append(plain)
-        grouped += count + further + more
     if comments:
         remarks.append(f"comments among the numbers are left out ({comments} lines)")
     if grouped:
@@ -109,7 +121,7 @@ _STAMP = re.compile(r"\d\d:\d\d:\d\d\.\d{3} -> ")
 _LABELLED = re.compile(
     r"\s*(?P<label>[^\W\d][\w ]*?)\s*[:=]\s*(?P<number>[+-]?\d+(?:\.\d*)?)\s*(?P<unit>[^\W\d_]{1,5})?\s*"
 )
-_MOSTLY = 0.9
+_MOSTLY, _LINES_TRIED = 0.9, 40
 
 
 def _without_stamps(lines: list[str], told: tuple[str, ...]) -> tuple[list[str], tuple[str, ...]]:
@@ -122,8 +134,11 @@ def _without_stamps(lines: list[str], told: tuple[str, ...]) -> tuple[list[str],
 
 def _without_labels(lines: list[str]) -> tuple[list[str], tuple[str, ...]]:
     """Return lines of labels and values, as ``Force:1.25,Depth:3.5 mm``, as a table with a line of names."""
-    parted = [_labelled(_STAMP.sub("", line, count=1)) for line in lines]
     filled = [k for k, line in enumerate(lines) if line.strip()]
+    middle = [lines[k] for k in filled[len(filled) // 2 :][:_LINES_TRIED]]
+    if not any(_labelled(_STAMP.sub("", line, count=1)) for line in middle):
+        return lines, ()
+    parted = [_labelled(_STAMP.sub("", line, count=1)) for line in lines]
     begin = next((k for k in filled if parted[k]), None)
     if begin is None or len(filled) < FEWEST_ROWS:
         return lines, ()
@@ -191,10 +206,10 @@ def _decoded(path: Path) -> tuple[str, str, int]:
             raise InputError(
                 path,
                 f"line {lost[1].count(b'\n') + 1}",
-                f"{len(lost[2])} null bytes stand in place of text: part of the file is lost",
+                f"{len(lost[2])} null bytes are in the place of text: part of the file is lost",
                 "copy it again from the instrument",
             )
-        raise InputError(path, "file", "is no text (it holds null bytes)", "export it as CSV from its program")
+        raise InputError(path, "file", "is not text (it contains null bytes)", "export it as CSV from its program")
     try:
         return whole.decode("utf-8"), "utf-8", left if left > 1 else 0
     except UnicodeDecodeError:

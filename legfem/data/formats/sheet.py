@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -80,7 +82,7 @@ def check_size(path: Path, size: int) -> None:
         raise InputError(
             path,
             "file",
-            f"holds {size / 1e6:,.0f} MB once unpacked; at most {MOST_BYTES / 1e6:g} MB are read",
+            f"contains {size / 1e6:,.0f} MB once unpacked; at most {MOST_BYTES / 1e6:g} MB are read",
             "export the test alone, sampled less finely",
         )
 
@@ -146,40 +148,61 @@ def sheet_of_rows(
         raise InputError(
             path,
             f"{where}line {start + 1}",
-            f"no row with the names of {len(columns)} columns stands above the numbers",
-            "give each column a name with its unit, such as Time (s)",
+            f"there is no row with the names of the {len(columns)} columns above the numbers",
+            "write a row of names with units, such as Time (s), above the numbers",
         )
     if width_of(titles) > width and not all(text_of(cell_at(titles, c)) for c in columns):
         raise InputError(
             path,
             f"{where}line {start + 1}",
-            f"{width_of(titles)} names, the first of them empty, stand above {width} columns: which is whose isn't "
-            "clear",
-            "give each column a name with its unit, such as Time (s)",
+            f"{width_of(titles)} names, the first of them empty, are above {width} columns: it isn't clear which "
+            "belongs to which",
+            "write a row of names with units, such as Time (s), above the numbers",
         )
     found = []
     for k, c in enumerate(columns):
         column, unit = name_and_unit(text_of(cell_at(titles, c)))
         unit = "s" if c == clock else one_unit(unit, units[k] if units else None)
+        unit = unit or _unit_behind(rows, samples, c)
         found.append(Column(column, unit, values[:, k]))
     if not any(measures(c, "time") or names_quantity(c.name, "time") for c in found):
         counted = _with_clock(rows, range(start, end), width)
         if counted is not None:
             remark = "the time is counted from a clock's times"
             return sheet_of_rows(path, name, counted[0], (*remarks, remark), counted[1])
+    anew = _repeating(found)
+    if anew.any():
+        found = [replace(c, values=c.values[~anew]) for c in found]
     passed = {}
     for c in set(range(width)) - set(columns):
         cell = next((one for row in middle if (one := text_of(cell_at(row, c)))), "")
         if cell:
             passed[text_of(cell_at(titles, c))] = cell
-    if not name:
+    if any(why_no_number(cell) for cell in passed.values()) or not name:
         _check_passed(path, passed, found)
     below = sum(k >= end for k in kept)
     told = [f"{len(passed)} columns without numbers are passed over: {', '.join(map(repr, passed))}"] if passed else []
     told += [f"{below} lines below the numbers are passed over"] if below else []
     told += [f"headings among the numbers are passed over ({len(again)} lines)"] if again else []
+    told += [f"{anew.sum()} rows that repeat the one before are left out"] if anew.any() else []
     told += [NAMELESS] if nameless else []
     return Sheet(name, tuple(found), (*remarks, *told))
+
+
+def _repeating(columns: Sequence[Column]) -> NDArray[np.bool_]:
+    """Return which rows have the time, and all else, of the one before; none of a table without a time."""
+    values = np.stack([c.values for c in columns])
+    timed = any(measures(c, "time") or names_quantity(c.name, "time") for c in columns)
+    again = np.zeros(values.shape[1], dtype=bool)
+    again[1:] = timed & (values[:, 1:] == values[:, :-1]).all(axis=0)
+    return again
+
+
+def _unit_behind(rows: Sequence[Sequence[Cell]], samples: Sequence[int], c: int) -> str | None:
+    """Return the unit that a gauge writes into a cell of its own behind each number; None where there is none."""
+    cells = {text_of(cell_at(rows[k], c + 1)) for k in samples}
+    unit = cells.pop() if len(cells) == 1 else ""
+    return unit if unit_named(unit) is not None else None
 
 
 def why_no_number(cell: str) -> tuple[str, str] | None:
@@ -192,7 +215,10 @@ def why_no_number(cell: str) -> tuple[str, str] | None:
     if grouped is not None:
         return f"its numbers have thousands' separators ('{grouped[0]}')", "export them without"
     if valued is not None and unit_named(valued["unit"]) is not None:
-        return f"its cells hold units beside the numbers ('{cell}')", "put each unit into its column's name: Force (N)"
+        return (
+            f"its cells contain units beside the numbers ('{cell}')",
+            "put each unit into its column's name: Force (N)",
+        )
     return None
 
 
@@ -237,9 +263,9 @@ def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]
         if texts and not numbers:
             cell = passed[texts[0]]
             if _PLAIN.fullmatch(cell):
-                problem = "is empty in many rows: it was read less often than the others"
+                problem = "is empty in many rows: it was recorded less often than the others"
                 raise InputError(path, f"column '{texts[0]}'", problem, "export all columns at one rate")
-            problem, remedy = why_no_number(cell) or (f"holds '{cell[:40]}'", "export it as numbers")
+            problem, remedy = why_no_number(cell) or (f"contains '{cell[:40]}'", "export it as numbers")
             raise InputError(path, f"column '{texts[0]}'", problem, remedy)
 
 
@@ -297,13 +323,17 @@ def _is_sample(row: Sequence[Cell], columns: Sequence[int]) -> bool:
 def _check_row(path: Path, where: str, row: Sequence[Cell], columns: Sequence[int], width: int | None) -> None:
     """Check that a row has its numbers and, in a file without a grid, no more cells than the others."""
     cells = [cell_at(row, c) for c in columns]
+    if len(row) == width and all(type(cell) is float and isfinite(cell) for cell in cells):
+        return
     strange = next((c for c in cells if not isinstance(c, float)), None)
     if (width is not None and width_of(row) > width) or not all(isinstance(c, float) for c in cells):
         found = f"'{str(strange)[:40]}'" if strange not in (None, "") else f"{width_of(row)} cells"
-        if strange in (None, "") and width in (None, width_of(row)):
+        if strange in (None, "") and (width in (None, width_of(row)) or len(row) > columns[-1]):
             found = "an empty cell"
         problem = f"{found} where {len(columns)} numbers are needed"
         told = why_no_number(strange) if isinstance(strange, str) else None
-        raise InputError(path, where, *(told or (problem, "keep one trial a file, and take out what is no number")))
+        raise InputError(
+            path, where, *(told or (problem, "remove what is not a number, and save each trial in a file of its own"))
+        )
     if not np.isfinite(cells).all():  # type: ignore[arg-type]
-        raise InputError(path, where, "a number isn't finite", "take the row out, or record again")
+        raise InputError(path, where, "there is no finite number", "remove the row, or record again")

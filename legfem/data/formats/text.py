@@ -25,6 +25,7 @@ _FORTRAN = str.maketrans(",dD", ".ee")
 _WORD = re.compile(r'"([^"]*)"|(\S+)')
 _BETWEEN_WORDS = re.compile(r"\s+(?![(\[<])")
 """Not before a unit in brackets."""
+_BEHIND_A_BRACKET = re.compile(r"(?<=[)\]>])\s+")
 _BARE_THOUSANDS = re.compile(r'(?<![\d."])\d{1,3}(,\d{3})+\.\d+(?![\d"])')
 _LINES_TRIED = 40
 
@@ -46,7 +47,7 @@ def read_text(path: Path) -> list[Sheet]:
     if delimiter == " ":
         # Words of another number than the columns name none of them: one of theirs would be its neighbour's.
         width = len(parted[_middle_of(lines.texts)])
-        parted = [row if len(row) == width else [" ".join(row)] for row in parted]
+        parted = [next((r for r in (row, _behind_brackets(row)) if len(r) == width), [" ".join(row)]) for row in parted]
     remarks = [
         f"text in {lines.encoding}, columns separated by {_DELIMITERS[delimiter]}, decimal "
         f"{'points' if decimal == '.' else 'commas'}: every number can be read this way",
@@ -128,7 +129,7 @@ def _check_decimals(path: Path, lines: TextLines, parted: Sequence[Sequence[str]
         raise InputError(
             path,
             f"line {lines.first + 1}",
-            f"{names} names stand above {cells} cells: its decimals have commas, as what parts the cells",
+            f"{names} names are above {cells} cells: commas separate both the cells and the decimals",
             "export it with semicolons or tabs between the cells, or with decimal points",
         )
 
@@ -160,7 +161,7 @@ def _dialect(path: Path, lines: TextLines) -> tuple[str, str]:
     best = best if len({fit[0] for fit in best}) > 1 else best[:1]
     if len(best) > 1:
         ways = " or ".join(f"{_DELIMITERS[d]} ({w} columns)" for d, _, w in best)
-        raise InputError(path, "file", f"its columns may be parted by {ways}", "part them by semicolons or tabs")
+        raise InputError(path, "file", f"its columns may be separated by {ways}", "separate them by semicolons or tabs")
     return best[0][0], best[0][1]
 
 
@@ -184,12 +185,12 @@ def _why_no_table(filled: Sequence[str], tried: list[str]) -> tuple[str, str]:
     if told := next(filter(None, map(why_no_number, cells)), None):
         return told
     if any(_are_numbers([line], mark) for mark in ".," for line in tried):
-        return "holds one column of numbers", "export time, displacement and force as three columns of one file"
+        return "contains one column of numbers", "export time, displacement and force as three columns of one file"
     if not any(character.isdigit() for line in filled for character in line):
-        return "holds no numbers", "export the recording again: nothing of it is in this file"
+        return "contains no numbers", "export the recording again: it is not in this file"
     if len(filled) >= FEWEST_ROWS and any(len(_widths(tried, d, ".")) > 1 for d in "\t;,|"):
-        return "its rows have different numbers of cells", "export it again as CSV with one row a sample"
-    return "holds no table of numbers", "export it again as CSV with one row a sample"
+        return "its rows have different numbers of cells", "export it again as CSV with one row for each sample"
+    return "contains no table of numbers", "export it again as CSV with one row for each sample"
 
 
 def _with_other_columns(lines: list[str]) -> list[tuple[str, str, int]]:
@@ -236,7 +237,7 @@ def _parted(lines: list[str], delimiter: str) -> list[list[str]]:
             for line in lines
         ]
     try:
-        return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
+        return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True)]
     except csv.Error:  # a cell of a hundred thousand characters is no number either
         return [[line] for line in lines]
 
@@ -245,6 +246,11 @@ def _words(line: str) -> list[str]:
     """Part a line of names with units in brackets at wide gaps; at all gaps but those before a bracket without any."""
     wide = re.split(r"\s{2,}|\t", line.strip())
     return wide if len(wide) > 1 else _BETWEEN_WORDS.split(line.strip())
+
+
+def _behind_brackets(words: Sequence[str]) -> list[str]:
+    """Part names at the gaps behind their units too, as where a long name leaves one space of a wide gap."""
+    return [one for word in words for one in _BEHIND_A_BRACKET.split(word)]
 
 
 def _cell(text: str, decimal: str) -> Cell:

@@ -14,8 +14,9 @@ from xml.etree import ElementTree
 import xlrd
 from openpyxl import load_workbook
 
+from legfem.common.errors import InputError
 from legfem.data.formats.headings import Cell
-from legfem.data.formats.sheet import NOT_CALCULATED, Sheet, check_size, sheet_of_rows
+from legfem.data.formats.sheet import FEWEST_ROWS, NOT_CALCULATED, Sheet, check_size, sheet_of_rows, why_no_number
 
 _NUMBER = re.compile(r"\s*[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?\s*")
 _MOST_COLUMNS = 1_000
@@ -34,10 +35,9 @@ def read_workbook(path: Path) -> list[Sheet]:
     with path.open("rb") as content:
         book = load_workbook(content, read_only=True, data_only=True)
         try:
-            found = [_table(path, page.title, page.iter_rows(values_only=True), remarks) for page in book.worksheets]
+            return _tables(path, ((page.title, page.iter_rows(values_only=True)) for page in book.worksheets), remarks)
         finally:
             book.close()
-    return [sheet for sheet in found if sheet is not None]
 
 
 def read_old_workbook(path: Path) -> list[Sheet]:
@@ -47,8 +47,7 @@ def read_old_workbook(path: Path) -> list[Sheet]:
             (page.name, [[_old_cell(cell, book.datemode) for cell in page.row(k)] for k in range(page.nrows)])
             for page in book.sheets()
         ]
-    found = [_table(path, name, rows) for name, rows in pages]
-    return [sheet for sheet in found if sheet is not None]
+    return _tables(path, pages)
 
 
 _OFFICE = "{urn:oasis:names:tc:opendocument:xmlns:office:1.0}"
@@ -59,7 +58,7 @@ _SPAN = re.compile(r"PT(?P<h>\d+)H(?P<m>\d+)M(?P<s>[\d.]+)S")
 
 def read_open_document(path: Path) -> list[Sheet]:
     """Read the tables of an OpenDocument workbook's sheets."""
-    found: list[Sheet | None] = []
+    pages: list[tuple[str, list[list[Cell]]]] = []
     with zipfile.ZipFile(path) as archive, archive.open("content.xml") as content:
         check_size(path, sum(one.file_size for one in archive.infolist()))
         rows: list[list[Cell]] = []
@@ -73,10 +72,10 @@ def read_open_document(path: Path) -> list[Sheet]:
                 rows += [row] * times
                 element.clear()
             elif element.tag == f"{_TABLE}table":
-                found.append(_table(path, element.get(f"{_TABLE}name", "sheet"), rows))
+                pages.append((element.get(f"{_TABLE}name", "sheet"), rows))
                 rows = []
                 element.clear()
-    return [sheet for sheet in found if sheet is not None]
+    return _tables(path, pages)
 
 
 def _open_row(row: ElementTree.Element) -> list[Cell]:
@@ -103,8 +102,31 @@ def _open_cell(element: ElementTree.Element) -> Cell:
     return "".join("".join(one.itertext()) for one in element.iter(f"{_TEXT}p")) or None
 
 
-def _table(path: Path, name: str, given: Iterable[Sequence[object]], remarks: tuple[str, ...] = ()) -> Sheet | None:
-    rows = [[_cell(value) for value in row] for row in given]
+def _tables(
+    path: Path, pages: Iterable[tuple[str, Iterable[Sequence[object]]]], remarks: tuple[str, ...] = ()
+) -> list[Sheet]:
+    """Return the tables of pages that have one.
+
+    Raises
+    ------
+    InputError
+        If none has, and many cells have something beside their numbers.
+    """
+    found: list[Sheet] = []
+    told: list[tuple[str, str]] = []
+    for name, given in pages:
+        rows = [[_cell(value) for value in row] for row in given]
+        sheet = _table(path, name, rows, remarks)
+        if sheet is not None:
+            found.append(sheet)
+        else:
+            told += filter(None, (why_no_number(cell) for row in rows for cell in row if isinstance(cell, str)))
+    if not found and len(told) >= FEWEST_ROWS:
+        raise InputError(path, "file", *told[0])
+    return found
+
+
+def _table(path: Path, name: str, rows: list[list[Cell]], remarks: tuple[str, ...] = ()) -> Sheet | None:
     mark = _decimal_mark(rows)
     if mark is None:
         return sheet_of_rows(path, name, rows, remarks)

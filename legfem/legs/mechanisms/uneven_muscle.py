@@ -16,12 +16,12 @@ from legfem.inverse.parameter import Parameter, Prior
 
 _DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
 _RADII_MM = (5.5, 11.0)
-"""Of a disk as much as a lump."""
+"""Of a lump."""
 _LUMPS = tuple(product(_RADII_MM, _DEPTHS_MM, _SIDES_MM))
-_SHARED = 0.35
+_SHARED = 0.4
 """Of the distance between places: how far from one its response is shared with the next."""
-_SATURATION = 0.2
-"""Of solutions on a leg of 0.75 kPa: right within 2 % from a quarter to three times as stiff."""
+_SATURATION = 0.5
+"""Of solutions on a leg of 0.75 kPa: right within 4 % from a third to three times as stiff."""
 _HARD = 10.0
 """Factor at which it is solved, too: from there on a lump is as good as rigid."""
 
@@ -61,7 +61,7 @@ def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tu
 
 @dataclass(frozen=True)
 class UnevenMuscle(TissueMechanism):
-    r"""A lump, or a weak spot, somewhere under the indenter, with no edge.
+    r"""A lump, or a weak spot, somewhere under the indenter.
 
     A smaller one that is stiffer changes the force likewise, but moves the tissue about it less, so that the rest of
     the muscle is told apart from it by other channels. Between places and radii of a lattice its response is shared
@@ -99,7 +99,7 @@ class UnevenMuscle(TissueMechanism):
             "mm",
             (_RADII_MM[0], _RADII_MM[-1]),
             Prior(8.0, 2.5, "linear", "from a tendon's to a muscle's own size"),
-            statement="of it, taken as a disk with a sharp edge",
+            statement="of it, taken as a disk",
         ),
     )
     would_be: ClassVar[str] = "a region of the muscle of {} times the stiffness of the rest"
@@ -127,11 +127,11 @@ class UnevenMuscle(TissueMechanism):
 
         muscle, travel = leg.tissues.deep, leg.indenter.direction
         points = tuple(place_in_section(leg, depth, side) for _, depth, side in _LUMPS)
-        radii = tuple(_soft(radius) for radius, _, _ in _LUMPS)
+        radii = tuple(radius for radius, _, _ in _LUMPS)
         origin = place_in_section(leg, 0.0, 0.0)
         return [
             UnevenStiffness("deep", muscle, points, radii),
-            StiffLump("deep", muscle, origin, (float(travel[0]), float(travel[1])), radius=_soft(_RADII_MM[0])),
+            StiffLump("deep", muscle, origin, (float(travel[0]), float(travel[1])), radius=_RADII_MM[0]),
         ]
 
     @property
@@ -152,14 +152,9 @@ class UnevenMuscle(TissueMechanism):
             "excess": values["factor"] - 1,
             "depth": values["depth"],
             "side": values["side"],
-            "radius": _soft(values["radius"]),
+            "radius": values["radius"],
         }
         return Solution(self.variant, {f"deep.stiff_lump.{name}": float(value) for name, value in given.items()})
-
-
-def _soft(radius: float) -> float:
-    """Return the radius (mm) of the soft lump that is as much as a disk."""
-    return radius / float(np.sqrt(2))
 
 
 def _saturating(factor: float) -> float:

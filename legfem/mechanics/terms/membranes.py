@@ -65,7 +65,7 @@ class Fascia(Memoryless):
             raise InputError(
                 "mesh",
                 self.name,
-                "the mesh doesn't tell the face of the deep tissue",
+                "the mesh has no named face of the deep tissue",
                 "mesh the leg with legfem.meshing.solid_leg",
             )
         k, c = (body.symbols.scalar(name, value) for name, value in self.parameters.items())

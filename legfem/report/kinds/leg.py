@@ -256,7 +256,7 @@ def _stiffness(chosen: LegFit) -> str:
 
 def _values(chosen: LegFit) -> str:
     return "; ".join(
-        f"{estimates.words_of(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
+        f"{estimates.words_of(name)} {estimates.value_text(found)} ({estimates.interval_text(found, '95 % ')})"
         + (f", {estimates.moduli_of(found)}" if name == DEEP_C10 else "")
         for name, found in chosen.estimates.items()
         if found.parameter.role == "identified"

@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const DASHES = {solid: [], dashed: [8, 5], dotted: [2, 4], dotdash: [2, 4, 8, 4]};
-  const EDGE = 74, LEAST = 640;
+  const EDGE = 74, LEAST = 640, PRINTED = 155, PRINTED_BELOW = 160;
   Chart.defaults.font.family = getComputedStyle(document.body).fontFamily;
   Chart.defaults.color = "#222";
   const points = (x, y) => x.map((one, k) => ({x: one, y: y[k]}));
@@ -101,7 +101,8 @@
         chart.update();
       }));
   }
-  // A printed page has another width than the window.
-  addEventListener("beforeprint", () => every.forEach((chart) => chart.resize(LEAST, chart.height)));
+  // A printed page has another width than the window, and holds two figures.
+  addEventListener("beforeprint", () => every.forEach((chart) =>
+    chart.resize(LEAST, chart.canvas.parentNode.className === "below" ? PRINTED_BELOW : PRINTED)));
   addEventListener("afterprint", () => every.forEach((chart) => chart.resize()));
 })();

@@ -69,8 +69,8 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
 
     def model(self, body: CupOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
+        from legfem.experiments.axisymmetric import settings_to
         from legfem.experiments.suction import SuctionTest
-        from legfem.specimens.shallow_tests import settings_to
 
         return SuctionTest(body, law, settings_to(depth))
 
@@ -107,7 +107,7 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
             raise InputError(
                 source,
                 "pressure",
-                f"a suction of {peak:.4g} kPa is more than the atmosphere has",
+                f"a suction of {peak:.4g} kPa is more than the atmosphere's pressure",
                 f"check the unit: as mbar it is {0.1 * peak:.3g} kPa, as mmHg {0.1333 * peak:.3g} kPa",
             )
         radius, height = math.sqrt(body.opening / math.pi), float(np.ptp(recording.displacement))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from legfem.report.estimates import words_of
-from legfem.study.doe.design import OF_THE_GEOMETRY, Factor, label_of
+from legfem.study.doe.design import OF_THE_GEOMETRY, label_of
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import CoefficientTest
@@ -18,15 +18,15 @@ _UNSEEN = 0.01
 """Share of a metric's variation below which a factor doesn't show."""
 
 
-def in_words(factor: Factor) -> str:
-    """Factor in a sentence."""
-    return f"the {factor.label}" if factor.name in OF_THE_GEOMETRY else words_of(factor.name)
+def in_words(name: str) -> str:
+    """Return a parameter in a sentence, by its full name."""
+    return f"the {label_of(name)}" if name in OF_THE_GEOMETRY else words_of(name)
 
 
 def not_seen(result: StudyResult) -> list[str]:
     """Factors whose shares are small in every metric."""
     every = [analysis.shares()[0] for analysis in result.analyses]
-    return [f.label for f in result.definition.factors if all(main[f.symbol] < _UNSEEN for main in every)]
+    return [in_words(f.name) for f in result.definition.factors if all(main[f.symbol] < _UNSEEN for main in every)]
 
 
 def to_know(result: StudyResult) -> str:
@@ -35,8 +35,12 @@ def to_know(result: StudyResult) -> str:
     if not ranked:
         return "Not computed: run it without --factorial-only."
     name, errors = ranked[0]
-    moved = " and ".join(f"{label_of(one)} {10 * error:+.0f} %" for one, error in zip(IDENTIFIED, errors, strict=True))
-    return f"The {label_of(name)} matters most: assumed 10 % too high, it changes {moved}."
+    moved = " and ".join(
+        f"{in_words(one)} {abs(10 * error):.0f} % too {'high' if error > 0 else 'low'}"
+        for one, error in zip(IDENTIFIED, errors, strict=True)
+    )
+    assumed = in_words(name)
+    return f"{assumed[:1].upper()}{assumed[1:]} matters most: if it is assumed 10 % too high, the test gives {moved}."
 
 
 def to_measure(result: StudyResult) -> list[str]:
@@ -48,7 +52,7 @@ def to_measure(result: StudyResult) -> list[str]:
     sds = dict(zip(information.names, information.relative_sd(depth, within_ranges=True), strict=True))
     within = {name: 1.96 * sds[name] for name in IDENTIFIED}
     halves = " and ".join(
-        f"{label_of(name)} to within {100 * half:.0f} %" if half < 1 else f"no value of {label_of(name)}"
+        f"{in_words(name)} to within {100 * half:.0f} %" if half < 1 else f"no value of {in_words(name)}"
         for name, half in within.items()
     )
     if all(half <= IDENTIFIED_WITHIN for half in within.values()):
@@ -56,20 +60,20 @@ def to_measure(result: StudyResult) -> list[str]:
     else:
         first = (
             f"One press of {depth:g} mm is not enough: if fat and fascia are only known within their "
-            f"ranges, it gives {halves}. Measure {label_of(ranked[0][0])} by another test."
+            f"ranges, it gives {halves}. Measure {in_words(ranked[0][0])} by another test."
         )
     depths = {n: information.told_from(n, within_ranges=True) for n in information.names if n in IDENTIFIED}
     return [
         first,
         *(
-            f"{label_of(name)} is determined within 50 % from {at:g} mm on."
+            f"{in_words(name)} is known to within 50 % from a depth of {at:g} mm."
             if at is not None
-            else f"{label_of(name)} is never determined within 50 % with fat and fascia known within their "
-            "ranges only: don't identify it from this test alone."
+            else f"{in_words(name)} is not known to within 50 % at any depth while fat and fascia are only known "
+            "within their ranges: do not identify it from this test alone."
             for name, at in depths.items()
         ),
         "These assumed values matter, the most important first: "
-        + ", ".join(label_of(name) for name, _ in ranked)
+        + ", ".join(in_words(name) for name, _ in ranked)
         + ".",
     ]
 
@@ -189,7 +193,7 @@ def _small_fascia(result: StudyResult) -> ClaimFinding:
     for analysis in result.analyses:
         tests = analysis.main("fascia")
         if not tests:
-            return ClaimFinding(None, "the fascia is no factor", "")
+            return ClaimFinding(None, "the fascia is not a factor", "")
         greatest = max(abs(test.value) for test in analysis.main())
         shares[analysis.metric.label] = max(abs(test.value) for test in tests) / greatest
     worst = max(shares, key=lambda name: shares[name])
@@ -206,7 +210,7 @@ def _insignificant(
     for analysis in result.analyses:
         tests = chosen(analysis)
         if not tests:
-            return ClaimFinding(None, f"{what} is no factor", "")
+            return ClaimFinding(None, f"{what} is not a factor", "")
         greatest = max(abs(test.value) for test in analysis.main())
         largest = max(largest, max(abs(test.value) for test in tests) / greatest)
         found += [t for t in tests if t.significant]

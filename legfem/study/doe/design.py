@@ -236,7 +236,7 @@ class _File(FileTable):
     def _check(self) -> Self:
         for number, (start, end) in enumerate(self.windows_mm, 1):
             if not 0 <= start < end <= self.depth_mm + 1e-9:
-                problem = f"{start:g} to {end:g} mm is no part of 0 to {self.depth_mm:g} mm"
+                problem = f"{start:g} to {end:g} mm is not a part of 0 to {self.depth_mm:g} mm"
                 remedy = "give start below end, within depth_mm"
                 raise trouble(f"windows_mm, number {number}", problem, remedy)
         if len({tuple(window) for window in self.windows_mm}) != max(len(self.windows_mm), 1):

@@ -92,11 +92,14 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
             "The half-widths are relative to the value. No unbiased estimate can have smaller ones at "
             f"{point} (MPa, mm), from one trial with one independent reading a mm and errors of "
             f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). They do not include the "
-            "model's own error. 'Others within their ranges' means that all parameters but the deep C10 and C20 are "
-            "known before the test, with the ranges above as 95 % intervals of their logarithms. A parameter is "
+            "model's own error. 'Others within their ranges' means that all but C10 and C20 of the deep tissue "
+            "are known before the test, with the ranges above as 95 % intervals of their logarithms. A parameter is "
             "called determined when it is known within 50 %."
         ),
-        web.Prose("Eigenvectors of the information at full depth, best determined first:"),
+        web.Prose(
+            "Combinations of parameters at full depth (eigenvectors of the information), the best determined first, "
+            "each with its standard deviation:"
+        ),
         web.Bullets(_eigenvectors(found, depth)),
         *([web.Bullets(moved)] if (moved := _moved(found, depth)) else []),
     ]
@@ -107,13 +110,14 @@ def _eigenvectors(found: Information, depth: float) -> list[str]:
     spread, vectors = found.directions(depth)
     for k, sd in enumerate(spread):
         parts = " ".join(f"{v:+.2f} ln {label_of(name)}" for v, name in zip(vectors[:, k], found.names, strict=True))
-        lines.append(f"sd {sd:.2%}: {parts}" if sd < 100 else f"not determined: {parts}")
+        lines.append(f"{100 * sd:.2g} % (sd): {parts}" if sd < 1 else f"not determined: {parts}")
     return lines
 
 
 def _moved(found: Information, depth: float) -> list[str]:
     return [
-        f"assumed {label_of(assumed)} 10 % too high: deep C10 {0.1 * first:+.1%}, deep C20 {0.1 * second:+.1%}"
+        f"If {in_words(assumed)} is assumed 10 % too high, C10 of the deep tissue changes by {10 * first:+.1f} % and "
+        f"C20 by {10 * second:+.1f} %."
         for assumed, (first, second) in found.biases(depth).items()
     ]
 
@@ -174,8 +178,8 @@ def _headline(result: StudyResult) -> web.Headline:
     unseen = not_seen(result)
     return web.Headline(
         "caution" if _warnings(result) else "sound",
-        f"The force of a press {result.definition.depth:g} mm deep depends most on {in_words(factor)}, which causes "
-        f"{100 * share:.0f} % of the variation in the {metric.label} over the ranges.",
+        f"The force of a press {result.definition.depth:g} mm deep depends most on {in_words(factor.name)}, which "
+        f"causes {100 * share:.0f} % of the variation in the {metric.label} over the ranges.",
         [
             (
                 "What it does not show",
