@@ -18,7 +18,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.outlines import PointsInside
-from legfem.inverse.channel_errors import errors_of_places, misplaced_covariance, reading_covariance
+from legfem.inverse.errors import errors_of_places, misplaced_covariance, reading_covariance
 from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings

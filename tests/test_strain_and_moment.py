@@ -16,7 +16,7 @@ from legfem.channels.seen import ReadState, Seen, SeenModel
 from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.inverse.channel_errors import errors_of_places
+from legfem.inverse.errors import errors_of_places
 from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings

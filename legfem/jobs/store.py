@@ -240,7 +240,7 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 def finish[Context, Task, Outcome](
     workers: Workers[Context, Task, Outcome],
     tasks: Sequence[Task],
-    store: Store[Outcome],
+    store: Store[Outcome] | None,
     progress: Progress,
     stage: str,
     line: Callable[[Task, Outcome], str],
@@ -255,7 +255,7 @@ def finish[Context, Task, Outcome](
     workers, tasks
         Tasks, and the processes for those without an outcome in the store.
     store
-        Where outcomes are kept.
+        Where outcomes are kept; they aren't without it.
     progress
         Where the stage and every new outcome are reported.
     stage, line
@@ -267,14 +267,14 @@ def finish[Context, Task, Outcome](
     on_found
         Called with all outcomes so far, by place in the list, whenever there is a new one.
     """
-    kept = ((place, store.get(asked(task))) for place, task in enumerate(tasks))
+    kept = ((place, store.get(asked(task)) if store else None) for place, task in enumerate(tasks))
     found = {place: outcome for place, outcome in kept if outcome is not None}
     waiting = [place for place in range(len(tasks)) if place not in found]
     known = f" ({len(found)} known)" if found else ""
     progress.stage(stage + known, len(waiting))
     todo = [tasks[place] for place in waiting]
     for number, outcome in workers.places(todo) if todo else ():
-        if worth(outcome):
+        if store and worth(outcome):
             store.put(asked(todo[number]), outcome)
         found[waiting[number]] = outcome
         progress.advance(line(todo[number], outcome))
