@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import legfem as lf
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.data import Recording
 from legfem.data.recording import RecordedChannel
 from legfem.experiments.plane_strain import PlaneStrainSettings

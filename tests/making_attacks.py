@@ -23,8 +23,9 @@ import numpy as np
 from making import write_subject
 from making_broken import broken_bytes, broken_text
 from making_fuzzed import KINDS, broken_anywhere
-from making_instrument_files import ODD as ODD_FILES
-from making_instrument_files import REAL, open_document, tdms_with_times_of_day, workbook_beside_other_cells
+from making_instrument_files import REAL
+from making_odd_files import ODD as ODD_FILES
+from making_odd_files import open_document, tdms_with_times_of_day, workbook_beside_other_cells
 from making_stress_tables import described, write_table
 
 OUT = "OUT"

@@ -23,7 +23,7 @@ from legfem.inverse.trial_noise import Noise
 from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
-from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
+from legfem.legs.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from legfem.legs.schema import SUBJECTS
 from legfem.solve.protocol import Protocol
 

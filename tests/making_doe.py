@@ -14,9 +14,9 @@ import pandas as pd
 from making import write_subject
 from mpi4py import MPI
 
+from legfem.study.doe.command import DoeOptions, run
 from legfem.study.doe.design import PAPER, Definition, factorial_design, read_definition
 from legfem.study.doe.runs import Record, Request
-from legfem.study.doe_command import DoeOptions, run
 
 TOML = PAPER.read_text().replace("training = 80", "training = 30").replace("= 20", "= 8")
 

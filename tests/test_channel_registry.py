@@ -10,7 +10,7 @@ from making import TOML, press, write_subject
 
 import legfem
 from legfem.channels.kind import ChannelFile, ChannelPlan
-from legfem.channels.registry import CHANNELS, FILE_OF, IN_COLUMNS, OF_FRAMES, OF_LEGS, UNITS, files_of, plans
+from legfem.channels.kinds import CHANNELS, FILE_OF, IN_COLUMNS, OF_FRAMES, OF_LEGS, UNITS, files_of, plans
 from legfem.data.recording import RecordedChannel, Recording, write_recording
 from legfem.geometry.section import layer_thicknesses
 from legfem.legs.loading import load_subject

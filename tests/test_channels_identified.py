@@ -11,7 +11,7 @@ import pytest
 from making_identification import DEPTH, AnalyticLeg, identify, pressed_leg
 
 from legfem.channels.kind import ChannelAccuracy
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.section import layer_thicknesses

@@ -12,7 +12,7 @@ import pytest
 from making import TOML, press, write_subject
 from typer.testing import CliRunner
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data.reader import read_samples

@@ -11,16 +11,16 @@ import shapely
 from making_diagnosed import BASE, diagnosed_of
 from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
 
-from legfem.channels.registry import CHANNELS, FILE_OF
+from legfem.channels.kinds import CHANNELS, FILE_OF
 from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
 from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
-from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.emulator import At
 from legfem.inverse.errors import error_model
+from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.linearised import LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, blank_observations, observe

@@ -11,12 +11,12 @@ from making import TOML, press, write_subject
 from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
-from legfem.channels.kinds.contact_pressure import PRESSURE
+from legfem.channels.kinds.contact import PRESSURE
 from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.inverse.channel_errors import errors_of_places
+from legfem.inverse.errors import errors_of_places
 from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings

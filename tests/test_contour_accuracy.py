@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.leg_shape_from_outlines import smoothed
+from legfem.imaging.outlines import smoothed
 from legfem.stockings.contour_distances import ContourAccuracy
 from studies.legs.shapes import round_leg
 

@@ -24,7 +24,7 @@ from legfem.legs.diagnosis import ruled_out_of, shown_mechanisms
 from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import mechanism_named
-from legfem.legs.mechanisms.end_effects import EndEffects
+from legfem.legs.mechanisms.rig import EndEffects
 from legfem.legs.nuisances import displaced_geometries
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import FibreRatio

@@ -25,9 +25,9 @@ from typer.testing import CliRunner
 from legfem.commands.study import app
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.study import doe_command as command
-from legfem.study.doe.runs import PlaneStrainSimulator, Record, Request, failed, simulate
-from legfem.study.doe_command import run
+from legfem.study.doe import command
+from legfem.study.doe.command import run
+from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, failed, simulate
 
 SHALLOW = """\
 depth_mm = 2.0
@@ -306,3 +306,12 @@ def test_two_ranks_give_the_same_study(tmp_path: Path, whole: Path) -> None:
     assert {rank for *_, rank in done} == {"0", "1"}
     assert len({(stage, number) for stage, number, *_ in done}) == len(done) > 60, "nothing is done twice"
     assert tables(tmp_path / "ranks") == tables(whole)
+
+
+def test_each_stage_says_how_long_the_whole_study_will_take():
+    outlook = Outlook(ahead=70)
+    assert outlook.begin(33) == ", of 70 simulations in all"
+    outlook.done, outlook.seconds = 30, 60.0
+    assert outlook.begin(3) == "; about 74 s left in all"
+    assert outlook.ahead == 34
+    assert Outlook(ahead=33).begin(33) == "", "the only stage shows its own time left"

@@ -10,9 +10,8 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, ErrorModel
-from legfem.inverse.evidence import Evidence, Linearisation, factor_of, probabilities
+from legfem.inverse.evidence import Discrepancy, Evidence, Linearisation, factor_of, probabilities
 from legfem.inverse.posterior import Posterior
 from legfem.inverse.trial_noise import Noise
 

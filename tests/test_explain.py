@@ -12,9 +12,8 @@ from scipy.stats import norm
 from legfem.inverse import explain as explain_module
 from legfem.inverse.averaging import averaged_interval
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import error_model
-from legfem.inverse.evidence import Evidence
+from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explain import CONFIRMED_FROM, PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN, explain
 from legfem.inverse.explanation import HELD, Explained
 from legfem.inverse.laplace import contact_posterior, gain_of_widths

@@ -14,8 +14,7 @@ from scipy.stats import t as student_t
 
 from legfem.inverse.averaging import POWER, averaged_interval, untried_pairs
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.discrepancy import possible_discrepancies
-from legfem.inverse.evidence import Evidence
+from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import INEXACT, Explained, Explanation, log_bayes_factor, singles_of
 from legfem.inverse.laplace import gain_of_widths, laplace_posterior

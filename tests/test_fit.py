@@ -11,9 +11,8 @@ from making_diagnosis import TRUTH, ClosedForm, noisy, one_at_each_rate, problem
 from scipy.stats import truncnorm
 
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import error_model
-from legfem.inverse.evidence import Evidence
+from legfem.inverse.evidence import Discrepancy, Evidence
 from legfem.inverse.linearised import LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import strength

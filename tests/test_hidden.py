@@ -10,8 +10,7 @@ from making_diagnosis import INSTRUMENT, TRUTH, ClosedForm, force_at, noisy, obs
 
 from legfem.common.progress import Silent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.discrepancy import possible_discrepancies
-from legfem.inverse.evidence import Evidence
+from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior

@@ -12,9 +12,9 @@ from shapely import Polygon
 from typer.testing import CliRunner
 
 from legfem.geometry.__main__ import app
-from legfem.geometry.leg_shape_from_outlines import read_shape
 from legfem.geometry.motion import CuttingPlane
 from legfem.imaging.leg_source import LegSource
+from legfem.imaging.outlines import read_shape
 from legfem.imaging.surfaces import read_surfaces
 from legfem.imaging.volume_file import read_volume
 from legfem.legs.finite_element_models import plane_strain_test

@@ -21,9 +21,9 @@ from legfem.geometry.leg_shape import (
     perimeter,
     shape_of_contours,
 )
-from legfem.geometry.leg_shape_from_outlines import read_shape, smoothed
 from legfem.geometry.leg_surface import PartSurface
 from legfem.geometry.motion import displaced, rigidly_moved, without_layer
+from legfem.imaging.outlines import read_shape, smoothed
 from studies.legs.shapes import round_leg
 
 

@@ -16,8 +16,7 @@ from scipy.stats import norm
 from legfem.common.errors import InputError
 from legfem.inverse.averaging import averaged_interval
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.discrepancy import possible_discrepancies
-from legfem.inverse.evidence import Evidence
+from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explain import explain
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit

@@ -21,7 +21,7 @@ from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import with_correction
 from legfem.legs.mechanisms import Mechanism, TissueMechanism, mechanism_named, mechanisms
-from legfem.legs.mechanisms.viscoelasticity import TIMES_S, spectrum
+from legfem.legs.mechanisms.time_dependence import TIMES_S, spectrum
 
 EVERY = with_correction(mechanisms(), read_correction(REFERENCE))
 

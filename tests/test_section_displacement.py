@@ -11,14 +11,14 @@ from making import TOML, press, write_subject
 from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
-from legfem.channels.kinds.section_displacement import INSIDE, SectionDisplacements
+from legfem.channels.kinds.section_image import INSIDE, SectionDisplacements
 from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.outlines import PointsInside
-from legfem.inverse.channel_errors import errors_of_places, misplaced_covariance, reading_covariance
+from legfem.inverse.errors import errors_of_places, misplaced_covariance, reading_covariance
 from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings

@@ -25,7 +25,7 @@ from making_sites_in_3d import (
 )
 from typer.testing import CliRunner
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.commands.identify import app as identify_app
 from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from making import TOML, press, write_subject
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.legs.loading import load_subject

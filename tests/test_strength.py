@@ -12,8 +12,7 @@ from scipy.stats import multivariate_normal, norm
 
 from legfem.inverse.averaging import averaged_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.discrepancy import possible_discrepancies
-from legfem.inverse.evidence import Evidence, Linearisation
+from legfem.inverse.evidence import Evidence, Linearisation, possible_discrepancies
 from legfem.inverse.explain import explain
 from legfem.inverse.laplace import WIDTHS, contact_posterior, gain_of_widths, integrate_strength
 from legfem.inverse.map_fit import fit

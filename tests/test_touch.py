@@ -14,9 +14,8 @@ from scipy.stats import multivariate_normal, norm
 from legfem.data import Recording, segment_all
 from legfem.data.contact import air_is_shown
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, error_model
-from legfem.inverse.evidence import Evidence
+from legfem.inverse.evidence import Discrepancy, Evidence
 from legfem.inverse.laplace import STARTS_AT_CONTACT, contact_posterior
 from legfem.inverse.linearised import LinearisedProblem
 from legfem.inverse.map_fit import fit

@@ -12,10 +12,10 @@ import pytest
 from making_specimens import BAR, PLANTED, write_bars
 
 import legfem as lf
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.data import Recording, write_recording
 from legfem.data.recording import RecordedChannel
-from legfem.experiments.axisymmetric import CylinderCompression, HalfwayTest
+from legfem.experiments.axisymmetric import CylinderCompression, HalfwayTest, settings_to
 from legfem.experiments.bodies import CylinderBetweenPlates
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.parameter import Parameter
@@ -24,7 +24,6 @@ from legfem.solve.path import ForceCurve
 from legfem.specimens.details import Weighed, alternatives_text
 from legfem.specimens.kinds.plates import PartlyHeld, PlatesEntry, PlatesKind
 from legfem.specimens.laws import bulk_ratio
-from legfem.specimens.shallow_tests import settings_to
 
 C10 = 4e-3
 PLATES = """\

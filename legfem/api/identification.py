@@ -29,9 +29,9 @@ from legfem.common.progress import progress_on
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import LAWS, LawName, Values, check_held
-from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.parse_parameters import ParameterTexts
+from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
 from legfem.legs.identification import as_leg, check_joint, identify_leg, nominal_of, searches_in_3d
 from legfem.legs.model_3d import check_has_ends

@@ -257,6 +257,23 @@ def opened(
     raise wrong("site", site, "is not a site of the leg", remedy)
 
 
+def named(
+    subject: str | None, subject_dir: Path | None, specimen_dir: Path | None, site: str | None
+) -> "Subject | SitedLeg | SpecimenFolder":
+    """Return what a command's options name: a leg, one of its sites, all of them, or specimens.
+
+    Raises
+    ------
+    InputError
+        If none or several are named, or anything in the folder is missing or wrong.
+    """
+    if specimen_dir is None:
+        return opened(SUBJECTS.named(subject, subject_dir), site or "")
+    if subject is None and subject_dir is None:
+        return load_specimen(specimen_dir)
+    raise InputError("--subject", "--specimen-dir", "is given as well", "leave one out")
+
+
 def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
     """Return a leg that was indented at one place, or one of its sites.
 

@@ -266,8 +266,11 @@ def missing(members: Sequence[Member], rows: Sequence[Row]) -> list[str]:
     return lines
 
 
-def listed(names: Sequence[str], most: int = 8) -> str:
+_MOST_LISTED = 8
+
+
+def listed(names: Sequence[str]) -> str:
     """Return names as people list them, no more than a few."""
-    if len(names) > most:
-        return f"{', '.join(names[:most])} and {len(names) - most} more"
+    if len(names) > _MOST_LISTED:
+        return f"{', '.join(names[:_MOST_LISTED])} and {len(names) - _MOST_LISTED} more"
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

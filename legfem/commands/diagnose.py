@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder, tested
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder
 from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -63,12 +63,12 @@ def diagnose(
     with parallel_context(jobs, resume, quiet) as processes:
         from legfem.api.diagnosis import DIAGNOSIS
         from legfem.api.diagnosis import diagnose as diagnose_in_full
-        from legfem.api.loading import check_seed
+        from legfem.api.loading import check_seed, named
 
         check_seed(seed)
         if library is not None:
             check_out_folder(library)
-        leg = tested(subject, subject_dir, specimen_dir, site)
+        leg = named(subject, subject_dir, specimen_dir, site)
         folder = results_folder(out, "diagnose", leg.id)
         found = diagnose_in_full(
             leg,

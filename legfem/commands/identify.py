@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder, tested
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, finish, results_folder
 from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, command_context, parallel_context, process_count
 from legfem.common.errors import InputError, UnsolvedError
 
@@ -105,10 +105,10 @@ def run(
         from mpi4py import MPI
 
         from legfem.api.identification import identify as identify_in_full
-        from legfem.api.loading import check_seed
+        from legfem.api.loading import check_seed, named
 
         check_seed(seed)
-        leg = tested(subject, subject_dir, specimen_dir, site)
+        leg = named(subject, subject_dir, specimen_dir, site)
         folder = results_folder(out, "identify", leg.id)
         found = identify_in_full(
             leg,

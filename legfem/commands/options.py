@@ -7,39 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from legfem.common.command_line import check_out_folder
-from legfem.common.errors import InputError
 
 if TYPE_CHECKING:
     from legfem.api.results import Result
-    from legfem.legs.subject import SitedLeg
-    from legfem.legs.subject import Subject as LoadedLeg
-    from legfem.specimens.folder import SpecimenFolder
 
 Subject = Annotated[str | None, typer.Option(help="Id of one of legfem's own subjects.")]
 SubjectDir = Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")]
 Site = Annotated[str | None, typer.Option(help="Site to use, if the leg has several [[site]].", show_default=False)]
 SpecimenDir = Annotated[Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")]
 Jobs = Annotated[int | None, typer.Option(help="Processes; all cores by default.")]
-
-
-def tested(
-    subject: str | None, subject_dir: Path | None, specimen_dir: Path | None, site: str | None
-) -> "LoadedLeg | SitedLeg | SpecimenFolder":
-    """Return the leg or the specimens that options name, one of its sites where that is named.
-
-    Raises
-    ------
-    InputError
-        If none or several are named, or anything in the folder is missing or wrong.
-    """
-    from legfem.api.loading import load_specimen, opened
-    from legfem.legs.schema import SUBJECTS
-
-    if specimen_dir is None:
-        return opened(SUBJECTS.named(subject, subject_dir), site or "")
-    if subject is None and subject_dir is None:
-        return load_specimen(specimen_dir)
-    raise InputError("--subject", "--specimen-dir", "is given as well", "leave one out")
 
 
 def results_folder(out: Path | None, command: str, name: str) -> Path:

@@ -133,8 +133,8 @@ def doe(
     with command_context(resume, quiet):
         from mpi4py import MPI
 
+        from legfem.study.doe.command import DoeOptions, run
         from legfem.study.doe.design import IDENTIFIED, PAPER
-        from legfem.study.doe_command import DoeOptions, run
 
         folder = out or Path("results") / "doe"
         check_out_folder(folder)

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind, Frames, FramesError, FramesFile, Read
-from legfem.channels.registry import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
+from legfem.channels.kinds import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.channels.site import Site
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.data.formats.labels import OWN, Quantity, Unit, names_quantity, unit_named
 from legfem.data.formats.sheet import Column, Sheet

@@ -206,7 +206,7 @@ class Onset:
 
 
 def common_onset(
-    presses: Sequence[tuple[FloatArray, FloatArray]], apart_sd: float, instrument: Instrument, scales: Scales = LEG
+    presses: Sequence[tuple[FloatArray, FloatArray]], apart_sd: float, instrument: Instrument
 ) -> Onset | None:
     """Find where force begins in presses that lie on each other; None where they show too little of it.
 
@@ -221,15 +221,13 @@ def common_onset(
         Standard error of one's place beside the others', mm.
     instrument : Instrument
         Errors of a reading.
-    scales : Scales
-        Those of the test.
     """
     # Which has come the longest way shows most of the air.
     longest = min(presses, key=lambda one: float(one[0][0]))
     rough = _rough_contact(*longest, _scatter(longest[1], instrument)[1])
-    near = [one for d, force in presses if (one := _near(d, force, rough, instrument, scales)) is not None]
+    near = [one for d, force in presses if (one := _near(d, force, rough, instrument, LEG)) is not None]
     latest = max(float(d[0]) for d, _ in presses)
-    return _onset(near, rough, scales, (latest, apart_sd)) if near else None
+    return _onset(near, rough, LEG, (latest, apart_sd)) if near else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.data.columns import ABREAST, find_column, may_be
 from legfem.data.formats import read_sheets

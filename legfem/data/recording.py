@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind
-from legfem.channels.registry import CHANNELS, IN_COLUMNS
+from legfem.channels.kinds import CHANNELS, IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array

@@ -149,11 +149,11 @@ def pace(time: FloatArray, displacement: FloatArray) -> Pace:
     return Pace(float(np.percentile(np.abs(fit.slope), 90.0)), local)
 
 
-def velocity_window(time: FloatArray, displacement: FloatArray, speed: float, accuracy: float = 0.05) -> float:
-    """Return the half-width in s over which a velocity (mm/s) is known to ``accuracy`` of it."""
+def velocity_window(time: FloatArray, displacement: FloatArray, speed: float) -> float:
+    """Return the half-width in s over which a velocity (mm/s) is known to 5 % of it."""
     step = float(np.median(np.diff(time)))
     noise = sample_noise(displacement)
-    wanted = 0.0 if speed <= 0 else (12.0 * (noise / (accuracy * speed * step)) ** 2) ** (1 / 3)
+    wanted = 0.0 if speed <= 0 else (12.0 * (noise / (0.05 * speed * step)) ** 2) ** (1 / 3)
     samples = float(np.clip(wanted, 5.0, max(5.0, len(time) / 8)))
     return 0.5 * samples * step
 

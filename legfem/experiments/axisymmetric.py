@@ -16,11 +16,11 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from legfem.channels.kinds import files_of
 from legfem.channels.reading import ChannelReader
-from legfem.channels.registry import files_of
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
-from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
+from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, Faces
 from legfem.experiments.experiment import Solved
 from legfem.experiments.indentation import Attempt, IndentationModel, IndentationRequest, IndentationTest, leg_model
 from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
@@ -388,3 +388,31 @@ class HalfwayTest:
         }
         beside = {name: 0.5 * (values + most.curve.channel(name, at)) for name, values in least.curve.channels.items()}
         return replace(least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by, beside))
+
+
+_STEPS, _ELEMENTS = 20, 5
+"""Of a shallow test: steps to its depth, and elements across half of its contact."""
+
+
+def settings_to(depth: float) -> AxisymmetricSettings:
+    """Return settings for a depth (mm)."""
+    usual = AxisymmetricSettings()
+    # The same ones at any stiffness: forces are compared and differentiated.
+    steps = StepSettings.regular(
+        first=min(usual.steps.first, depth / _STEPS), largest=min(usual.steps.largest, depth / 10)
+    )
+    # A shallow test's forces are of millinewtons, which the volume of large elements rounds.
+    newton = replace(usual.newton, absolute_tolerance=1e-10)
+    return replace(usual, steps=steps, newton=newton)
+
+
+def onset_to(faces: Faces, depth: float) -> ContactSettings:
+    """Return a contact that sets on well within a depth (mm)."""
+    usual = ContactSettings(tangential=faces, stiffness=4000.0)
+    return replace(usual, onset=min(usual.onset, 2e-3 * depth))
+
+
+def round_indenter(radius: float, faces: Faces, depth: float, usual_size: float) -> AxisymmetricSettings:
+    """Return settings for a round indenter: elements resolve the contact, its onset the depth (mm)."""
+    size = min(usual_size, (radius * depth) ** 0.5 / _ELEMENTS)
+    return replace(settings_to(depth), mesh=MeridianMeshSettings(size), contact=onset_to(faces, depth))

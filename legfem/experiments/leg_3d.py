@@ -8,8 +8,8 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
+from legfem.channels.kinds import files_of
 from legfem.channels.reading import ChannelReader
-from legfem.channels.registry import files_of
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import cached_in_process

@@ -11,8 +11,8 @@ import numpy as np
 from mpi4py import MPI
 from shapely import Point
 
+from legfem.channels.kinds import files_of
 from legfem.channels.reading import ChannelReader
-from legfem.channels.registry import files_of
 from legfem.channels.site import Sight, TravelLine
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray

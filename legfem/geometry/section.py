@@ -132,14 +132,17 @@ def across(direction: FloatArray) -> FloatArray:
     return np.array([-direction[1], direction[0]])
 
 
-def line_of_travel(section: LegSection, point: FloatArray, about: float = 15.0) -> tuple[FloatArray, float]:
+_CHORD_MM = 15.0
+
+
+def line_of_travel(section: LegSection, point: FloatArray) -> tuple[FloatArray, float]:
     """Skin's point (2,) next to a point (2,), mm, and the direction inwards from there, degrees from +x.
 
-    The direction is square to the chord of the skin within ``about`` mm of it.
+    The direction is square to the chord of the skin within 15 mm of it.
     """
     skin = LinearRing(section.skin)
     at = skin.project(Point(point))
-    near = [np.array(skin.interpolate((at + way) % skin.length).coords[0]) for way in (-about, 0.0, about)]
+    near = [np.array(skin.interpolate((at + way) % skin.length).coords[0]) for way in (-_CHORD_MM, 0.0, _CHORD_MM)]
     along = near[2] - near[0]
     inward = across(along)  # contours are counter-clockwise
     return near[1], float(np.degrees(np.arctan2(inward[1], inward[0]))) % 360.0

@@ -99,9 +99,7 @@ def joined(pieces: Sequence[Polygon], source: str | Path, where: str, bridge: fl
     return largest_polygon(muscles, source, MUSCLE_HULL)
 
 
-def section_from_outlines(
-    outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path, clearances: Clearances | None = None
-) -> LegSection:
+def section_from_outlines(outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path) -> LegSection:
     """Make a leg section of outlines of skin, muscle hull, tibia and fibula.
 
     The fascia's outer face is the hull joined with the bones and their clearance, its furrows
@@ -116,15 +114,13 @@ def section_from_outlines(
         mm.
     source : str or Path
         What errors name as the file.
-    clearances : Clearances, optional
-        Room to keep between the parts.
 
     Raises
     ------
     InputError
-        If the outlines don't allow a section with these clearances.
+        If the outlines don't allow a section with the usual clearances.
     """
-    room = clearances or Clearances()
+    room = Clearances()
     if not fascia_thickness > 0:
         raise InputError(
             source, "fascia_thickness_mm", f"{fascia_thickness:g} is not positive", "give it in mm (0.2-1.0 is usual)"

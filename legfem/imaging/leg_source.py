@@ -13,11 +13,10 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
 from legfem.geometry.leg_shape import HULL, LegShape
-from legfem.geometry.leg_shape_from_outlines import not_closed, read_shape, shape_of_outlines
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section_from_outlines import SURFACES, Clearances, polygons_of
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
-from legfem.imaging.outlines import OutlineSettings, shape_of_volume
+from legfem.imaging.outlines import OutlineSettings, not_closed, read_shape, shape_of_outlines, shape_of_volume
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry, existing
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
 from legfem.imaging.volume_file import read_volume

@@ -180,7 +180,7 @@ def register_surfaces(
     )
 
 
-def register_shapes(moving: LegShape, fixed: LegShape, settings: IterationSettings | None = None) -> Registration:
+def register_shapes(moving: LegShape, fixed: LegShape) -> Registration:
     """Register a leg on another by the surfaces of all bones.
 
     The start makes the bones' axes and their order round the leg the same, and the middles of what
@@ -199,7 +199,7 @@ def register_shapes(moving: LegShape, fixed: LegShape, settings: IterationSettin
             "segment the same bones in both scans",
         )
     there, here = _frame(fixed), _frame(moving)
-    return register_surfaces(bone_points(moving), bone_points(fixed), there.after(here.inverse()), settings)
+    return register_surfaces(bone_points(moving), bone_points(fixed), there.after(here.inverse()))
 
 
 def bone_points(shape: LegShape) -> FloatArray:

@@ -25,9 +25,9 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, check_girth
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.leg_shape_from_outlines import nested_shape
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section_from_outlines import Clearances, joined
+from legfem.imaging.outlines import nested_shape
 
 _END = 1e-3  # mm; nearer than that to a surface's end a plane passes through it
 
@@ -143,7 +143,7 @@ def shape_of_surfaces(
     source : str or Path
         What errors name as the file.
     clearances : Clearances, optional
-        Room to keep between the parts; see `legfem.geometry.leg_shape_from_outlines.nested_shape`.
+        Room to keep between the parts; see `legfem.imaging.outlines.nested_shape`.
 
     Raises
     ------

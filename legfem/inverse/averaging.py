@@ -49,9 +49,9 @@ class HiddenPair:
 
 
 def averaged_interval(
-    explained: Explained, name: str, share: float = 0.95, more_common: Mapping[str, float] | None = None
+    explained: Explained, name: str, more_common: Mapping[str, float] | None = None
 ) -> tuple[float, float] | None:
-    """Return a parameter's interval over all that may be left out, each with its weight.
+    """Return a parameter's 95 % interval over all that may be left out, each with its weight.
 
     None where no explanation that counts has the parameter.
 
@@ -61,8 +61,6 @@ def averaged_interval(
         All explanations.
     name
         Of the parameter.
-    share
-        That the interval holds.
     more_common
         How many times as common as is assumed mechanisms are, by their names.
     """
@@ -76,7 +74,7 @@ def averaged_interval(
     mixture = Mixture.joined([p for p, _ in each], [one for _, one in each])
     parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
     assert parameter.prior is not None
-    tail = (1 - share) / 2
+    tail = (1 - 0.95) / 2
     ends = [parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)]
     return min(ends), max(ends)
 

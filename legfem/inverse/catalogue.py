@@ -12,8 +12,8 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, readable_unit
-from legfem.inverse.instrument import INSTRUMENT, READINGS
 from legfem.inverse.parameter import Parameter, Priors, Scale
+from legfem.inverse.readings import INSTRUMENT, READINGS
 
 type Values = Mapping[str, float]
 """Numbers of a model and its instrument by full name, in the model's units (mm, N, MPa, s)."""

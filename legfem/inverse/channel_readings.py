@@ -13,13 +13,13 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind
-from legfem.channels.registry import CHANNELS, FILE_OF
+from legfem.channels.kinds import CHANNELS, FILE_OF
 from legfem.common.units import FloatArray
 from legfem.data.phases import HOLD, LOADING
 from legfem.data.recording import RecordedChannel
 from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise
-from legfem.inverse.data import Channel
+from legfem.inverse.readings import Channel
 from legfem.inverse.stations import Stations
 
 _MOST = {LOADING: 12, HOLD: 4}

@@ -1,6 +1,6 @@
 r"""Predictions of a model beside what was measured, and what their difference costs.
 
-A problem has n readings, of one or several tests and of one or several channels each (`legfem.inverse.data`).
+A problem has n readings, of one or several tests and of one or several channels each (`legfem.inverse.readings`).
 Their errors are known by source; an error that several tests have alike is a mode with a name, and is theirs
 together: it doesn't average out over them.
 """
@@ -18,9 +18,9 @@ from scipy.linalg import block_diag, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
-from legfem.inverse.data import Data
 from legfem.inverse.form_error import thirds_of
 from legfem.inverse.outcome import Outcome
+from legfem.inverse.readings import Data
 from legfem.solve.path import ForceCurve
 
 Weighting = Literal["paper", "covariance"]
@@ -137,7 +137,7 @@ class Comparison(ABC):
         outcome
             That reached what was measured.
         instrument
-            (k,): numbers of `legfem.inverse.instrument.READINGS`.
+            (k,): numbers of `legfem.inverse.readings.READINGS`.
         """
 
     @abstractmethod

@@ -8,7 +8,6 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C20
-from legfem.inverse.data import Data, MeasuredTest
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import (
     EXACT,
@@ -24,6 +23,7 @@ from legfem.inverse.fit import (
 )
 from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import onset_name
+from legfem.inverse.readings import Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
 from legfem.inverse.verdict import Diagnosis
 

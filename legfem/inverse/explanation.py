@@ -9,8 +9,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.special import expit, logit
 
 from legfem.common.units import FloatArray
-from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales
 from legfem.inverse.estimates import Estimate, Shown
+from legfem.inverse.evidence import Discrepancy, discrepancy_scales
 from legfem.inverse.intervals import Estimated
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
 from legfem.inverse.posterior import Mixture, MixtureComponents, Posterior

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.inverse.data import Channel
+from legfem.inverse.readings import Channel
 
 THIRDS = "first", "second", "last"
 _FEWEST = 3

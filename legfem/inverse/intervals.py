@@ -137,11 +137,11 @@ def verdict_on(relative_half_width: float, at_bound: Bound, model_fits: bool) ->
     return "weakly identifiable" if word == "identifiable" and not model_fits else word
 
 
-def bound_of(value: float, bounds: tuple[float, float], within: float = 0.0) -> Bound:
-    """Return at which bound a value stands, to within a relative distance."""
-    if value <= bounds[0] * (1 + within):
+def bound_of(value: float, bounds: tuple[float, float]) -> Bound:
+    """Return at which bound a value stands, or beyond which."""
+    if value <= bounds[0]:
         return "lower"
-    return "upper" if value >= bounds[1] * (1 - within) else ""
+    return "upper" if value >= bounds[1] else ""
 
 
 # Of a value's size, for differences.

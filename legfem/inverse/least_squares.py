@@ -165,8 +165,11 @@ def with_unit_errors(matrix: FloatArray, count: int) -> FloatArray:
     return whole
 
 
+_MOST_STEPS = 60
+
+
 def least_residual(
-    residual: Residual, start: FloatArray, bounds: FloatArray, most: int = 60, jacobian: Residual | None = None
+    residual: Residual, start: FloatArray, bounds: FloatArray, jacobian: Residual | None = None
 ) -> FloatArray:
     """Return where the sum of squares of a smooth residual is least, near a start.
 
@@ -178,8 +181,6 @@ def least_residual(
         Within the bounds.
     bounds : (p, 2) array
         Of the values.
-    most : int
-        Steps at most.
     jacobian : callable, optional
         Derivatives (n, p) of the residual; differences without it.
     """
@@ -192,7 +193,7 @@ def least_residual(
         xtol=1e-12,
         ftol=1e-14,
         gtol=1e-14,
-        max_nfev=most,
+        max_nfev=_MOST_STEPS,
     )
     return np.asarray(fit.x)
 

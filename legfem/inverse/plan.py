@@ -25,8 +25,8 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.inverse.channel_readings import PlannedChannel
-from legfem.inverse.discrepancy import discrepancy_scales, possible_discrepancies
 from legfem.inverse.errors import error_model
+from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.inverse.mechanism import AssumedAccuracy, Mechanism, measured_strength, null_of, prior_of

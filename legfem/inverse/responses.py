@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
@@ -390,30 +390,6 @@ class SolvedResponses:
             for name in asked.derivatives:
                 found[derivative_of(channel, name)] = path.channel_sensitivity_at(channel, name, since_touch)
         return found
-
-
-class ForceAlone:
-    """Responses of a body of which nothing but the force is known."""
-
-    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
-        """Refuse."""
-        raise LookupError(f"nothing is known of {', '.join(names)}")
-
-    def channel_changes(
-        self,
-        names: Sequence[str],
-        mechanism: TissueMechanism,
-        values: Values,
-        stiffness: Stiffness,
-        observed: Observations,
-        at: At,
-    ) -> FloatArray:
-        """Refuse."""
-        raise LookupError(f"nothing is known of {', '.join(names)}")
-
-    def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
-        """Return nothing."""
-        return {}
 
 
 def _columns_of(columns: Columns, names: Sequence[str], length: int) -> FloatArray:

@@ -10,10 +10,10 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C20, IdentifiedLaw, Values, model_values, usual_range
 from legfem.inverse.comparison import Comparison
-from legfem.inverse.instrument import READINGS
 from legfem.inverse.least_squares import gauss_newton_step, polished, polished_with
 from legfem.inverse.outcome import FullSolver, Outcome, key_of_values
 from legfem.inverse.parameter import Domain, Parameter
+from legfem.inverse.readings import READINGS
 from legfem.inverse.settings import IdentificationSettings
 from legfem.inverse.trial import (
     Asking,

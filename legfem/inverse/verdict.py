@@ -13,9 +13,9 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
 from legfem.inverse.averaging import robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.explain import base_about_solution, explain, refitted_about_solutions
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of

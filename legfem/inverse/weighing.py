@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from legfem.inverse.discrepancy import Discrepancy, discrepancy_scales, possible_discrepancies, with_discrepancy
-from legfem.inverse.evidence import Evidence
+from legfem.inverse.evidence import Discrepancy, Evidence, discrepancy_scales, possible_discrepancies, with_discrepancy
 from legfem.inverse.explanation import INEXACT, Explanation
 from legfem.inverse.laplace import gain_of_widths, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem

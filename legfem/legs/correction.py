@@ -51,9 +51,7 @@ FIRST_RATIO = 2.5
 _ORDER = 6
 
 
-def smooth_ratio(
-    spatial: ForceCurve, plane: ForceCurve, displacement: FloatArray, first: float = FIRST_RATIO
-) -> FloatArray:
+def smooth_ratio(spatial: ForceCurve, plane: ForceCurve, displacement: FloatArray) -> FloatArray:
     """Return P at displacements (mm), smooth down to first contact.
 
     Parameters
@@ -62,9 +60,8 @@ def smooth_ratio(
         Forces of the whole cylinder (N) in 3D and in plane strain.
     displacement
         mm, from 0 on.
-    first
-        Where the fit begins (mm).
     """
+    first = FIRST_RATIO
     depth = min(spatial.depth, plane.depth)
     at = spatial.displacement[(spatial.displacement >= first) & (spatial.displacement <= depth)]
     order = min(_ORDER, len(at) - 1)

@@ -22,8 +22,8 @@ from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.mechanisms import OCCURRENCES, Mechanism, mechanisms
-from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle import MuscleFibres
+from legfem.legs.mechanisms.rig import EndEffects
 from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
 from legfem.legs.subject import MeasuredEffect, Subject, elastography_priors

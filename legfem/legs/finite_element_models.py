@@ -269,15 +269,14 @@ def _law(given: TissueParameters) -> Hyperelastic:
 
 
 def plane_strain_test(
-    subject: Subject,
-    settings: PlaneStrainSettings | None = None,
-    comm: MPI.Intracomm = MPI.COMM_SELF,
-    mechanisms: Sequence[Term] = (),
+    subject: Subject, settings: PlaneStrainSettings | None = None, mechanisms: Sequence[Term] = ()
 ) -> PlaneStrainIndentation:
     """Return the cylinder pressed into a subject's section; the deep tissue's law covers both of the paper's."""
     settings = settings or PlaneStrainSettings()
     tissues, sights = tissues_of(subject), subject.sights
-    return PlaneStrainIndentation(subject.section, subject.indenter, tissues, settings, comm, mechanisms, sights=sights)
+    return PlaneStrainIndentation(
+        subject.section, subject.indenter, tissues, settings, mechanisms=mechanisms, sights=sights
+    )
 
 
 def spatial_test(

@@ -25,9 +25,9 @@ from legfem.inverse.catalogue import (
     parameter_of,
     within_prior,
 )
-from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.readings import INSTRUMENT
 from legfem.jobs.store import code_fingerprint
 from legfem.legs.subject import Subject, elastography_priors
 

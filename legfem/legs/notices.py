@@ -9,8 +9,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_RATIO, key_of
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.fit import Fit
-from legfem.inverse.notices import LAW_MISSES, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
+from legfem.inverse.fit import LAW_MISSES, Fit, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
 from legfem.inverse.parameter import Prior
 from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites

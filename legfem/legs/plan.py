@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from legfem.channels.registry import plans
+from legfem.channels.kinds import plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from legfem.channels.kind import ReadingsAtSite
-from legfem.channels.registry import FILE_OF
+from legfem.channels.kinds import FILE_OF
 from legfem.channels.site import Site
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray

@@ -13,11 +13,11 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, IdentifiedLaw, LawName, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
 from legfem.inverse.fit import ChannelFit, Fit, Identity, TestFit, versions
-from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMERICAL_LENGTH_MM, WEAKLY_WITHIN, quantile
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.problem import SingleTests, cost_of, goodness_of, held_values, log_of, optimum_of, search_settings
+from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
@@ -174,7 +174,6 @@ def leg_problem(
     request: SearchRequest,
     corrections: Sequence[TabulatedCorrection | None] | None = None,
     forward: Forward | None = None,
-    settings: "PlaneStrainSettings | None" = None,
 ) -> LegProblem:
     """A leg's sites in plane strain, with corrections for 3D.
 
@@ -190,8 +189,6 @@ def leg_problem(
         One a site.
     forward : Forward, optional
         Of all sites, one curve each; see `section_forward`, which makes it otherwise.
-    settings : PlaneStrainSettings, optional
-        Numerical.
 
     Raises
     ------
@@ -203,7 +200,7 @@ def leg_problem(
     if several:
         parameters, own_errors = split_instrument(parameters, fixed)
     curves = [with_instrument_errors(measured_curve(site, request.depth), own_errors) for site in leg.sites]
-    forward = forward or section_forward(leg, request, settings)
+    forward = forward or section_forward(leg, request)
     tests = tuple(
         SiteTest(site, curve, correction, beside=site_channels(site, curve))
         for site, curve, correction in zip(leg.sites, curves, corrections or [None] * len(curves), strict=True)

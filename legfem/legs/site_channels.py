@@ -7,22 +7,22 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve, Segmentation
 from legfem.data.noise import slowest_error
 from legfem.data.phases import LOADING
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.section import layer_thicknesses
-from legfem.inverse.channel_errors import (
+from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
+from legfem.inverse.errors import (
     errors_of_places,
     misplaced_covariance,
     model_covariance,
     reading_covariance,
     shared_errors,
 )
-from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
-from legfem.inverse.data import Channel
+from legfem.inverse.readings import Channel
 from legfem.legs.nuisances import accuracy_of_shape
 from legfem.legs.plausible_recordings import loading_depths
 from legfem.legs.subject import Subject

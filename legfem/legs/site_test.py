@@ -14,11 +14,10 @@ from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
-from legfem.inverse.data import Channel, Data
 from legfem.inverse.errors import numerical_covariance
 from legfem.inverse.fit import TestFit
-from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Channel, Data, Reading
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
 from legfem.legs.site_channels import SiteChannel
 from legfem.legs.subject import TYPICAL_FORCE_SD, Subject

@@ -220,10 +220,10 @@ def _surface(mesh: NamedMesh, name: str, tag: int) -> Iterator[str]:
     yield from (f"{cells}, {side}" for cells, side in faces)
 
 
-def _wrapped(numbers: Iterable[int], width: int = 12) -> Iterator[str]:
+def _wrapped(numbers: Iterable[int]) -> Iterator[str]:
     listed = [str(number) for number in numbers]
-    for start in range(0, len(listed), width):
-        yield ", ".join(listed[start : start + width])
+    for start in range(0, len(listed), 12):
+        yield ", ".join(listed[start : start + 12])
 
 
 def write_mesh(mesh: NamedMesh, path: Path) -> tuple[Path, ...]:

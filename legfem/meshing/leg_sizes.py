@@ -182,7 +182,7 @@ class SolidMeshSettings:
         )
 
 
-def settings_for_cells(shape: LegShape, cells: int, settings: SolidMeshSettings | None = None) -> SolidMeshSettings:
+def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
     """Return settings, refined or coarsened, that give about a number of tetrahedra.
 
     Raises
@@ -190,7 +190,7 @@ def settings_for_cells(shape: LegShape, cells: int, settings: SolidMeshSettings 
     InputError
         If the leg can't be meshed with so few.
     """
-    settings = settings or SolidMeshSettings()
+    settings = SolidMeshSettings()
     shape = meshed_part(shape, settings)
     grid = TissueGrid.over(shape, spacing=5.0)
 

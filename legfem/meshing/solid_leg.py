@@ -173,10 +173,10 @@ def _triangles(model: Any) -> tuple[FloatArray, Triangles]:
     return points, number[corners].reshape(-1, 3)
 
 
-def _welded(points: FloatArray, tolerance: float = 1e-6) -> tuple[FloatArray, NDArray[np.int64]]:
+def _welded(points: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     """Return the distinct points, and the number of each point among them."""
     first = np.arange(len(points))
-    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    pairs = cKDTree(points).query_pairs(1e-6, output_type="ndarray")
     # Never more than three at one place, all paired with one another: the lowest number stands.
     np.minimum.at(first, pairs.max(axis=1), pairs.min(axis=1))
     kept, place = np.unique(first, return_inverse=True)

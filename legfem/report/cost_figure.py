@@ -130,8 +130,8 @@ def cost_figure(result: Fit[LegDetails]) -> Figure:
     return figure
 
 
-def confidence_ellipse(result: Fit[LegDetails], level: float = 0.95) -> FloatArray:
-    """Return the outline (n, 2) of two parameters' joint region, in the units drawn (kPa).
+def confidence_ellipse(result: Fit[LegDetails]) -> FloatArray:
+    """Return the outline (n, 2) of two parameters' joint 95 % region, in the units drawn (kPa).
 
     From standard errors and correlation, hence symmetric: C20 may come out negative.
     """
@@ -142,7 +142,7 @@ def confidence_ellipse(result: Fit[LegDetails], level: float = 0.95) -> FloatArr
     values, axes = np.linalg.eigh(covariance)
     angle = np.linspace(0, 2 * np.pi, 200)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    half = np.sqrt(np.maximum(values, 0.0) * chdtri(2, 1 - level))
+    half = np.sqrt(np.maximum(values, 0.0) * chdtri(2, 1 - 0.95))
     region = np.array([first.value, second.value]) + circle * half @ axes.T
     # The first may stand on a logarithmic axis.
     if first.value > 0:

@@ -242,9 +242,9 @@ def evidence_cells(found: Diagnosis) -> Cells:
     return header, rows
 
 
-def explanation_cells(found: Diagnosis, most: int = 8) -> Cells:
-    """Return what may have been left out, the most probable first; nothing that shows, too."""
-    rows = [[statement_name(one), percent(one.probability)] for one in found.explained.statements()[:most]]
+def explanation_cells(found: Diagnosis) -> Cells:
+    """Return the eight most probable things that may have been left out; nothing that shows, too."""
+    rows = [[statement_name(one), percent(one.probability)] for one in found.explained.statements()[:8]]
     return ["left out", "probability"], rows
 
 

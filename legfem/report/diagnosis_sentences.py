@@ -14,11 +14,11 @@ from legfem.inverse.hidden import HiddenEnd, Limit
 from legfem.inverse.setting_aside import SetAside
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share, residual_intervals
 from legfem.legs.mechanisms import Mechanism
-from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
+from legfem.legs.mechanisms.time_dependence import TissueRelaxation
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import determined, places_of, relative_change
 from legfem.report.estimates import high_or_low
-from legfem.report.words import capital, moduli_text, number, share
+from legfem.report.words import MODULI, capital, moduli_text, number, share
 
 _HOLDS_RECORDED = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
 _NO_MECHANISM = (
@@ -83,15 +83,15 @@ def _in_part(found: Diagnosis, model: Explanation) -> str:
     if not model.in_part:
         return ""
     left = residual_intervals(found, model)
-    share = f" It explains {percent(explained_share(found, model))} of the misfit"
+    explained = f" It explains {percent(explained_share(found, model))} of the misfit"
     if model.trials_differ and not left:
-        return f"{share}; trials differ by more than instruments of the stated accuracy make."
+        return f"{explained}; trials differ by more than instruments of the stated accuracy make."
     if not left:
-        return f"{share}; what remains is below a trial's noise."
+        return f"{explained}; what remains is below a trial's noise."
     most = left[0]
     low, high = (f"{end:.0f}" for end in most.displacement_mm)
     where = f"at {low} mm" if low == high else f"from {low} to {high} mm"
-    return f"{share}; {abs(most.size_N):.2g} N remains in {most.trial}, {most.phase}, {where}."
+    return f"{explained}; {abs(most.size_N):.2g} N remains in {most.trial}, {most.phase}, {where}."
 
 
 def _digits(value: float) -> str:
@@ -128,19 +128,14 @@ def stiffness_sentence(before: Explanation, after: Explanation) -> str:
     for name in before.fit.stiffness:
         if name in after.fit.free:
             was, now = mpa_to_kpa(before.value(name)), mpa_to_kpa(after.value(name))
-            change = f"{symbol_of(name)} from {_digits(was)} to {_digits(now)} kPa"
-            if was > 1e-6:
-                change += f" ({100 * (now / was - 1):+.0f} %)"
-            parts.append(change)
+            change = f" ({relative_change(was, now)})" if was > 1e-6 else ""
+            parts.append(f"{symbol_of(name)} from {_digits(was)} to {_digits(now)} kPa{change}")
     return f"Putting it into the model moves {' and '.join(parts)}."
 
 
 def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
-    observed = found.observed
-    recorded = "hold" in observed.phases and len(observed.rates) > 1
-    if recorded and isinstance(mechanism, TissueRelaxation):
-        return _HOLDS_RECORDED
-    return mechanism.next_experiment
+    recorded = "hold" in found.observed.phases and len(found.observed.rates) > 1
+    return _HOLDS_RECORDED if recorded and isinstance(mechanism, TissueRelaxation) else mechanism.next_experiment
 
 
 def misfit_sentence(found: Diagnosis) -> str:
@@ -170,20 +165,18 @@ def hidden_sentence(found: Diagnosis, limit: Limit, end: HiddenEnd) -> str:
     plain = f"{limit.name.replace('-', ' ')} ({first.name.replace('_', ' ')} of {{}})"
     what = (mechanism.would_be or plain).format(size)
     seen = "would not have been detected" + ("" if end.open else ", but a stronger effect would")
-    return f"{what[:1].upper()}{what[1:]} {seen}; C10 would then be {_digits(mpa_to_kpa(end.c10))} kPa."
+    return f"{capital(what)} {seen}; C10 would then be {_digits(mpa_to_kpa(end.c10))} kPa."
 
 
 def next_experiments(found: Diagnosis) -> list[str]:
     """Return the measurements that would settle what is open, but those that were made."""
     if found.verdict == "unexplained":
         return [_NO_MECHANISM]
-    known = {reading.mechanism.name for reading in found.weighted_base.problem.measured}
-    wanted = dict.fromkeys(
-        _wanted(found, m) for model in found.models for m in model.fit.mechanisms if m.name not in known
-    )
     if found.verdict == "consistent" and _one_rate(found):
         return ["hold the deepest position for a minute, and press at two rates"]
-    return list(wanted)
+    known = {reading.mechanism.name for reading in found.weighted_base.problem.measured}
+    open_ = [m for model in found.models for m in model.fit.mechanisms if m.name not in known]
+    return list(dict.fromkeys(_wanted(found, m) for m in open_))
 
 
 def _one_rate(found: Diagnosis) -> bool:
@@ -247,31 +240,21 @@ def _write_down(found: Diagnosis) -> str:
         return "Report no number."
     if DEEP_C10 not in found.base.fit.free:
         return "C10 was given, not found."
-    low, high = _within(found)
-    if found.verdict == "ambiguous" and not _alike(found):
-        return f"Report a range: C10 between {low} and {high} kPa, {_moduli_between(found)}."
-    best = found.models[0] if found.models else found.base
-    if not determined(best, DEEP_C10):
+    (low, high), best = _within(found), _best(found)
+    if not _causes_differ(found) and not determined(best, DEEP_C10):
         return "Report no number: this test cannot determine C10."
-    if _wide(found):
-        value = _value(found, best)
-        return (
-            f"Report a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present), "
-            f"{_moduli_between(found)}."
-        )
+    if _causes_differ(found) or _wide(found):
+        only = "" if _causes_differ(found) else f" ({_value(found, best)} if no hidden effect is present)"
+        return f"Report a range: C10 between {low} and {high} kPa{only}, {_moduli_between(found)}."
     c10, error = mpa_to_kpa(best.value(DEEP_C10)), _standard_error(found)
     return f"Report: C10 = {_value(found, best)} kPa ({low} to {high}), {moduli_text(c10, error)}."
-
-
-_MODULI = (2.0, 6.0)
-"""Shear modulus, and Young's of what hardly changes its volume, at small strain, over C10."""
 
 
 def _moduli_between(found: Diagnosis) -> str:
     """Return between which values the moduli lie that belong to C10."""
     ends = [mpa_to_kpa(end) for end in _ends(found)]
     spread = (ends[1] - ends[0]) / 4
-    shear, young = (" and ".join(number(times * end, times * spread) for end in ends) for times in _MODULI)
+    shear, young = (" and ".join(number(times * end, times * spread) for end in ends) for times in MODULI)
     return f"shear modulus G between {shear} kPa, Young's modulus E between {young} kPa"
 
 
@@ -293,9 +276,8 @@ def _wrong(found: Diagnosis) -> str:
     shown = found.models[:_MOST_CAUSES]
     causes = [f"{statements(m)} ({percent(m.probability)} likely)" for m in shown]
     more = len(found.models) - len(causes)
-    others = f"; or one of {more} less likely causes, listed further down" if more > 1 else ""
-    if more == 1:
-        others = f"; or, less likely, {statements(found.models[-1])}"
+    one = f"; or, less likely, {statements(found.models[-1])}" if more else ""
+    others = f"; or one of {more} less likely causes, listed further down" if more > 1 else one
     return f"{kin_sentence(found.models)}The computer model left out one of these: {'; '.join(causes)}{others}."
 
 
@@ -383,15 +365,24 @@ def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
     """Return how the number to write down compares with others', where there is one."""
     if found.withheld or DEEP_C10 not in found.base.fit.free:
         return []
-    if found.verdict == "ambiguous" and not _alike(found):
+    if _causes_differ(found):
         return high_or_low(tissue, *(float(end) for end in _within(found)))
-    best = found.models[0] if found.models else found.base
+    best = _best(found)
     return high_or_low(tissue, mpa_to_kpa(best.value(DEEP_C10))) if determined(best, DEEP_C10) else []
 
 
 def _alike(found: Diagnosis) -> bool:
     """Return whether C10 is the same for all causes, as far as it is known."""
     return DEEP_C10 in found.base.fit.free and len({_value(found, m) for m in found.models}) == 1
+
+
+def _causes_differ(found: Diagnosis) -> bool:
+    """Return whether C10 depends on which of several causes it is."""
+    return found.verdict == "ambiguous" and not _alike(found)
+
+
+def _best(found: Diagnosis) -> Explanation:
+    return found.models[0] if found.models else found.base
 
 
 def _value(found: Diagnosis, model: Explanation) -> str:
@@ -411,15 +402,12 @@ def _within(found: Diagnosis) -> tuple[str, str]:
 
 
 def _ends(found: Diagnosis) -> tuple[float, float]:
-    best = found.models[0] if found.models else found.base
-    return found.intervals.get(DEEP_C10) or best.interval(DEEP_C10)
+    return found.intervals.get(DEEP_C10) or _best(found).interval(DEEP_C10)
 
 
 def _wide(found: Diagnosis) -> bool:
     """Return whether C10 is known as a range alone: what is hidden may move it."""
-    if found.withheld or (found.verdict == "ambiguous" and not _alike(found)):
-        return False
-    return found.may_be_off > TRUSTED
+    return not found.withheld and not _causes_differ(found) and found.may_be_off > TRUSTED
 
 
 def to_do(found: Diagnosis, plan: Sequence[str]) -> str:

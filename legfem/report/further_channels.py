@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelKind
-from legfem.channels.registry import CHANNELS, FILE_OF
+from legfem.channels.kinds import CHANNELS, FILE_OF
 from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import symbol_of

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from legfem.channels.registry import OF_LEGS
+from legfem.channels.kinds import OF_LEGS
 from legfem.common.documents import markdown_table, versions_of
 from legfem.data import Recording, SourceColumns
 from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING

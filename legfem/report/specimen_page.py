@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit
-from legfem.inverse.instrument import RELAXATION
+from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
@@ -140,7 +140,8 @@ def predictions(result: SpecimenFit) -> list[str]:
     return [
         f"left out, {one.name}: predicted with R² {one.r_squared:.3f}, rmse {one.axes.load_text(one.rmse)} "
         f"({100 * one.rmse / one.course.peak:.2g} % of {one.axes.load_text(one.course.peak)}){_of_its_own(result, one)}"
-        for one in [one for one in compared(result) if not one.fitted]
+        for one in compared(result)
+        if not one.fitted
     ]
 
 
@@ -293,9 +294,12 @@ def _next(best: SpecimenFit) -> list[str]:
         lines.append(
             f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains of the test."
         )
-    if not any(not one.fitted for one in best.tests):
+    if all(one.fitted for one in best.tests):
         lines.append("Test the law on a recording that it has not seen: --leave-out NAME.")
     return lines
+
+
+_HELD_BY = "specimen.toml, the command, or the law's default"
 
 
 def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
@@ -312,13 +316,7 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
     free = {name for r in results for name in r.estimates}
     held = {n: v for r in results for n, v in r.assumed.items() if n not in free}
     rows += [
-        web.Known(
-            _words(name),
-            estimates.held_text(name, value),
-            "assumed",
-            "specimen.toml, the command, or the law's default",
-        )
-        for name, value in held.items()
+        web.Known(_words(name), estimates.held_text(name, value), "assumed", _HELD_BY) for name, value in held.items()
     ]
     first = results[0]
     rows.append(
@@ -379,19 +377,11 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
 
 def _in_numbers(result: SpecimenFit) -> list[web.Block]:
     law, axes = LAW_NAMES[result.law], compared(result)[0].axes
+    of_load = [f"{which} {axes.load_unit}" for which in ("peak", "rmse")]
     blocks: list[web.Block] = [
         web.WebTable(
             f"Recordings and the {law} law; own/joint: the factor by which the law's force fits that one best",
-            [
-                "recording",
-                "mm/s",
-                axes.way_unit,
-                f"peak {axes.load_unit}",
-                f"rmse {axes.load_unit}",
-                "R²",
-                "own/joint",
-                "",
-            ],
+            ["recording", "mm/s", axes.way_unit, *of_load, "R²", "own/joint", ""],
             [
                 [
                     one.name,

@@ -208,42 +208,31 @@ def _postures(details: StockingDetails) -> list[Block]:
 
 
 def _bars(details: StockingDetails, found: TissuePressures) -> Bars:
-    leg, load = details.leg, details.equilibrium.load
     bars = [
-        LabelledBar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
-        LabelledBar(
-            f"skin, greatest ({highest_place(details)})",
-            mpa_to_mmhg(found.greatest_interface),
-            both_units(found.greatest_interface),
-        ),
-        LabelledBar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
-        LabelledBar(
-            "fat, greatest",
-            mpa_to_mmhg(found.greatest_in_fat),
-            f"{both_units(found.greatest_in_fat)}, {_share(found.greatest_in_fat, found)}",
-        ),
-        LabelledBar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
+        _bar("skin, mean", found.mean_interface),
+        _bar(f"skin, greatest ({highest_place(details)})", found.greatest_interface),
+        _bar("skin, least", float(details.equilibrium.load.pressure.min())),
+        _bar("fat, greatest", found.greatest_in_fat, f", {_share(found.greatest_in_fat, found)}"),
+        _bar("muscle, mean", found.mean_in_muscle),
     ]
-    for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
-        low, high = vein_interval(details, k)
-        known = np.isfinite(high)
+    for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True)):
+        name, (low, high) = f"vein, {vein.name}", vein_interval(details, k)
+        known = (low, high) if np.isfinite(high) else None
+        spread = f", {low:.1f} to {high:.1f} mmHg" if known else ""
         bars.append(
-            LabelledBar(
-                f"vein, {vein.name}",
-                mpa_to_mmhg(pressure) if np.isfinite(pressure) else 0.0,
-                both_units(pressure)
-                + (f", {low:.1f} to {high:.1f} mmHg" if known else "")
-                + f", {_share(pressure, found)}"
-                if np.isfinite(pressure)
-                else "not in the tissues: check the vein's position",
-                (low, high) if known else None,
-            )
+            _bar(name, pressure, f"{spread}, {_share(pressure, found)}", known)
+            if np.isfinite(pressure)
+            else LabelledBar(name, 0.0, "not in the tissues: check the vein's position", known)
         )
     return Bars(
         "Pressures in mmHg (kPa) with 95 % intervals: on the skin by Laplace's law, inside hydrostatic",
         ("where", "pressure"),
         bars,
     )
+
+
+def _bar(name: str, pressure: float, more: str = "", interval: tuple[float, float] | None = None) -> LabelledBar:
+    return LabelledBar(name, mpa_to_mmhg(pressure), both_units(pressure) + more, interval)
 
 
 def _share(pressure: float, found: TissuePressures) -> str:

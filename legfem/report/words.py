@@ -75,12 +75,13 @@ def number(value: float, spread: float = math.nan) -> str:
     return f"{value:.3g}"
 
 
-def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
-    """Return the moduli at small strain that belong to C10 of an isotropic tissue that hardly changes its volume.
+MODULI = (2.0, 6.0)
+"""Shear modulus, and Young's of what hardly changes its volume, at small strain, over C10."""
 
-    The shear modulus is 2 C10, Young's modulus three times that.
-    """
-    shear, young = (f"{number(k * c10, k * error)} {unit}" for k in (2.0, 6.0))
+
+def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
+    """Return the moduli at small strain that belong to C10 of an isotropic tissue that hardly changes its volume."""
+    shear, young = (f"{number(k * c10, k * error)} {unit}" for k in MODULI)
     return f"shear modulus G = {shear}, Young's modulus E = {young}"
 
 

@@ -42,11 +42,15 @@ class AndersonMixing:
 
     def __init__(self, comm: MPI.Comm, depth: int) -> None:
         self._comm, self._depth = comm, depth
-        self._past: list[tuple[FloatArray, FloatArray]] = []
+        self._last: tuple[FloatArray, FloatArray] | None = None
+        self._count = 0
+        # Changes of state and update from one iteration to the next, and the products of the latter.
+        self._moves, self._gains = np.zeros((depth, 0)), np.zeros((depth, 0))
+        self._products = np.zeros((depth, depth))
 
     def forget(self) -> None:
         """Begin anew: the factors are others."""
-        self._past.clear()
+        self._last, self._count = None, 0
 
     def improved(self, state: FloatArray, update: FloatArray) -> FloatArray | None:
         """Return a better update, to be added to a state, or None at the first with these factors.
@@ -56,20 +60,26 @@ class AndersonMixing:
         state, update
             A rank's own part; (n,).
         """
-        now = state.copy(), update.copy()
-        earlier = self._past[-self._depth :] if self._depth else []
-        self._past = [*earlier, now]
-        if not earlier:
+        last, self._last = self._last, (state.copy(), update.copy())
+        if last is None or self._depth == 0:
             return None
-        states = np.array([state - other for other, _ in earlier])
-        updates = np.array([update - other for _, other in earlier])
-        products = self._comm.allreduce(updates @ np.vstack([updates, update]).T)
+        if self._moves.shape[1] != len(state):
+            self._moves, self._gains = (np.empty((self._depth, len(state))) for _ in range(2))
+        place = self._count % self._depth
+        self._count += 1
+        known = min(self._count, self._depth)
+        moves, gains = self._moves[:known], self._gains[:known]
+        np.subtract(state, last[0], out=moves[place])
+        np.subtract(update, last[1], out=gains[place])
+        with_last, right = self._comm.allreduce(np.array([gains @ gains[place], gains @ update]))
+        self._products[place, :known] = self._products[:known, place] = with_last
+        products = self._products[:known, :known]
         size = np.sqrt(np.diag(products))
-        if not np.all(size > 0):
+        if not np.all(size > 0):  # the same update once more says nothing
+            self._count = 0
             return None
-        matrix, right = products[:, :-1] / np.outer(size, size), products[:, -1] / size
-        share = np.linalg.lstsq(matrix, right, rcond=_SMALLEST)[0] / size
-        return np.asarray(update - (states + updates).T @ share)
+        share = np.linalg.lstsq(products / np.outer(size, size), right / size, rcond=_SMALLEST)[0] / size
+        return np.asarray(update - share @ moves - share @ gains)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ class ForceCurve:
     sensitivities : Mapping[str, ndarray]
         Derivative of the force (N per unit of the parameter) by the parameter's full name.
     channels : Mapping[str, ndarray]
-        What else is measured, by its name in `legfem.channels.registry.CHANNELS`, (n,).
+        What else is measured, by its name in `legfem.channels.kinds.CHANNELS`, (n,).
     channel_sensitivities : Mapping[str, Mapping[str, ndarray]]
         Derivatives by channel and by the parameter's full name, (n,).
     """

@@ -5,7 +5,7 @@ A model's law is found from the forces alone. Its lateral stretches then have a 
 .. math:: \log p = -\tfrac12 \left(r^T C^{-1} r + \log|2 \pi C|\right), \qquad
           C = C_i + h^2 (\lambda - 1)(\lambda - 1)^T,
 
-with the instrument's errors (`legfem.inverse.channel_errors`) and a share h of the strain that the model's shape and
+with the instrument's errors (`legfem.inverse.errors`) and a share h of the strain that the model's shape and
 law are off by. Where it isn't known whether ends stick, that density weighs each possibility, beside the forces'
 evidence.
 
@@ -25,8 +25,8 @@ from legfem.common.units import FloatArray
 from legfem.data.noise import slowest_error
 from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import Values
-from legfem.inverse.channel_errors import reading_covariance, shared_errors
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
+from legfem.inverse.errors import reading_covariance, shared_errors
 from legfem.inverse.estimates import Estimate
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.forward import SpecimenForward

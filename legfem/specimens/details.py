@@ -22,9 +22,17 @@ from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
 from legfem.inverse.comparison import ErrorSource
 from legfem.inverse.estimates import Estimate
-from legfem.inverse.fit import Fit, TestFit, r_squared
+from legfem.inverse.fit import (
+    Fit,
+    TestFit,
+    at_limits,
+    far_from_priors,
+    of_compromise,
+    of_failed_solves,
+    of_search,
+    r_squared,
+)
 from legfem.inverse.intervals import identifiability, verdict_on
-from legfem.inverse.notices import at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
 from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.course import Course

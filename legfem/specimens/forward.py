@@ -16,7 +16,7 @@ from legfem.inverse.outcome import Outcome
 from legfem.inverse.responses import PLAIN, Displaced, Stopped
 from legfem.jobs.store import code_fingerprint
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
-from legfem.legs.mechanisms.viscoelasticity import TIMES_S
+from legfem.legs.mechanisms.time_dependence import TIMES_S
 from legfem.legs.nuisances import SIZE
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres

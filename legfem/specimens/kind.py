@@ -104,9 +104,9 @@ class ShownAxes:
     loads: float = 1.0
     """Of its unit, a N."""
 
-    def load_text(self, force: float, digits: int = 3) -> str:
+    def load_text(self, force: float) -> str:
         """Return a force (N) with its unit."""
-        return f"{self.loads * force:.{digits}g} {self.load_unit}"
+        return f"{self.loads * force:.3g} {self.load_unit}"
 
 
 class SpecimenTest(typing.Protocol):

@@ -22,9 +22,9 @@ from legfem.inverse.catalogue import (
     within_prior,
 )
 from legfem.inverse.fibre_ratio import USUAL_RATIO, ratio_of
-from legfem.inverse.instrument import INSTRUMENT, RELAXATION
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import ParameterTexts, read_prior
+from legfem.inverse.readings import INSTRUMENT, RELAXATION
 from legfem.mechanics.materials import ExponentialStiffening, Hyperelastic, NeoHookean, ReducedPolynomial, Yeoh
 from legfem.specimens.course import relaxation_parameters
 from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile

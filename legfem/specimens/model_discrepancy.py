@@ -19,7 +19,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.special import logsumexp
 
 from legfem.common.units import FloatArray
-from legfem.inverse.discrepancy import LENGTHS
+from legfem.inverse.evidence import LENGTHS
 from legfem.specimens.comparison import SpecimenComparison
 
 _SIZES = tuple(float(size) for size in 0.001 * 2.0 ** np.arange(9))

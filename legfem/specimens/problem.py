@@ -18,15 +18,15 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
-from legfem.inverse.instrument import READINGS
 from legfem.inverse.intervals import quantile
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
+from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
@@ -84,7 +84,6 @@ def prepare(
     model = SpecimenForward.of_tissues(
         tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
     )
-    progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
     outcomes = _solved_once(model, out, jobs, progress)
     used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
     within = dict[Sizes, float]()
@@ -133,21 +132,17 @@ def prepare(
 
 def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
     store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
-    found: dict[Sizes, Outcome] = {}
-    asked = {sizes: ("once", sizes, depth) for sizes, depth in zip(model.tests, model.depths, strict=True)}
-    for sizes in model.tests:
-        kept = store.get(asked[sizes]) if store else None
-        if kept is not None:
-            found[sizes] = kept
-    missing = [k for k, sizes in enumerate(model.tests) if sizes not in found]
     with Workers(_solve_one, model, jobs) as workers:
-        for k, outcome in workers.run(missing):
-            sizes = model.tests[k]
-            found[sizes] = outcome
-            if store:
-                store.put(asked[sizes], outcome)
-            progress.advance(f"{type(sizes).__name__} to {outcome.curve.depth:.3g} mm")
-    return found
+        found = finish(
+            workers,
+            range(len(model.tests)),
+            store,
+            progress,
+            "solving every test once; on a machine's first run, compiling",
+            lambda k, outcome: f"{type(model.tests[k]).__name__} to {outcome.curve.depth:.3g} mm",
+            lambda k: ("once", model.tests[k], model.depths[k]),
+        )
+    return dict(zip(model.tests, found, strict=True))
 
 
 def _solve_one(model: SpecimenForward, number: int) -> Outcome:

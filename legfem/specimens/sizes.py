@@ -16,7 +16,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording, Segmentation, ranges
 from legfem.data.contact import Contact
 from legfem.data.plausibility import loading_doubts
-from legfem.inverse.data import Channel, Data
+from legfem.inverse.readings import Channel, Data
 from legfem.specimens.course import Course, course_of
 from legfem.specimens.kind import (
     LABS,

@@ -3,7 +3,7 @@ r"""Distances of a simulated leg's contours from those of the scan in the stocki
 The residuals are distances along the scanned contours' normals, of skin and hull, in a few slices
 of the calf. The segmentation of an outline errs by :math:`\sigma`, alike over a length l:
 :math:`\sigma^2 \exp(-s^2 / (2 l^2))` is the covariance of the errors of two points a distance s
-apart. Smoothing the outlines (`legfem.geometry.leg_shape_from_outlines`) keeps
+apart. Smoothing the outlines (`legfem.imaging.outlines`) keeps
 :math:`1/(1 + (\lambda_c/\lambda)^4)` of an undulation of wavelength :math:`\lambda`, of the errors'
 too, which makes them smaller and alike over a longer way. Their covariance is written as a sum of
 orthogonal modes; the distances are whitened by projecting them on these. The model's own error is

@@ -117,10 +117,10 @@ class LegModel3D(Picklable):
         moved = self._from_mesh[part] @ self._surfaces[part].values(nodal)
         return moved.reshape(*self.shape.contours[part].shape[:2], 3)
 
-    def deformed_shape(self, unknown: FloatArray, levels: FloatArray | None = None) -> LegShape:
-        """Return the compressed shape cut at levels (mm), by default those of the bare leg."""
+    def deformed_shape(self, unknown: FloatArray) -> LegShape:
+        """Return the compressed shape, cut at the levels of the bare leg."""
         moved = {part: self.displacement(part, unknown) for part in SURFACES}
-        return displaced(self.shape, moved, levels)
+        return displaced(self.shape, moved)
 
     def set_state(self, state: Compressed, pressure: FloatArray, parameters: Mapping[str, float] | None = None) -> None:
         """Put the finite-element system into a state and its pressure, to evaluate fields or derivatives."""

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from legfem.api.identification import identify
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa

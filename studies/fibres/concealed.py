@@ -24,8 +24,8 @@ from legfem.jobs.store import Store
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import diagnose_body, with_correction
-from legfem.legs.mechanisms.end_effects import EndEffects
 from legfem.legs.mechanisms.muscle import MuscleFibres
+from legfem.legs.mechanisms.rig import EndEffects
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material

@@ -14,9 +14,9 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape, shape_of_contours
-from legfem.geometry.leg_shape_from_outlines import smoothed
 from legfem.geometry.section import outward_normals
 from legfem.geometry.section_from_outlines import Clearances, nested_outlines
+from legfem.imaging.outlines import smoothed
 from legfem.legs.placement import bone_outline, oval
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -12,126 +12,16 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from legfem.channels.kinds.section_strain import WINDOW_MM
+from legfem.channels.kinds.section_image import WINDOW_MM
 from legfem.channels.site import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import first_touch
-from legfem.geometry.section import BONES, LegSection
 from legfem.legs.subject import Subject, TissueParameters
+from studies.other_code.plane_mesh import GAUSS, Ints, TriangleMesh, mesh_leg
 from studies.other_code.pressing import OtherPressing, other_law, spread
 
-type Ints = NDArray[np.int_]
-
-GAUSS = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)
-"""Points and weights on an edge from -1 to 1."""
 BESIDE_MM = (-40.0, -25.0, 25.0, 40.0)
 """To the left of the travel, where the skin's rise is seen."""
-_SIZES = {"contact": 1.2, "far": 4.0}
-
-
-@dataclass(frozen=True, eq=False)
-class TriangleMesh:
-    """Quadratic triangles of a leg."""
-
-    points: FloatArray
-    cells: Mapping[str, Ints]
-    """(m, 6) by tissue."""
-    skin: Ints
-    """(k, 3): end points and middle of every edge."""
-    bones: Mapping[str, Ints]
-    """Points of every bone."""
-
-    @cached_property
-    def skin_weights(self) -> FloatArray:
-        """Lengths (k, 3) that the Gauss points of an edge stand for, mm."""
-        ends = self.points[self.skin[:, :2]]
-        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        return np.asarray(0.5 * length[:, None] * GAUSS[1][None, :])
-
-
-def mesh_leg(section: LegSection, touch: FloatArray, finer: float = 1.0) -> TriangleMesh:
-    """Return a mesh, fine about the point of first touch."""
-    import gmsh
-
-    inner = shapely.Polygon(section.fascia).buffer(-section.fascia_thickness)
-    loops = {
-        "skin": section.skin,
-        "fascia": section.fascia,
-        "inner": np.array(inner.exterior.coords)[:-1],
-        **{bone: section.contour(bone) for bone in BONES},
-    }
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("leg")
-        lines = {name: _loop(gmsh, _resampled(points, 1.0)) for name, points in loops.items()}
-        surfaces = {
-            "superficial": gmsh.model.occ.addPlaneSurface([lines["skin"], lines["fascia"]]),
-            "fascia": gmsh.model.occ.addPlaneSurface([lines["fascia"], lines["inner"]]),
-            "deep": gmsh.model.occ.addPlaneSurface([lines["inner"], *(lines[b] for b in BONES)]),
-        }
-        gmsh.model.occ.synchronize()
-        _sizes(gmsh, touch, section, finer)
-        gmsh.model.mesh.generate(2)
-        gmsh.model.mesh.setOrder(2)
-        tags, flat, _ = gmsh.model.mesh.getNodes()
-        cells = {
-            name: gmsh.model.mesh.getElements(2, surface)[2][0].astype(int).reshape(-1, 6)
-            for name, surface in surfaces.items()
-        }
-    finally:
-        gmsh.finalize()
-    # Points that only define a spline belong to no triangle.
-    used = np.unique(np.vstack(list(cells.values())))
-    number = np.zeros(int(tags.max()) + 1, dtype=int)
-    number[used] = np.arange(len(used))
-    places = np.zeros((int(tags.max()) + 1, 2))
-    places[tags] = flat.reshape(-1, 3)[:, :2]
-    return _tidied(places[used], {name: number[own] for name, own in cells.items()}, section)
-
-
-def _resampled(points: FloatArray, step: float) -> FloatArray:
-    ring = shapely.LinearRing(points)
-    count = max(24, round(ring.length / step))
-    return np.array([ring.interpolate(s).coords[0] for s in np.arange(count) * ring.length / count])
-
-
-def _loop(gmsh: Any, points: FloatArray) -> int:
-    tags = [gmsh.model.occ.addPoint(x, y, 0.0) for x, y in points]
-    spline = gmsh.model.occ.addSpline([*tags, tags[0]])
-    return int(gmsh.model.occ.addCurveLoop([spline]))
-
-
-def _sizes(gmsh: Any, touch: FloatArray, section: LegSection, finer: float) -> None:
-    fields = gmsh.model.mesh.field
-    ball = fields.add("MathEval")
-    x, y = touch
-    near, far = _SIZES["contact"] / finer, _SIZES["far"] / finer
-    distance = f"Sqrt((x-({x}))^2+(y-({y}))^2)"
-    fields.setString(ball, "F", f"Min({far}, {near}+0.12*Max(0,{distance}-16))")
-    fields.setAsBackgroundMesh(ball)
-    for name in ("MeshSizeFromPoints", "MeshSizeFromCurvature", "MeshSizeExtendFromBoundary"):
-        gmsh.option.setNumber(f"Mesh.{name}", 0)
-
-
-def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) -> TriangleMesh:
-    """Return the mesh, triangles counter-clockwise; edges of one triangle lie on an outline."""
-    turned = {}
-    for name, own in cells.items():
-        a, b, c = (points[own[:, k]] for k in range(3))
-        cross = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-        flipped = own.copy()
-        flipped[cross < 0] = own[cross < 0][:, [0, 2, 1, 5, 4, 3]]
-        turned[name] = flipped
-    every = np.vstack(list(turned.values()))
-    edges = np.vstack([every[:, [0, 1, 3]], every[:, [1, 2, 4]], every[:, [2, 0, 5]]])
-    _, index, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
-    outer = edges[index[count == 1]]
-    middle = shapely.points(points[outer[:, 2]])
-    apart = {name: shapely.distance(middle, section.polygon(name).exterior) for name in ("skin", *BONES)}
-    nearest = np.argmin(np.array(list(apart.values())), axis=0)
-    bones = {bone: np.unique(outer[nearest == k + 1]) for k, bone in enumerate(BONES)}
-    return TriangleMesh(points, turned, outer[nearest == 0], bones)
 
 
 _SHAPE = np.column_stack([GAUSS[0] * (GAUSS[0] - 1) / 2, GAUSS[0] * (GAUSS[0] + 1) / 2, 1 - GAUSS[0] ** 2])

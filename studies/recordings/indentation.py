@@ -13,8 +13,8 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import Instrument, Recording, segment, segment_all
 from legfem.data.smoothing import sample_noise
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.discrepancy import possible_discrepancies, with_discrepancy
 from legfem.inverse.errors import error_model
+from legfem.inverse.evidence import possible_discrepancies, with_discrepancy
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
@@ -25,7 +25,7 @@ from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.mechanisms import Mechanism
 from legfem.legs.mechanisms.muscle import StrainStiffening
 from legfem.legs.mechanisms.rig import ContactOnset, ForceDrift
-from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
+from legfem.legs.mechanisms.time_dependence import TissueRelaxation
 from legfem.specimens.diagnosis import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest

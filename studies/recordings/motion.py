@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -16,9 +17,9 @@ from legfem.data.smoothing import sample_noise
 from legfem.inverse.mechanism import strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.responses import ForceAlone
+from legfem.inverse.responses import Columns
 from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
-from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
+from legfem.legs.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from studies.recordings.curves import ElasticCurves
 
 _BACK_SHARE = 0.02
@@ -182,7 +183,7 @@ _KEPT = 50
 
 
 @dataclass(frozen=True, eq=False)
-class SpecimenResponses(ForceAlone):
+class SpecimenResponses:
     """Responses of one specimen; see `legfem.inverse.predictor.Responses`.
 
     Parameters
@@ -228,6 +229,18 @@ class SpecimenResponses(ForceAlone):
         c10, c20 = at
         share = c20 / (c10 + c20)
         return np.asarray(mechanism.shares(values) @ self._per_ratio(share, observed))
+
+    def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
+        """Refuse: nothing but the force is known."""
+        raise LookupError(f"nothing is known of {', '.join(names)}")
+
+    def channel_changes(self, names: Sequence[str], *of_mechanism: object) -> FloatArray:
+        """Refuse likewise."""
+        raise LookupError(f"nothing is known of {', '.join(names)}")
+
+    def pair_change(self, pair: object, stiffness: Stiffness) -> Columns:
+        """Return nothing: two effects act each as if alone."""
+        return {}
 
     def _per_ratio(self, share: float, observed: Observations) -> FloatArray:
         """Return what every branch of ratio one adds, over the elastic force; (branches, n)."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.channels.site import Sight, Site
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES

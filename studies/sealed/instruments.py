@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from legfem.channels.registry import CHANNELS
+from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.data import Recording
 from legfem.data.recording import RecordedChannel

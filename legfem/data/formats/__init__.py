@@ -10,8 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.data.formats.force_curves import refuse_force_curve
-from legfem.data.formats.no_tables import refuse_what_holds_no_table
+from legfem.data.formats.refused import refuse_force_curve, refuse_what_holds_no_table
 from legfem.data.formats.sheet import MOST_BYTES, Column, Sheet, check_size
 from legfem.data.formats.text import read_text
 
@@ -32,7 +31,7 @@ def _reader(module: str, name: str) -> Reader:
 
 _workbook, _old_workbook = _reader("workbook", "read_workbook"), _reader("workbook", "read_old_workbook")
 _open_document = _reader("workbook", "read_open_document")
-_tdms, _lvm = _reader("labview", "read_tdms"), _reader("labview", "read_lvm")
+_tdms, _lvm = _reader("arrays", "read_tdms"), _reader("arrays", "read_lvm")
 _matlab, _hdf5 = _reader("arrays", "read_matlab"), _reader("arrays", "read_hdf5")
 
 

@@ -63,7 +63,7 @@ def shortest_programme(observed: Observations) -> float:
     return min(float(stations.protocol.time[-1]) for stations in observed.protocols)
 
 
-def moments(observed: Observations, count: int = MOMENTS) -> list[tuple[float, float]]:
+def moments(observed: Observations) -> list[tuple[float, float]]:
     """Return moments through a programme and how far they are apart, over the shortest one's time.
 
     They lie evenly over the stations, and not over the time: a loading of a few seconds before a
@@ -71,7 +71,7 @@ def moments(observed: Observations, count: int = MOMENTS) -> list[tuple[float, f
     """
     shortest = shortest_programme(observed)
     times = next(s.time for s in observed.protocols if s.protocol.time[-1] == shortest) / shortest
-    ends = np.interp(np.linspace(0.0, 1.0, count + 1), np.linspace(0.0, 1.0, len(times)), times)
+    ends = np.interp(np.linspace(0.0, 1.0, MOMENTS + 1), np.linspace(0.0, 1.0, len(times)), times)
     return [(float(0.5 * (a + b)), float(b - a)) for a, b in pairwise(ends)]
 
 

@@ -5,8 +5,7 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 (``deep.viscoelasticity.ratio``). A mechanism vanishes at its strength's null, the default.
 """
 
-from legfem.mechanics.terms.bone_springs import BoneSprings
-from legfem.mechanics.terms.contact import NormalContact, SkinPressure, TangentialContact
+from legfem.mechanics.terms.contact import BoneSprings, NormalContact, SkinPressure, TangentialContact
 from legfem.mechanics.terms.drainage import Drainage
 from legfem.mechanics.terms.membranes import Fascia, Prestress, Sliding
 from legfem.mechanics.terms.muscle import Contraction, Fibres

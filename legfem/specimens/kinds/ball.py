@@ -46,8 +46,7 @@ class BallKind(SpecimenKind[BallEntry, BallOnLayer]):
 
     def model(self, body: BallOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
-        from legfem.experiments.axisymmetric import BallIndentation
-        from legfem.specimens.shallow_tests import round_indenter
+        from legfem.experiments.axisymmetric import BallIndentation, round_indenter
 
         radius = body.ball_radius
         return BallIndentation(body, law, round_indenter(radius, body.ball, depth, radius / 8))

@@ -69,8 +69,8 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
 
     def model(self, body: CupOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
+        from legfem.experiments.axisymmetric import settings_to
         from legfem.experiments.suction import SuctionTest
-        from legfem.specimens.shallow_tests import settings_to
 
         return SuctionTest(body, law, settings_to(depth))
 

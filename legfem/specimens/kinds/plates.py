@@ -62,8 +62,7 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
 
     def model(self, body: CylinderBetweenPlates, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
-        from legfem.experiments.axisymmetric import CylinderCompression, HalfwayTest
-        from legfem.specimens.shallow_tests import settings_to
+        from legfem.experiments.axisymmetric import CylinderCompression, HalfwayTest, settings_to
 
         if not isinstance(body, PartlyHeld):
             return CylinderCompression(body, law, settings_to(depth))

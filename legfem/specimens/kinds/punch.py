@@ -47,8 +47,8 @@ class PunchKind(SpecimenKind[PunchEntry, PunchOnLayer]):
 
     def model(self, body: PunchOnLayer, law: Law, depth: float) -> SpecimenTest:
         """Return the test, solved by finite elements."""
+        from legfem.experiments.axisymmetric import onset_to, settings_to
         from legfem.experiments.flat_punch import FlatPunchIndentation
-        from legfem.specimens.shallow_tests import onset_to, settings_to
 
         settings = replace(settings_to(depth), contact=onset_to(body.punch, depth))
         return FlatPunchIndentation(body, law, settings)

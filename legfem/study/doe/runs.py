@@ -2,6 +2,7 @@
 
 import math
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 import pandas as pd
 
-from legfem.common.progress import Progress
+from legfem.common.progress import Progress, duration
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.jobs.pool import Workers
@@ -168,8 +169,7 @@ def settings_of(fidelity: Fidelity) -> PlaneStrainSettings:
     """Return the numerical settings: the default, or a finer mesh with small steps."""
     # Round-off in a fascia of 10 MPa leaves a residual of some 3e-12 N/mm, which a tolerance
     # relative to the small contact forces of a 0.5 kPa leg doesn't allow for.
-    newton = NewtonSettings(absolute_tolerance=1e-11)
-    base = PlaneStrainSettings(newton=newton)
+    base = PlaneStrainSettings(newton=NewtonSettings(absolute_tolerance=1e-11, reuse=0.85))
     if fidelity == "default":
         return base
     steps = StepSettings(first=0.1, largest=0.5)
@@ -222,13 +222,30 @@ def metrics_in(windows: tuple[tuple[float, float], ...]) -> tuple[Metric, ...]:
     return (*(Metric("curvature", *window) for window in windows), *(Metric("slope", *window) for window in windows))
 
 
+@dataclass
+class Outlook:
+    """How many simulations all stages to come have, and how long the ones before took."""
+
+    ahead: int = 0
+    done: int = 0
+    seconds: float = 0.0
+
+    def begin(self, requests: int) -> str:
+        """Begin a stage; return what is left from there on, nothing where that isn't known."""
+        left, self.ahead = self.ahead, max(self.ahead - requests, 0)
+        if not left or not self.done:
+            return f", of {left} simulations in all" if left > requests else ""
+        return f"; about {duration(self.seconds / self.done * left)} left in all"
+
+
 @dataclass(frozen=True, eq=False)
 class Workshop:
-    """What simulations are done with: workers, the store of those that are done, progress."""
+    """What simulations are done with: workers, the store of those that are done, progress, what is to come."""
 
     workers: Workers[Simulator, Request, Record]
     store: Store[Record]
     progress: Progress
+    outlook: Outlook = field(default_factory=Outlook)
 
     def do(
         self, text: str, requests: Sequence[Request], on_found: Callable[[dict[int, Record]], None] = lambda found: None
@@ -249,18 +266,23 @@ class Workshop:
         list of Record
             One a request, in their order.
         """
+        new = sum(not self.store.path(request.asked).exists() for request in requests)
+        began = time.perf_counter()
         # What gave nothing at all may lack memory or a disk: it is tried again the next time.
-        return finish(
+        records = finish(
             self.workers,
             requests,
             self.store,
             self.progress,
-            text,
+            text + self.outlook.begin(len(requests)),
             progress_line,
             asked=lambda request: request.asked,
             worth=lambda record: len(record.displacement) > 0,
             on_found=on_found,
         )
+        self.outlook.done += new
+        self.outlook.seconds += time.perf_counter() - began
+        return records
 
 
 def simulate(simulator: Simulator, request: Request) -> Record:

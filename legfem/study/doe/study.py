@@ -16,7 +16,7 @@ from legfem.common.units import FloatArray
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
 from legfem.study.doe.design import Definition, Factor, factorial_design, space_filling_design
-from legfem.study.doe.information import Information, study_information
+from legfem.study.doe.information import Information, information_requests, study_information
 from legfem.study.doe.runs import (
     Metric,
     NumericalError,
@@ -338,6 +338,15 @@ class StudyResult:
             f"The fascia's Poisson's ratio is {span}: it follows from the C10 and the D1 of "
             f"{given.D1:g}/MPa that the paper gives, which make its bulk modulus the smaller one."
         )
+
+
+def simulations_of(definition: Definition, beyond: bool) -> int:
+    """Return how many simulations a study has, at most three of them on a finer mesh."""
+    factorial = len(factorial_design(len(definition.factors)))
+    if not beyond:
+        return factorial
+    emulated = definition.training + definition.testing if definition.training and definition.testing else 0
+    return factorial + 3 + len(information_requests(definition)) + emulated
 
 
 def study(

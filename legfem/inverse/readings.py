@@ -1,4 +1,4 @@
-r"""What the instrument shows of a force: gain, zero, and where contact began.
+r"""What was measured in a test, and what its instrument shows of a model's force: gain, zero, where contact began.
 
 .. math:: F_\text{read}(d) = g\, F(d - \delta) + z
 
@@ -9,12 +9,75 @@ model's curve, so that no solve is needed for any of the three.
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Readings of one quantity.
+
+    Parameters
+    ----------
+    name : str
+        Of the quantity, as a file's column has it without its unit: ``force``, ``lateral_force``, ``fat_thickness``.
+    unit : str
+        N, mm, MPa or -.
+    station : (n,) array
+        Where along the test the readings were taken: displacement after first contact (mm), or time (s).
+    along : str
+        Name of the stations with their unit, ``displacement_mm`` or ``time_s``.
+    values : (n,) array
+        Readings.
+    sd : (n,) array
+        Standard error of each reading.
+    """
+
+    name: str
+    unit: str
+    station: FloatArray
+    along: str
+    values: FloatArray
+    sd: FloatArray
+
+    def __len__(self) -> int:
+        """Number n of readings."""
+        return len(self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """All channels of one test, which a problem has as one vector of n readings, channel after channel."""
+
+    channels: tuple[Channel, ...]
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """Readings of all channels, (n,), each in its channel's unit."""
+        return np.concatenate([channel.values for channel in self.channels])
+
+    @cached_property
+    def spans(self) -> tuple[slice, ...]:
+        """Place of every channel's readings in `values`."""
+        ends = np.cumsum([0, *map(len, self.channels)])
+        return tuple(slice(*pair) for pair in pairwise(ends))
+
+    def __len__(self) -> int:
+        """Number n of readings, of all channels together."""
+        return len(self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTest:
+    """A test's readings at its stations; a `legfem.inverse.fit.Measured`."""
+
+    name: str
+    data: Data
 
 
 class InstrumentNumber(NamedTuple):

@@ -25,8 +25,8 @@ from legfem.study.doe.claims import verdict_documents, verdicts
 from legfem.study.doe.design import Definition, read_definition
 from legfem.study.doe.figures import draw_half_normal, draw_information, draw_normality, draw_response, draw_sobol
 from legfem.study.doe.page import claims_page, gather_figures, study_web_page
-from legfem.study.doe.runs import PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
-from legfem.study.doe.study import StudyResult, study
+from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
+from legfem.study.doe.study import StudyResult, simulations_of, study
 from legfem.study.doe.surface import Counting
 from legfem.study.doe.tables import study_document
 
@@ -94,7 +94,8 @@ def _write_all(
     alone = len(definitions) == 1
     folders = [options.out if alone else options.out / definition.source.stem for definition in definitions]
     with progress_on(quiet=options.quiet) as progress:
-        workshop = Workshop(workers, store, progress)
+        planned = sum(simulations_of(definition, options.beyond) for definition in definitions)
+        workshop = Workshop(workers, store, progress, Outlook(planned))
         results = [
             _study(options, definition, subject, workshop, out)
             for definition, out in zip(definitions, folders, strict=True)

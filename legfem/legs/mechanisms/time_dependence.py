@@ -1,0 +1,290 @@
+"""What depends on time: tissues relax, over a spectrum of times; fluid drains; repeats soften or stiffen a leg."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from scipy.stats import norm
+
+from legfem.common.units import FloatArray
+from legfem.data.phases import HOLD, UNLOADING
+from legfem.inverse.mechanism import IndentedLeg, Mechanism, Solution, TissueMechanism, Values, strength
+from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Parameter, Prior
+
+if TYPE_CHECKING:
+    from legfem.mechanics.materials import Hyperelastic
+    from legfem.mechanics.model import Formulation
+
+
+TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0, 600.0)
+"""Relaxation times of the model's branches: a continuous spectrum is spread over them."""
+_NODES = 160
+RELAXES = "the leg relaxes: its force fades while it is held"
+"""What is sure of all that does so."""
+
+
+@lru_cache(maxsize=1024)
+def spectrum(time: float, spread: float) -> tuple[float, ...]:
+    r"""Return the shares of the branches in a log-normal spectrum of relaxation times.
+
+    .. math:: w_k = \int h_k(\ln \tau)\, N(\ln \tau; \ln \tau_0, s^2)\, d \ln \tau
+
+    with hat functions :math:`h_k` between the branches' times. A wide one relaxes in proportion to
+    the logarithm of time, as tissue does (Y. C. Fung, Biomechanics (1993), section 7.6).
+
+    Parameters
+    ----------
+    time
+        Middle of the spectrum, s.
+    spread
+        Its standard deviation, natural logarithms.
+    """
+    logs = np.log(TIMES_S)
+    at = np.linspace(logs[0], logs[-1], _NODES)
+    edges = np.concatenate([[-np.inf], 0.5 * (at[1:] + at[:-1]), [np.inf]])
+    mass = np.diff(norm.cdf(edges, np.log(time), max(spread, 1e-3)))
+    return tuple(float(mass @ np.interp(at, logs, row)) for row in np.eye(len(logs)))
+
+
+def needs_time(observed: Observations) -> str | None:
+    """Return why an effect of rate can't be told, or None."""
+    if HOLD in observed.phases or UNLOADING in observed.phases or len(observed.rates) > 1:
+        return None
+    return "an effect of rate cannot be determined from one loading ramp: it needs a hold, unloading or a second rate"
+
+
+SPECTRUM: tuple[Parameter, ...] = (
+    strength(
+        "ratio",
+        "-",
+        "relaxing stress over the lasting one",
+        2.0,
+        (0.0, 40.0),
+        "muscle loses a third to three quarters of its force in a hold",
+    ),
+    Parameter(
+        "relaxation_time",
+        "s",
+        (0.03, 300.0),
+        Prior(8.0, 1.5, "log", "reported spectra"),
+        scale="log",
+        statement="middle of the spectrum",
+    ),
+    Parameter(
+        "spread",
+        "-",
+        (0.05, 4.0),
+        Prior(1.5, 1.0, "linear", "reported spectra"),
+        statement="standard deviation of the logarithm of the times",
+    ),
+)
+SLOW = Parameter(
+    "slow",
+    "-",
+    (0.0, 0.9),
+    Prior(0.1, 0.1, "linear", "muscle still relaxes after minutes"),
+    statement="share of the relaxing stress that fades over ten minutes or more, which a hold of a minute hardly shows",
+)
+
+
+@dataclass(frozen=True)
+class TissueRelaxation(TissueMechanism):
+    """A spectrum of Prony branches of the deep tissue's deviatoric stress."""
+
+    name: ClassVar[str] = "viscoelasticity"
+    statement: ClassVar[str] = "the deep tissue relaxes: its force depends on the rate and fades while held"
+    parameters: ClassVar[tuple[Parameter, ...]] = (*SPECTRUM, SLOW)
+    kin: ClassVar[str] = RELAXES
+    next_experiment: ClassVar[str] = "hold the deepest position for a minute, and press at two rates"
+    variant: ClassVar[str] = "viscoelastic"
+    along_path: ClassVar[bool] = True
+    region: ClassVar[str] = "deep"
+
+    def untestable(self, observed: Observations) -> str | None:
+        """Return whether there are a hold, an unloading or two rates."""
+        return needs_time(observed)
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return several times, narrow and wide."""
+        return tuple(
+            {"ratio": 0.2, "relaxation_time": time, "spread": spread, "slow": 0.1}
+            for time in (1.5, 6.0, 25.0)
+            for spread in (0.4, 2.0)
+        )
+
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
+        """Return the branches."""
+        return self._branches_of(getattr(leg.tissues, self.region))
+
+    def terms_of(self, law: "Hyperelastic") -> Sequence[Any]:
+        """Return the same of a body of one tissue, which is called deep."""
+        return self._branches_of(law) if self.region == "deep" else ()
+
+    def _branches_of(self, law: "Hyperelastic") -> Sequence[Any]:
+        from legfem.mechanics.terms import Viscoelasticity
+
+        return [Viscoelasticity(self.region, law, branch=str(k + 1)) for k in range(len(TIMES_S))]
+
+    @property
+    def derivatives(self) -> tuple[str, ...]:
+        """Ratios of the model's branches: as they are small or great, the response is linear."""
+        return tuple(f"{name}.ratio" for name in self._branches())
+
+    def shares(self, values: Values) -> FloatArray:
+        """Return every branch's ratio; the last one bears what is slow."""
+        each = (1.0 - values["slow"]) * np.array(spectrum(values["relaxation_time"], values["spread"]))
+        each[-1] += values["slow"]
+        return values["ratio"] * each
+
+    def _branches(self) -> list[str]:
+        return [f"{self.region}.viscoelasticity{k + 1}" for k in range(len(TIMES_S))]
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model with its branches."""
+        given = {}
+        for name, time, ratio in zip(self._branches(), TIMES_S, self.shares(values), strict=True):
+            given[f"{name}.ratio"] = float(ratio)
+            given[f"{name}.relaxation_time"] = time
+        return Solution(self.variant, given)
+
+
+@dataclass(frozen=True)
+class SuperficialViscoelasticity(TissueRelaxation):
+    """The same of the fat."""
+
+    name: ClassVar[str] = "superficial-viscoelasticity"
+    statement: ClassVar[str] = "the superficial tissue (fat) relaxes while it is held"
+    region: ClassVar[str] = "superficial"
+
+
+_USUAL = 0.03
+"""Share of the stiffness in volume: a drained Poisson's ratio of 0.1."""
+_BULK_OVER_SHEAR = 30.0
+"""Of undrained muscle, about: what shares of a drop are found with."""
+
+
+@dataclass(frozen=True)
+class PoroelasticDrainage(TissueMechanism):
+    r"""Darcy flow of fluid through the deep tissue, whose skeleton keeps a share of its stiffness in volume.
+
+    What a softer or stiffer skeleton does is tabulated as a share of what the usual one does: of the drop from the
+    undrained force of a half-space to the drained one, :math:`(1/2 - \nu) / (1 - \nu)` with the skeleton's Poisson's
+    ratio :math:`\nu` (F ~ shear modulus over :math:`1 - \nu`).
+    """
+
+    name: ClassVar[str] = "poroelastic-drainage"
+    statement: ClassVar[str] = "fluid is squeezed through the tissue and its volume follows in time"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("permeability", "mm4/(N s)", "Darcy's, of the deep tissue", 400.0, (0.0, 3000.0)),
+        Parameter(
+            "skeleton",
+            "-",
+            (0.003, 0.5),
+            Prior(_USUAL, 1.0, "log", "drained Poisson's ratios of 0 to 0.4 of soft tissue"),
+            scale="log",
+            statement="share of the stiffness in volume that stays when all fluid has gone",
+        ),
+    )
+    kin: ClassVar[str] = RELAXES
+    next_experiment: ClassVar[str] = (
+        "hold for several minutes with indenters of two sizes: drainage takes time with the size "
+        "squared, relaxation does not"
+    )
+    variant: ClassVar[str] = "porous"
+    formulation: "ClassVar[Formulation | None]" = "porous"
+    along_path: ClassVar[bool] = True
+    strengths: ClassVar[tuple[float, ...]] = (10.0, 80.0, 400.0, 1600.0)
+
+    def untestable(self, observed: Observations) -> str | None:
+        """Return whether there are a hold, an unloading or two rates."""
+        return needs_time(observed)
+
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
+        """Return the flow."""
+        from legfem.mechanics.terms import Drainage
+
+        return [Drainage("deep", leg.tissues.deep)]
+
+    def solution(self, values: Values) -> Solution:
+        """Return the porous model."""
+        numbers = {f"deep.drainage.{name}": values[name] for name in ("permeability", "skeleton")}
+        return Solution(self.variant, numbers)
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return slow and fast drainage of the usual skeleton."""
+        return tuple({"permeability": size, "skeleton": _USUAL} for size in (20.0, 120.0, 700.0))
+
+    def share(self, values: Values) -> float:
+        """Return how much of the usual skeleton's drop there is."""
+        return _drop(values["skeleton"]) / _drop(_USUAL)
+
+
+def _drop(skeleton: float) -> float:
+    """Return the share of a half-space's force that drainage takes."""
+    bulk = _BULK_OVER_SHEAR * skeleton
+    poisson = (3 * bulk - 2) / (6 * bulk + 2)
+    return (0.5 - poisson) / (1 - poisson)
+
+
+@dataclass(frozen=True)
+class Preconditioning(Mechanism):
+    r"""The deep tissue is stiffer in the first trials, by a share that fades and varies with depth.
+
+    .. math:: 1 + s\, \rho^{t} \left(1 + k \left(\tfrac{d}{D} - \tfrac12\right)\right)
+
+    in trial t from 0. The reference is the settled tissue: at the null all trials are alike. Tissue that was stretched
+    has softened by the way back (R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861, for rubber): there
+    the excess is
+
+    .. math:: s\, \rho^{t} \left(r + (1 - r) \tfrac{d}{D}\right) \left(1 + k \left(\tfrac{d}{D} - \tfrac12\right)\right)
+
+    with a share r that stays.
+    """
+
+    name: ClassVar[str] = "preconditioning"
+    statement: ClassVar[str] = "the tissue softened from one trial to the next: it was not preconditioned"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("softening", "-", "excess stiffness of the first trial", 0.15, (-0.5, 1.5)),
+        Parameter(
+            "fading",
+            "-",
+            (0.0, 0.95),
+            Prior(0.35, 0.25, "linear", "most is gone after a cycle"),
+            statement="excess of a trial over that of the one before",
+        ),
+        Parameter(
+            "slope",
+            "-",
+            (-2.0, 2.0),
+            Prior(0.0, 0.5, "linear", "nothing is known"),
+            statement="change of the excess from first touch to full depth, over its mean",
+        ),
+        Parameter(
+            "staying",
+            "-",
+            (0.0, 1.0),
+            Prior(0.5, 0.4, "linear", "between a gain, which stays, and a tissue that has softened by the way back"),
+            statement="share of the excess that is still there at the end of the unloading",
+        ),
+    )
+    would_be: ClassVar[str] = "a first trial that is stiffer than the later ones by a share of {} (softer, if negative)"
+    next_experiment: ClassVar[str] = "cycle five to ten times before recording, and rest between trials"
+    measured_sd: ClassVar[float | None] = 0.03
+    """An estimate: the gains of trials, over several cycles."""
+
+    def untestable(self, observed: Observations) -> str | None:
+        """Return whether there are repeats."""
+        if observed.repeats < 2:
+            return "it shows in repeats of one protocol, and there are none"
+        return None
+
+    def deep_factor(self, values: Values, observed: Observations) -> FloatArray:
+        """Return each trial's stiffness over the settled one."""
+        excess = values["softening"] * values["fading"] ** observed.trial.astype(float)
+        share = observed.displacement / observed.depth
+        back = values["staying"] + (1.0 - values["staying"]) * share
+        excess = np.where(observed.phase == UNLOADING, back, 1.0) * excess
+        return np.asarray(np.maximum(1.0 + excess * (1.0 + values["slope"] * (share - 0.5)), 0.05))
