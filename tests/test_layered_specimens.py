@@ -253,4 +253,4 @@ def test_one_thickness_does_not_tell_the_layers_apart_and_a_prior_does(sheets: P
     done = CliRunner().invoke(app, asked)
     print(done.output)
     assert done.exit_code == 0, done.output
-    assert "muscle.C10" in done.output
+    assert "C10 of the muscle" in done.output
