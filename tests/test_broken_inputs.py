@@ -17,8 +17,7 @@ from making_fuzzed import KINDS, broken_anywhere
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
-from legfem.jobs.checkpoint import Checkpoint
-from legfem.jobs.store import Store
+from legfem.jobs.store import Checkpoint, Store
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.schema import SUBJECTS

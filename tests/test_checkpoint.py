@@ -14,7 +14,7 @@ from mpi4py import MPI
 from legfem.experiments.indentation import IndentationModel, IndentationRequest
 from legfem.experiments.indenter_pose import Cylinder
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
-from legfem.jobs.checkpoint import Checkpoint
+from legfem.jobs.store import Checkpoint
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import SolveReport

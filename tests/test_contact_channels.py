@@ -11,7 +11,7 @@ from making import TOML, press, write_subject
 from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
-from legfem.channels.kinds.contact_pressure import PRESSURE
+from legfem.channels.kinds.contact import PRESSURE
 from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.experiments.experiment import Solved

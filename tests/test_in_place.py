@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from legfem.common.documents import markdown_table
-from legfem.jobs.checkpoint import write_arrays
+from legfem.jobs.store import write_arrays
 from legfem.report.folder import REPORT, made_in_place
 
 

@@ -207,7 +207,7 @@ def test_numbers_that_are_no_readings_are_refused(tmp_path: Path, text: str) -> 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("force_sd_N = 0.04", "force_sd_N = 1e300", "is out of range; give a value at most 1e+06, in N"),
+        ("force_sd_N = 0.04", "force_sd_N = 1e300", "is out of range; give a value of at most 1e+06, in N"),
         ('title = "Made for a test"', "title = 7", "7 is not text; write it in quotes: title = "),
         ("aim_mm = [0.0, 0.0]", "aim_mm = true", "True is not a list; write aim_mm = [...]"),
     ],

@@ -13,8 +13,8 @@ from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mech
 from making_identification import DEPTH, AnalyticLeg, identify, pressed_leg
 
 from legfem.channels.kinds import CHANNELS
-from legfem.channels.kinds.contact_pressure import PRESSURE
-from legfem.channels.kinds.section_displacement import INSIDE
+from legfem.channels.kinds.contact import PRESSURE
+from legfem.channels.kinds.section_image import INSIDE
 from legfem.common.units import FloatArray
 from legfem.data import quality_of, segment_all
 from legfem.data.recording import RecordedChannel

@@ -1,10 +1,12 @@
 """What is seen in a folder before anything is solved."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from legfem.commands.data import app
 from legfem.common.errors import InputError
@@ -119,3 +121,15 @@ def test_a_leg_in_its_stocking_is_seen_at_the_heights_that_are_compared(tmp_path
     assert seen.trouble == ""
     assert "to be found" in dict(seen.facts)["stiffness"]
     assert (tmp_path / "slices.png").stat().st_size > 20_000
+
+
+def test_a_name_that_is_no_text_is_said_where_a_folder_or_a_file_is_looked_at(leg, tmp_path):
+    """A picture's title can't show it."""
+    (one,) = (leg / "recordings").glob("*.csv")
+    odd = one.rename(os.fsdecode(os.fsencode(one.parent) + b"/f\xff.csv"))
+    seen = preview_of(leg, tmp_path)
+    assert "can't be shown" in seen.trouble
+    assert [(row.file, "can't be shown" in row.trouble) for row in seen.recordings] == [("f?.csv", True)]
+    seen.write(tmp_path)
+    run = CliRunner().invoke(app, ["look", str(odd), "--out", str(tmp_path / "out")])
+    assert run.exit_code == 2 and "can't be shown" in run.output

@@ -12,7 +12,7 @@ from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
 from legfem.channels.kinds import CHANNELS
-from legfem.channels.kinds.contact_force import ContactForces
+from legfem.channels.kinds.contact import ContactForces
 from legfem.channels.kinds.skin_rise import RISES
 from legfem.channels.reading import ChannelReader
 from legfem.channels.seen import ReadState

@@ -11,7 +11,7 @@ from making import TOML, press, write_subject
 from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
-from legfem.channels.kinds.section_strain import STRAIN, SectionStrains
+from legfem.channels.kinds.section_image import STRAIN, SectionStrains
 from legfem.channels.seen import ReadState, Seen, SeenModel
 from legfem.channels.site import Sight
 from legfem.common.errors import InputError

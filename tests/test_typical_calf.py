@@ -60,7 +60,7 @@ def test_the_interval_carries_the_error_of_the_shape(tmp_path: Path):
         ("girth_mm = 365", "", "fat_mm", "both girth_mm and fat_mm"),
         ("fat_mm = 8", "", "scan", "girth_mm with fat_mm"),
         ('contours = "contours.csv"\ngirth_mm = 365\nfat_mm = 8', "", "scan", "2 sources"),
-        ("girth_mm = 36.5\nfat_mm = 8", "", "girth_mm", "200"),
+        ("girth_mm = 36.5\nfat_mm = 8", "", "girth_mm", "at least 200, in mm (if it is in cm, multiply it by 10)"),
         ("girth_mm = 365\nfat_mm = 8", "aim_mm = [0.0, 0.0]", "indenter.aim_mm", "from behind"),
         ("girth_mm = 240\nfat_mm = 38", "", "section.fat_mm", "make no calf"),
     ],

@@ -35,7 +35,7 @@ def told(folder: Path) -> str:
         ('title = "(.*)"', r'title = "C:\\Users\\x"', "has a backslash in a path; write paths with /"),
         ('title = "(.*)"', "title = 2024-05-03", "title: 2024-05-03 is not text; write it in quotes"),
         (r"\[instrument\]", "[indenter]", "is a table that is given above already; put its keys under the first"),
-        (r"direction_deg = \S+", "direction_deg = 1370", "1370 is out of range; give a value at most 360, in deg"),
+        (r"direction_deg = \S+", "direction_deg = 1370", "1370 is out of range; give a value of at most 360, in deg"),
         (r"(?s)^.*$", '{"title": "x"}', "is JSON; write it as TOML"),
     ],
 )

@@ -53,6 +53,7 @@ def look(
 
         from legfem.common.documents import write_atomically, write_document
         from legfem.common.errors import doubt_lines
+        from legfem.common.input_files import check_printable
         from legfem.data import Scales, among_repeats, segment
         from legfem.data.contact import LEAST_OF_A_LEG_MM, LEG
         from legfem.data.formats import read_sheets
@@ -77,6 +78,7 @@ def look(
         # A required argument's help would end in a backslash and [required].
         if not files:
             raise InputError("FILES", "missing", "there is nothing to look at", "give files")
+        check_printable(*files)
         folder = out or Path("results") / "look"
         check_out_folder(folder)
         named: dict[Quantity, str] = {}

@@ -3,6 +3,7 @@
 import codecs
 import csv
 import difflib
+import math
 import re
 import stat
 import tomllib
@@ -309,10 +310,13 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
         case "missing":
             return "missing", "add it"
         case "greater_than" | "greater_than_equal" | "less_than_equal":
-            bounds = {"gt": "above", "ge": "at least", "le": "at most"}
+            bounds = {"gt": "above", "ge": "of at least", "le": "of at most"}
             words = " and ".join(f"{w} {context[k]:g}" for k, w in bounds.items() if k in context)
             unit = keys[-1].rpartition("_")[2]
-            return f"{given} is out of range", f"give a value {words}, in {unit}"
+            least = context.get("ge", context.get("gt", math.inf))
+            in_cm = unit == "mm" and 0 < given < least <= 10 * given
+            hint = " (if it is in cm, multiply it by 10)" if in_cm else ""
+            return f"{given} is out of range", f"give a value {words}, in {unit}{hint}"
         case "float_type" | "finite_number":
             return f"{given!r} is not a finite number", "write a number without quotes"
         case "literal_error":

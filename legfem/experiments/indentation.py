@@ -14,8 +14,7 @@ from legfem.channels.reading import ChannelLog, ChannelReader
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Meshed, Picklable, Solved, as_protocol, cached_in_process
 from legfem.fem.system import System
-from legfem.jobs.checkpoint import Checkpoint
-from legfem.jobs.store import key_of
+from legfem.jobs.store import Checkpoint, key_of
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.indenters import RigidIndenter
 from legfem.mechanics.materials import Hyperelastic

@@ -19,7 +19,7 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.leg_surface import TriangleSurface
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, with_units
 from legfem.inverse.fit import Fit
-from legfem.jobs.checkpoint import read_arrays, write_arrays
+from legfem.jobs.store import read_arrays, write_arrays
 from legfem.legs.site_test import curve_of
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.solve.path import ForceCurve

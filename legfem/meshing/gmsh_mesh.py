@@ -50,7 +50,7 @@ def gmsh_model(name: str) -> Iterator[Any]:
             gmsh.finalize()
 
 
-def generate(model: Any, dimension: int) -> None:
+def generate(model: Any, dimension: int, seconds: float | None = None) -> None:
     """Mesh a model.
 
     Parameters
@@ -59,6 +59,8 @@ def generate(model: Any, dimension: int) -> None:
         The model of `gmsh_model`.
     dimension : int
         2 or 3.
+    seconds : float, optional
+        Time after which it is given up, s.
 
     Raises
     ------
@@ -75,7 +77,7 @@ def generate(model: Any, dimension: int) -> None:
         except Exception as error:
             failed.append(error)
 
-    most = _MOST_SECONDS[dimension]
+    most = _MOST_SECONDS[dimension] if seconds is None else seconds
     thread = threading.Thread(target=work, name=_THREAD, daemon=True)
     thread.start()
     thread.join(most)

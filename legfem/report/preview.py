@@ -7,6 +7,7 @@ from pathlib import Path
 
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError, doubt_lines
+from legfem.common.input_files import check_printable
 from legfem.common.progress import Progress
 from legfem.data import Scales, Segmentation, SourceColumn, seen_instrument, segment
 from legfem.data.channel_reader import is_channel_file
@@ -276,6 +277,7 @@ def _recording(
     columns: tuple[SeenColumn, ...] = ()
     own = None if channels is not None or trial is None or not trial.recording.channels else trial.recording
     try:
+        check_printable(path)
         sheets = [] if own else read_sheets(path)
         columns = tuple(
             SeenColumn(sheet.name or "", column.name, column.unit or "") for sheet in sheets for column in sheet.columns
@@ -285,11 +287,12 @@ def _recording(
         scales = Scales.of_specimen(recording) if of_specimen else LEG
         quality = quality_of(trial or segment(recording, scales=scales))
     except InputError as error:
-        return SeenRecording(path.name, trouble=str(error), columns=columns)
+        shown = "".join(c if c.isprintable() else "?" for c in path.name)
+        return SeenRecording(shown, trouble=str(error), columns=columns)
     # Trials of two sites may have one name.
     drawn = replace(recording, trial=f"{site}-{recording.trial}" if site else recording.trial)
     picture = draw_look(drawn, quality, out).name
-    text, shown = look_text(recording, proposal, quality), seen_instrument([recording])
+    text, instrument = look_text(recording, proposal, quality), seen_instrument([recording])
     reasons = tuple(reason.partition(": ")[2] for reason in quality.reasons if quality.grade != BEST_GRADE)
     return SeenRecording(
         f"{site}/{path.name}" if site else path.name,
@@ -299,5 +302,5 @@ def _recording(
         picture,
         channels=proposal.channels,
         columns=columns,
-        noise=(shown.force_sd, shown.displacement_sd),
+        noise=(instrument.force_sd, instrument.displacement_sd),
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
-from legfem.jobs.checkpoint import Checkpoint
+from legfem.jobs.store import Checkpoint
 from legfem.solve.newton import NewtonOutcome, NewtonSolver, relax
 from legfem.solve.path import SolveReport, Step
 from legfem.solve.protocol import Protocol, ProtocolSegment

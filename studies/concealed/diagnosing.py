@@ -23,9 +23,8 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.verdict import Diagnosis
-from legfem.jobs.checkpoint import write_arrays
 from legfem.jobs.pool import Workers
-from legfem.jobs.store import Contents, Store, finish
+from legfem.jobs.store import Contents, Store, finish, write_arrays
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis_document import document

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from legfem.channels.kinds.section_strain import WINDOW_MM
+from legfem.channels.kinds.section_image import WINDOW_MM
 from legfem.channels.site import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import first_touch

@@ -9,7 +9,7 @@ import pytest
 from making_diagnosis import INSTRUMENT
 
 from legfem.channels.kind import Frames
-from legfem.channels.kinds.section_displacement import INSIDE, SectionDisplacements
+from legfem.channels.kinds.section_image import INSIDE, SectionDisplacements
 from legfem.channels.site import Sight, Site
 from legfem.common.progress import Silent
 from legfem.common.units import FloatArray

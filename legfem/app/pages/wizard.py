@@ -119,7 +119,7 @@ def describe_page(workspace: Workspace, name: str, looking: Run) -> None:
                 stated = instrument() if state.kind == "leg" else {}
                 forms[state.kind]()
             except InputError as error:
-                wanted.text = str(error).removeprefix("form: ")
+                wanted.text = _of_the_form(error, folder)
                 wanted.set_visibility(True)
                 return False
             path = folder / str(description_of(folder))
@@ -156,6 +156,28 @@ def _keep_for_others(lab: Path, path: Path) -> None:
     write_atomically(lab, tomlkit.dumps({**before, "indenter": rig, "instrument": given["instrument"]}))
 
 
+_GIRTH, _FAT, _DIAMETER, _LENGTH = (
+    "girth of the calf (mm)",
+    "skin and fat where it is pressed (mm)",
+    "diameter (mm)",
+    "cylinder's length (mm)",
+)
+_FIELDS = {
+    "section.girth_mm": _GIRTH,
+    "section.fat_mm": _FAT,
+    "indenter.diameter_mm": _DIAMETER,
+    "indenter.length_mm": _LENGTH,
+}
+"""What the form calls a key of subject.toml."""
+
+
+def _of_the_form(error: InputError, folder: Path) -> str:
+    """Say what is wrong as the form calls it: whoever fills it in knows of no file and key."""
+    if error.field in _FIELDS:
+        return f"{_FIELDS[error.field]}: {error.problem}; {error.remedy}"
+    return str(error).removeprefix("form: ").removeprefix(f"{folder}/")
+
+
 def _numbers(boxes: Sequence[ui.number]) -> list[float]:
     """Numbers of a form's fields, all of which are needed."""
     if missing := [box.props["label"] for box in boxes if box.value is None]:
@@ -176,16 +198,16 @@ def _pressed(folder: Path, sources: list[str], lab: Mapping[str, Any]) -> Descri
     else:
         tag("h2", "How large is the calf?")
         with ui.element("div").classes("fields"):
-            sizes.append(_number("girth of the calf (mm)", "with a tape, where it was pressed"))
-            sizes.append(_number("skin and fat where it is pressed (mm)", "by ultrasound, or half a skinfold"))
+            sizes.append(_number(_GIRTH, "with a tape, where it was pressed"))
+            sizes.append(_number(_FAT, "by ultrasound, or half a skinfold"))
         tag("p", _NO_CONTOURS, "quiet")
     tag("h2", "What pressed it?")
     rig = lab.get("indenter", {})
     with ui.element("div").classes("fields"):
         shape = ui.select(_SHAPES, value=rig.get("shape", "cylinder"), label="what pressed it")
         shape.props["hint"] = "the part that touches the skin"
-        diameter = _number("diameter (mm)", "of the cylinder, ball or punch", rig.get("diameter_mm"))
-        length = _number("cylinder's length (mm)", "along its axis", rig.get("length_mm"))
+        diameter = _number(_DIAMETER, "of the cylinder, ball or punch", rig.get("diameter_mm"))
+        length = _number(_LENGTH, "along its axis", rig.get("length_mm"))
         axis = _number("cylinder turned by (degrees)", "0 along the leg, 90 across", 0.0)
         shape.set_visibility(bool(sources))
         length.bind_visibility_from(shape, "value", value="cylinder")

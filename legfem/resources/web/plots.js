@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const DASHES = {solid: [], dashed: [8, 5], dotted: [2, 4], dotdash: [2, 4, 8, 4]};
-  const EDGE = 74, LEAST = 640, PRINTED = 155, PRINTED_BELOW = 160;
+  const EDGE = 74, LEAST = 640, PRINTED = {alone: 240, above: 155, below: 160};
   Chart.defaults.font.family = getComputedStyle(document.body).fontFamily;
   Chart.defaults.color = "#222";
   const points = (x, y) => x.map((one, k) => ({x: one, y: y[k]}));
@@ -102,7 +102,8 @@
       }));
   }
   // A printed page has another width than the window, and holds two figures.
+  const place = (box) => box.className || (box.parentNode.querySelector(".below") ? "above" : "alone");
   addEventListener("beforeprint", () => every.forEach((chart) =>
-    chart.resize(LEAST, chart.canvas.parentNode.className === "below" ? PRINTED_BELOW : PRINTED)));
+    chart.resize(LEAST, PRINTED[place(chart.canvas.parentNode)] || PRINTED.alone)));
   addEventListener("afterprint", () => every.forEach((chart) => chart.resize()));
 })();

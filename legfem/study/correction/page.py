@@ -372,8 +372,8 @@ def trend_curves(trends: Trend) -> list[Curves]:
 def _sure(found: Calibrated) -> list[web.Block]:
     return [
         web.Prose(
-            "Errors of P are modes over the displacement: of the mesh by Richardson's estimate, "
-            "of a leg shorter or longer, and of the first contact."
+            "The error of P has three parts, each a curve over the displacement: that of the mesh (Richardson's "
+            "estimate), that of a leg which is shorter or longer, and that of first contact."
         ),
         web.WebTable("Forces, P and its errors by depth", *correction_cells(found)),
         web.WebTable("P on three meshes, and in the limit", *meshes_cells(found)),

@@ -1,4 +1,13 @@
-r"""Pressure on the cylinder's face, by sensels: a film or a mat between the cylinder and the skin.
+r"""What the cylinder's face feels: forces and a moment beside that along its travel, the contact's width, its pressure.
+
+Forces and the moment are a load cell's of several axes. The width is seen by ink, a camera or the edges of a pressure
+film.
+
+The skin is pressed up to where its deformed outline :math:`x(s)`, quadratic along every edge of the mesh, comes to the
+face but for the gap :math:`g` at which the contact's pressure begins: :math:`|x(s) - c| = R + g`. The width is the arc
+:math:`R\,(\varphi_1 - \varphi_0)` between the outermost of these points; as nodes move at the rates :math:`x'`, a point
+slides along the outline so that it stays there. Pressure is seen by sensels: a film or a mat between the
+cylinder and the skin.
 
 A sensel that reaches along the face from :math:`a` to :math:`b` (mm, from the face's deepest point, to the left of the
 travel) reads
@@ -10,6 +19,7 @@ of the nodes' normal loads :math:`q_n` (N per mm of the cylinder) at :math:`s_n`
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar
 
@@ -18,7 +28,9 @@ from numpy.typing import NDArray
 
 from legfem.channels.kind import (
     ChannelAccuracy,
+    ChannelFile,
     ChannelKind,
+    ChannelPlan,
     Channels,
     Frames,
     FramesError,
@@ -33,6 +45,140 @@ from legfem.geometry.section import across
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
+
+
+_SIX_AXES = ChannelAccuracy(reading=0.02, bias=0.05, gain=0.02, slow=0.03, lag=0.01)
+"""Crosstalk of a six-axis cell is a per cent or two of the force along the travel."""
+LATERAL = ChannelKind(
+    "lateral_force",
+    "N",
+    "force of the cylinder on the skin across the travel, to its left",
+    _SIX_AXES,
+    models=frozenset({"2d", "3d"}),
+)
+AXIAL = replace(
+    LATERAL,
+    name="axial_force",
+    words="force of the cylinder on the skin along the leg, towards greater z",
+    models=frozenset({"3d"}),
+)
+MOMENT = ChannelKind(
+    "axis_moment",
+    "Nmm",
+    "moment of the cylinder on the skin about the cylinder's axis, counterclockwise in the section",
+    ChannelAccuracy(reading=0.3, bias=1.0, gain=0.02, slow=0.5, lag=0.01),
+)
+_PRESSED = 0.2
+"""Of the largest force along the travel, from which on another is compared with it."""
+
+
+class ContactForces(ChannelFile):
+    """Forces across the travel, to its left, and along the leg; and what friction turns the cylinder by."""
+
+    kinds: ClassVar = (LATERAL, AXIAL, MOMENT)
+    plans: ClassVar = (
+        ChannelPlan(
+            "record the lateral force too", (LATERAL.name,), "a load cell of two or more axes, and no more time"
+        ),
+        ChannelPlan(
+            "record the lateral force and the moment about the cylinder's axis too",
+            (LATERAL.name, MOMENT.name),
+            "a six-axis load cell, and no more time",
+        ),
+    )
+
+    def read(self, seen: "Seen") -> Channels:
+        """Return the force to the left; of a leg in 3D that along it, of a section the moment."""
+        found = {LATERAL.name: seen.force(seen.left)}
+        if len(seen.left) == 3:
+            return found | {AXIAL.name: seen.force(np.array([0.0, 0.0, 1.0]))}
+        return found | {MOMENT.name: seen.moment()}
+
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+        """Refuse a lateral force that exceeds the force along the travel, and a moment that friction can't make."""
+        force, values = recorded.force, recorded.values
+        pressed = force > _PRESSED * force.max()
+        if kind == MOMENT:
+            return _checked_moment(values[pressed], force[pressed], recorded.site.indenter.radius)
+        if kind != LATERAL or not pressed.any() or np.median(np.abs(values[pressed]) / force[pressed]) <= 1.0:
+            return None
+        worst = float(np.abs(values[pressed]).max())
+        return Impossible(
+            f"it is up to {worst:.3g} N, more than the force along the travel ({force.max():.3g} N)",
+            "check which of the load cell's axes is which, and its zero",
+        )
+
+
+def _checked_moment(values: FloatArray, force: FloatArray, radius: float) -> Impossible | None:
+    """Return why moments (k,), N mm, can't be about the axis of a cylinder that forces (k,) press, N."""
+    if not len(values) or np.median(np.abs(values) / force) <= radius:
+        return None
+    return Impossible(
+        f"it is up to {np.abs(values).max():.3g} N mm, and friction of {force.max():.3g} N on the face makes less",
+        "give it about the cylinder's axis, not about the load cell's origin, and check its unit",
+    )
+
+
+_SEEN = ChannelAccuracy(reading=0.7, bias=1.0, gain=0.03, slow=0.3, lag=0.1)
+"""Of an edge that fades: skin that is close to the face looks as if it touched."""
+WIDTH = ChannelKind("contact_width", "mm", "width of the contact along the cylinder's face", _SEEN, 0.02)
+
+
+class ContactWidths(ChannelFile):
+    """Arc between the outermost points of the skin that touch the cylinder."""
+
+    kinds: ClassVar = (WIDTH,)
+    plans: ClassVar = (
+        ChannelPlan(
+            "read how wide the contact is at {at}",
+            (WIDTH.name,),
+            "a camera along the cylinder, or ink on it",
+            frames=True,
+        ),
+    )
+
+    def read(self, seen: "Seen") -> Channels:
+        """Return the width; nothing before the skin touches."""
+        skin, radius = seen.line("skin"), seen.radius
+        reach = radius + seen.onset
+        away = skin.points - seen.centre
+        # Of an edge from 0 to 1: a + b s + c s^2.
+        first, last, middle = away.transpose(1, 0, 2)
+        bend, rise = 2 * first + 2 * last - 4 * middle, 4 * middle - 3 * first - last
+        gaps = np.linalg.norm(away, axis=2) - reach
+        length = np.linalg.norm(last - first, axis=1)
+        found: list[tuple[float, FloatArray]] = []
+        for edge in np.flatnonzero((gaps.min(axis=1) < length) & (gaps.max(axis=1) > -length)):
+            a, b, c = first[edge], rise[edge], bend[edge]
+            roots = np.roots([c @ c, 2 * b @ c, b @ b + 2 * a @ c, 2 * a @ b, a @ a - reach**2])
+            for s in (float(root.real) for root in roots if abs(root.imag) < 1e-9 and -1e-9 <= root.real <= 1 + 1e-9):
+                point, along = a + b * s + c * s**2, b + 2 * c * s
+                shapes = np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+                rates = np.array([shapes @ one[edge] for one in skin.rates]).reshape(-1, 2)
+                moving = rates - np.outer(rates @ point / (along @ point), along)
+                turn = np.array([-point[1], point[0]])
+                ahead, beside = point @ seen.model.system.direction, point @ seen.left
+                found.append((radius * float(np.arctan2(beside, ahead)), moving @ turn * radius / reach**2))
+        if len(found) < 2:
+            return {WIDTH.name: (0.0, np.zeros(len(skin.rates)))}
+        right, left = min(found, key=lambda one: one[0]), max(found, key=lambda one: one[0])
+        return {WIDTH.name: (left[0] - right[0], left[1] - right[1])}
+
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+        """Refuse a width of more than half the cylinder's face."""
+        half = float(np.pi * recorded.site.indenter.radius)
+        widest = float(recorded.values.max())
+        if widest <= half:
+            return None
+        return Impossible(
+            f"it is up to {widest:.3g} mm, and half the cylinder's face is {half:.3g} mm",
+            "check its unit and the cylinder's diameter",
+        )
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return the face's deepest point at first touch."""
+        return site.deepest
+
 
 _FILM = ChannelAccuracy(reading=0.5, bias=0.3, gain=0.1, slow=0.2, lag=0.1, creep=0.05, threshold=1.0)
 """Of thin-film sensors on a curved face: a tenth of the reading, and a twentieth more for each decade of time."""

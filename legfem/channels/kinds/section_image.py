@@ -1,0 +1,393 @@
+r"""Images of the section: displacements inside it (speckle tracking, elastography's B-mode, MR tagging), and strains.
+
+A file of displacements has a frame a time: points ``x_mm, y_mm`` where they were before the cylinder pressed, in the
+outlines' coordinates, and by how much they have moved since. Errors of tracking are alike over some millimetres, so
+that points are taken together in cells of a few millimetres; a cell's mean moves as the tissue at the points' middle
+does.
+
+An image is laid into the section by hand, or by its outline: it may lie :math:`s` beside where it is said to, and be
+turned by :math:`\theta` about its middle :math:`c`. To first order a reading at :math:`X` then is
+
+.. math:: u(X) + \nabla u\,(s + \theta\, e_z \times (X - c)) - \theta\, e_z \times u,
+
+with the gradient of a thin-plate spline through what is predicted of the frame; between cells of 6 mm it is off by a
+third of itself, which is an error of each place alone (`gradient_error`).
+
+A file of strains along the travel, as strain elastography shows them, has the same points, and the strain there since,
+below zero where the tissue is shortened. An estimator fits a line to displacements along the beam over a window of
+length w, so that a reading at :math:`X` is
+
+.. math:: \frac{e \cdot (u(X + w e / 2) - u(X - w e / 2))}{w}
+
+with the travel's direction :math:`e`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+
+from legfem.channels.kind import (
+    ChannelAccuracy,
+    ChannelKind,
+    Channels,
+    Frames,
+    FramesError,
+    FramesFile,
+    Impossible,
+    Read,
+    ReadingsAtSite,
+)
+from legfem.channels.site import Site
+from legfem.common.units import FloatArray
+from legfem.geometry.section import BONES
+
+if TYPE_CHECKING:
+    from legfem.channels.seen import Seen
+
+
+CELL_MM = 6.0
+"""Points are taken together in cells of this size, or of more where there would be too many."""
+_FEWEST, _STEP_MM = 4, 0.5
+"""Places of a frame that have a gradient, and the step that it is taken over."""
+_ALL_OFF_MM = 18.0
+"""Distance of places between which the field bends too much for any gradient."""
+
+
+def _in_tissue(points: FloatArray, site: Site, beyond: float) -> NDArray[np.bool_]:
+    """Return which of points (n, 2) lie in soft tissue, or up to some mm beyond it (within, if these are below 0)."""
+    section = site.section
+    tissue = section.polygon("skin").buffer(beyond)
+    for bone in BONES:
+        tissue = tissue.difference(section.polygon(bone).buffer(max(-beyond, 0.0)))
+    return np.asarray(shapely.contains_xy(tissue, points[:, 0], points[:, 1]))
+
+
+def tissue_points(frames: Sequence[Frames], site: Site, beyond: float) -> list[NDArray[np.bool_]]:
+    """Return which rows of every trial's frames lie in tissue; their first two columns are x and y (mm).
+
+    Raises
+    ------
+    FramesError
+        If most don't.
+    """
+    inside = [_in_tissue(one.columns[:, :2], site, beyond) for one in frames]
+    kept, every = sum(int(own.sum()) for own in inside), sum(len(one.columns) for one in frames)
+    if 2 * kept < every:
+        raise FramesError(
+            "x_mm, y_mm",
+            f"{kept} of {every} points lie in soft tissue",
+            "give the points in the outlines' coordinates, where they were before the cylinder pressed",
+        )
+    return inside
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Points of all trials taken together.
+
+    Parameters
+    ----------
+    middles
+        Mean of each cell's points, (k, 2), mm.
+    of_trial
+        Cell of every point of a trial, in the trials' order.
+    """
+
+    middles: FloatArray
+    of_trial: tuple[NDArray[np.int_], ...]
+
+
+def cells_of(points: Sequence[FloatArray], origin: FloatArray, most: int) -> Cells:
+    """Return cells of points (n, 2) of every trial, ``most`` of them at most."""
+    every, size = np.concatenate(points), CELL_MM
+    while True:
+        known, cell = np.unique(np.floor((every - origin) / size).astype(int), axis=0, return_inverse=True)
+        if len(known) <= most:
+            break
+        size *= 1.15
+    cell = cell.ravel()
+    middles = np.array([every[cell == k].mean(axis=0) for k in range(len(known))])
+    return Cells(middles, tuple(np.split(cell, np.cumsum([len(one) for one in points])[:-1])))
+
+
+def cell_means(
+    time: FloatArray, cell: NDArray[np.int_], values: FloatArray
+) -> tuple[FloatArray, NDArray[np.int_], FloatArray]:
+    """Return time and cell of every cell in every frame, (m,), and the means (m, q) of its points' values (n, q)."""
+    keys, row, count = np.unique(np.column_stack([time, cell]), axis=0, return_inverse=True, return_counts=True)
+    means = np.column_stack([np.bincount(row.ravel(), column) / count for column in values.T])
+    return keys[:, 0], keys[:, 1].astype(int), means
+
+
+def displaced_image(
+    at: FloatArray, values: FloatArray, group: NDArray[np.int_], accuracy: ChannelAccuracy
+) -> dict[str, FloatArray]:
+    """Return by name what a shift of the image in either direction does, and a turn about its middle, (k,).
+
+    By where readings are taken alone: what a turn does to a reading's direction is its kind's.
+
+    Parameters
+    ----------
+    at
+        Places of the readings, (k, 2), mm.
+    values
+        Predicted, (k,).
+    group
+        Number of the field that each is of, one a frame and direction, (k,).
+    accuracy
+        Of the image's place.
+    """
+    slopes = np.zeros((len(values), 2))
+    for number in np.unique(group):
+        rows = group == number
+        slopes[rows] = _gradient(at[rows], values[rows])
+    x, y = (at - at.mean(axis=0)).T
+    return {
+        "shift in x": accuracy.shift * slopes[:, 0],
+        "shift in y": accuracy.shift * slopes[:, 1],
+        "turn": np.deg2rad(accuracy.turn) * (slopes[:, 1] * x - slopes[:, 0] * y),
+    }
+
+
+def gradient_error(at: FloatArray) -> float:
+    """Return the share of itself by which a gradient between places (k, 2) is off: a third at 6 mm, and as they lie."""
+    places = np.unique(at, axis=0)
+    if len(places) < 2:
+        return 1.0
+    apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    return min(1.0, float(np.median(apart.min(axis=1))) / _ALL_OFF_MM)
+
+
+def _gradient(at: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the gradient (n, 2) at places (n, 2) of a thin-plate spline through values (n,) there; 0 of a few."""
+    if len(at) < _FEWEST or np.linalg.matrix_rank(at - at.mean(axis=0)) < 2:
+        return np.zeros((len(at), 2))
+    spline = RBFInterpolator(at, values)
+    steps = _STEP_MM * np.eye(2)
+    return np.column_stack([(spline(at + step) - spline(at - step)) / (2 * _STEP_MM) for step in steps])
+
+
+_TRACKING = ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
+"""Of a cell; what is slow is tracking's drift from frame to frame. The image is laid into the section by hand."""
+INSIDE = ChannelKind(
+    "section_displacement",
+    "mm",
+    "displacement of points inside the section since before the cylinder pressed",
+    _TRACKING,
+    0.006,
+)
+_MOST_CELLS = 20
+_OUTSIDE_MM = 1.0
+_TOO_FAR, _TOO_FAR_MM = 1.3, 3.0
+_AT_REST_MM, _RESTING_MM = 2.0, 0.5
+"""By how much points may have moved where the cylinder has by less than this."""
+
+
+class SectionDisplacements(FramesFile):
+    """Displacements in both directions of the outlines' coordinates, in cells; a place is x, y (mm) and 0 or 1."""
+
+    kinds: ClassVar = (INSIDE,)
+    entry = INSIDE.name
+    columns = ("x_mm", "y_mm", "ux_mm", "uy_mm")
+
+    def read(self, seen: "Seen") -> Channels:
+        """Return the displacements at the places where somebody looked."""
+        places = seen.places(INSIDE.name)
+        if not len(places):
+            return {}
+        values, rates = seen.moves(places[:, :2])
+        rows, way = np.arange(len(places)), places[:, 2].astype(int)
+        return {
+            name: (float(value), rate)
+            for name, value, rate in zip(
+                INSIDE.courses(len(places)), values[rows, way], rates[:, rows, way].T, strict=True
+            )
+        }
+
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+        """Refuse displacements that are too large, against the travel, or not counted from first touch."""
+        pressed = np.isfinite(recorded.depth)
+        depth, values, places = recorded.depth[pressed], recorded.values[pressed], recorded.places[pressed]
+        deepest, largest = float(depth.max(initial=0.0)), float(np.abs(values).max(initial=0.0))
+        if largest > _TOO_FAR * deepest + _TOO_FAR_MM:
+            return Impossible(
+                f"points move by up to {largest:.3g} mm where the cylinder moves by {deepest:.3g} mm",
+                "check the unit of ux_mm and uy_mm",
+            )
+        at_rest = values[depth < _RESTING_MM]
+        moved = float(np.sqrt(2 * np.mean(at_rest**2))) if len(at_rest) else 0.0
+        if moved > _AT_REST_MM:
+            return Impossible(
+                f"points have moved by {moved:.2g} mm before the cylinder touches",
+                "count displacements from a frame before it presses",
+            )
+        along = values * recorded.site.direction[places[:, 2].astype(int)]
+        deep = depth > 0.5 * deepest
+        total = float(np.mean(along[deep])) if deep.any() else 0.0
+        if total < -0.05 * deepest:
+            return Impossible(
+                f"points move by {-total:.2g} mm against the cylinder's travel in the mean",
+                "check the directions of ux_mm and uy_mm: they are those of the outlines' coordinates",
+            )
+        return None
+
+    def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
+        """Return the points, and the directions of the outlines' coordinates."""
+        return places[:, :2], np.eye(2)[places[:, 2].astype(int)]
+
+    def apart(self, places: FloatArray) -> FloatArray:
+        """Return the distance of readings of one direction; those of different ones err by themselves."""
+        between = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=-1)
+        return np.where(np.equal.outer(places[:, 2], places[:, 2]), between, np.inf)
+
+    def shared(
+        self,
+        places: FloatArray,
+        time: FloatArray,
+        frame: NDArray[np.int_],
+        values: FloatArray,
+        accuracy: ChannelAccuracy,
+    ) -> dict[str, FloatArray]:
+        """Return what a shift of the image in either direction does, and a turn about its middle."""
+        at, way = places[:, :2], places[:, 2].astype(int)
+        found = displaced_image(at, values, 2 * frame + way, accuracy)
+        for number in np.unique(frame):
+            for k, sign in ((0, 1.0), (1, -1.0)):
+                mine, others = (np.flatnonzero((frame == number) & (way == one)) for one in (k, 1 - k))
+                # e_z x u is (-uy, ux).
+                found["turn"][mine] += sign * np.deg2rad(accuracy.turn) * _beside(at[mine], at[others], values[others])
+        return found
+
+    def shared_is_off(self, places: FloatArray) -> float:
+        """Return by how much the gradient is off that the image's place is weighed with."""
+        return gradient_error(places[:, :2])
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the cells' mean displacements, of points that lie in tissue."""
+        inside = tissue_points(frames, site, _OUTSIDE_MM)
+        points = [one.columns[kept, :2] for one, kept in zip(frames, inside, strict=True)]
+        cells = cells_of(points, site.touch, _MOST_CELLS)
+        places = tuple((round(float(x), 3), round(float(y), 3), float(way)) for x, y in cells.middles for way in (0, 1))
+        return [
+            [_means(one.time[kept], own, one.columns[kept, 2:], places)]
+            for one, kept, own in zip(frames, inside, cells.of_trial, strict=True)
+        ]
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return a point under the cylinder, within the tissue."""
+        return np.asarray(site.deepest + 2 * CELL_MM * site.direction)
+
+
+def _means(time: FloatArray, cell: NDArray[np.int_], moved: FloatArray, places: tuple[tuple[float, ...], ...]) -> Read:
+    times, cells, means = cell_means(time, cell, moved)
+    course = np.column_stack([2 * cells, 2 * cells + 1]).ravel()
+    return Read(INSIDE.name, np.repeat(times, 2), means.ravel(), course, places)
+
+
+def _beside(at: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the values (n,) of the places that are nearest to points (n, 2); 0 without any."""
+    if not len(places):
+        return np.zeros(len(at))
+    return np.asarray(values[np.linalg.norm(at[:, None] - places[None], axis=-1).argmin(axis=1)])
+
+
+STRAIN = ChannelKind(
+    "section_strain",
+    "-",
+    "strain along the travel inside the section, since before the cylinder pressed",
+    ChannelAccuracy(reading=0.02, gain=0.05, slow=0.005, lag=0.1, shift=2.0, turn=3.0, apart=4.0),
+    0.0005,
+)
+"""Accuracies of a cell, by what quasi-static elastography reports of phantoms: a few per cent of strain."""
+WINDOW_MM = 3.0
+"""Over which an estimator fits its line."""
+_MOST_STRAIN_CELLS = 30
+_LARGEST = 0.9
+_STRAIN_AT_REST = 0.1
+"""What strains may be where the cylinder has moved by less than this."""
+
+
+class SectionStrains(FramesFile):
+    """Strains along the travel, in cells; a place is x, y, mm."""
+
+    kinds: ClassVar = (STRAIN,)
+    entry = STRAIN.name
+    columns = ("x_mm", "y_mm", "strain")
+
+    def read(self, seen: "Seen") -> Channels:
+        """Return the strains at the places where somebody looked."""
+        places = seen.places(STRAIN.name)
+        if not len(places):
+            return {}
+        way = seen.model.system.direction
+        ahead, ahead_rates = seen.moves(places + 0.5 * WINDOW_MM * way)
+        behind, behind_rates = seen.moves(places - 0.5 * WINDOW_MM * way)
+        values, rates = ((ahead - behind) @ way) / WINDOW_MM, ((ahead_rates - behind_rates) @ way) / WINDOW_MM
+        names = STRAIN.courses(len(places))
+        return {name: (float(value), rate) for name, value, rate in zip(names, values, rates.T, strict=True)}
+
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+        """Refuse strains in per cent, of the other sign, or not counted from first touch."""
+        pressed = np.isfinite(recorded.depth)
+        depth, values = recorded.depth[pressed], recorded.values[pressed]
+        largest = float(np.abs(values).max(initial=0.0))
+        if largest > _LARGEST:
+            return Impossible(f"it is up to {largest:.3g}", "give strain as a share of length, not in per cent")
+        at_rest = values[depth < _RESTING_MM]
+        stood = float(np.sqrt(np.mean(at_rest**2))) if len(at_rest) else 0.0
+        if stood > _STRAIN_AT_REST:
+            return Impossible(
+                f"the tissue is strained by {stood:.2g} before the cylinder touches",
+                "count strains from a frame before it presses, summed from frame to frame",
+            )
+        deep = depth > 0.5 * depth.max(initial=0.0)
+        if deep.any() and float(np.mean(values[deep])) > max(0.02, 2 * recorded.accuracy.reading):
+            return Impossible(
+                f"the tissue is stretched along the travel, by {np.mean(values[deep]):.2g} in the mean",
+                "give a shortening as a strain below zero",
+            )
+        return None
+
+    def apart(self, places: FloatArray) -> FloatArray:
+        """Return how far readings are apart."""
+        return np.asarray(np.linalg.norm(places[:, None] - places[None], axis=-1))
+
+    def shared(
+        self,
+        places: FloatArray,
+        time: FloatArray,
+        frame: NDArray[np.int_],
+        values: FloatArray,
+        accuracy: ChannelAccuracy,
+    ) -> dict[str, FloatArray]:
+        """Return what a shift of the image in either direction does, and a turn about its middle.
+
+        By where strains are read; that the beam is turned too is a share of the turn's square, and of the shear.
+        """
+        return displaced_image(places, values, frame, accuracy)
+
+    def shared_is_off(self, places: FloatArray) -> float:
+        """Return by how much the gradient is off that the image's place is weighed with."""
+        return gradient_error(places)
+
+    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+        """Return the cells' mean strains, of points whose window lies in tissue."""
+        inside = tissue_points(frames, site, -WINDOW_MM)
+        points = [one.columns[kept, :2] for one, kept in zip(frames, inside, strict=True)]
+        cells = cells_of(points, site.touch, _MOST_STRAIN_CELLS)
+        places = tuple((round(float(x), 3), round(float(y), 3)) for x, y in cells.middles)
+        found = []
+        for one, kept, own in zip(frames, inside, cells.of_trial, strict=True):
+            times, course, means = cell_means(one.time[kept], own, one.columns[kept, 2:])
+            found.append([Read(STRAIN.name, times, means[:, 0], course, places)])
+        return found
+
+    def place(self, kind: ChannelKind, site: Site) -> FloatArray:
+        """Return a point under the cylinder, within the tissue."""
+        return np.asarray(site.deepest + 2 * CELL_MM * site.direction)
