@@ -11,7 +11,7 @@ from legfem.fem.outlines import Crossing, Outline, PointsInside, first_crossing,
 from legfem.fem.system import System
 from legfem.geometry.section import across
 from legfem.mechanics.terms.contact import NormalContact
-from legfem.meshing.section import BONE, DEEP, FASCIA, SKIN, SUPERFICIAL
+from legfem.meshing.section import BONE, DEEP, FASCIA, OUTER_FASCIA, SKIN, SUPERFICIAL
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +71,13 @@ class SeenModel:
     def outlines(self) -> dict[str, Outline]:
         """Of a section: its skin, the fascia's two faces, and the bones."""
         spaces = self.system.spaces
+        split = len(spaces.facet_tags.find(OUTER_FASCIA)) > 0
         return {
             "skin": outline_of_facets(spaces, SKIN),
-            "fascia": outline_between(spaces, FASCIA, SUPERFICIAL),
+            # What slides on the fascia has nodes of its own.
+            "fascia": outline_of_facets(spaces, OUTER_FASCIA)
+            if split
+            else outline_between(spaces, FASCIA, SUPERFICIAL),
             "deep": outline_between(spaces, DEEP, FASCIA),
             "bone": outline_of_facets(spaces, BONE),
         }

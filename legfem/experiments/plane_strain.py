@@ -216,6 +216,7 @@ class PlaneStrainIndentation(IndentationTest):
             self.settings.mesh,
             self.comm,
             self._bones_give_way,
+            bool(self.model.at("face")),
         )
         if self.moved is None:
             return meshed

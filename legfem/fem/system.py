@@ -10,12 +10,15 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
+from scipy.sparse import csr_matrix
 
 from legfem.common.units import FloatArray
 from legfem.fem.forms import Clock, Rounding, Symbols, body_forms, skin_forms
+from legfem.fem.sliding import SlidingForces
 from legfem.fem.spaces import LegSpaces
 from legfem.mechanics.kinematics import volume_ratio
 from legfem.mechanics.model import Body, LegModel
+from legfem.mechanics.terms.sliding import SlidingFace
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,8 @@ class System:
             self.applied_pressure,
             rounding,
         )
-        self.tangent_matrix = fem_petsc.create_matrix(self.body.tangent)
+        self.faces = tuple(SlidingForces(spaces, term) for term in model.at("face") if isinstance(term, SlidingFace))
+        self.tangent_matrix = self._matrix()
         self._skin_matrix = fem.create_matrix(self.skin.tangent)
         self._skin_force = fem.Function(spaces.skin_space)
         self._nodal_contact_force = fem.Function(spaces.skin_space)
@@ -108,6 +112,8 @@ class System:
         """Change numbers of the model without compiling anew."""
         self.body_symbols.assign(values)
         self.skin_symbols.assign(values)
+        for face in self.faces:
+            face.assign(values)
 
     def set_displacement(self, displacement: float) -> None:
         """Move the indenter to a displacement (mm) along its line of travel."""
@@ -128,7 +134,7 @@ class System:
     def assemble_residual(self) -> Any:
         """Assemble the residual at the present unknown; returns a ghosted function."""
         self.residual_vector.x.array[:] = 0.0
-        fem.assemble_vector(self.residual_vector.x.array, self.body.residual)
+        self._add_internal(self.residual_vector.x.array)
         self.evaluations += 1
         return self._with_skin()
 
@@ -136,6 +142,12 @@ class System:
         """Assemble what the skin's terms alone add to the residual at the present unknown."""
         self.residual_vector.x.array[:] = 0.0
         return self._with_skin()
+
+    def _add_internal(self, residual: FloatArray) -> None:
+        """Add the body's forces, and those on faces inside it."""
+        fem.assemble_vector(residual, self.body.residual)
+        for face in self.faces:
+            residual += face.residual(self.unknown.x.array)
 
     def _with_skin(self) -> Any:
         """Add the skin's part to the residual, and gather it over the ranks."""
@@ -161,6 +173,9 @@ class System:
         matrix.zeroEntries()
         fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=self._boundary)
         matrix.assemble()
+        for face in self.faces:
+            own = face.tangent(self.unknown.x.array)
+            matrix.setValuesLocalIJV(own.indptr, own.indices, own.data, addv=PETSc.InsertMode.ADD)
         self._skin_matrix.data[:] = 0.0
         fem.assemble_matrix(self._skin_matrix, self.skin.tangent)
         skin = self._skin_matrix.to_scipy(ghosted=True).tocsr()
@@ -184,12 +199,14 @@ class System:
         self._trace()
         self.body.advance()
         self.skin.advance()
+        self.seek()
         self._centre_before.value[:] = self._centre.value
 
     def reset(self) -> None:
         """Return to the undeformed state at zero displacement and time."""
         self.body.reset()
         self.skin.reset()
+        self.seek()
         self.set_time(0.0, 1.0)
         self.set_displacement(0.0)
         self._centre_before.value[:] = self._centre.value
@@ -203,6 +220,7 @@ class System:
         for name, function in self._state().items():
             function.x.array[:] = state[name]
         self._trace()
+        self.seek()
         self.set_displacement(displacement)
         self._centre_before.value[:] = self._centre.value
 
@@ -236,7 +254,7 @@ class System:
         """Return resultants and virtual works at the present state, for checks of equilibrium."""
         contact = self.contact_force()
         internal = fem.Function(self.spaces.space)
-        fem.assemble_vector(internal.x.array, self.body.residual)
+        self._add_internal(internal.x.array)
         internal.x.scatter_reverse(la.InsertMode.add)
         owned = self._owned
         pinned = self.spaces.bone
@@ -269,6 +287,11 @@ class System:
         """Of the indenter along its line of travel, mm."""
         return float((self._centre.value - self.start) @ self.direction)
 
+    def seek(self) -> None:
+        """Find what meets what on faces inside the body, at the present unknown."""
+        for face in self.faces:
+            face.seek(self.unknown.x.array)
+
     def _trace(self) -> None:
         self.skin.domain.unknown.x.array[:] = self.unknown.x.array[self.spaces.trace]
 
@@ -277,6 +300,23 @@ class System:
         force[:] = 0.0
         fem.assemble_vector(force, self.skin.residual)
         return force
+
+    def _matrix(self) -> PETSc.Mat:
+        """Return an empty tangent; with faces its pattern holds what meets there."""
+        made = fem_petsc.create_matrix(self.body.tangent)
+        if not self.faces:
+            return made
+        made.assemble()
+        pattern = csr_matrix(made.getValuesCSR()[::-1], shape=made.size)
+        pattern.data[:] = 1.0
+        pattern = sum((face.pattern(made.size[0]) for face in self.faces), pattern).tocsr()
+        pattern.sort_indices()
+        rows, columns = pattern.indptr.astype(np.int32), pattern.indices.astype(np.int32)
+        matrix = PETSc.Mat().createAIJ(made.size, csr=(rows, columns, np.zeros(len(columns))), comm=self.comm)
+        matrix.setBlockSize(made.getBlockSize())
+        matrix.setLGMap(*made.getLGMap())
+        matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        return matrix
 
     def _conditions(self) -> list[Any]:
         """Return the supports as conditions on the space, one a component where it is blocked."""

@@ -31,8 +31,8 @@ class Term(Protocol):
         """Prefix of its parameters' names."""
 
     @property
-    def domain(self) -> Literal["body", "skin"]:
-        """Where it acts."""
+    def domain(self) -> Literal["body", "skin", "face"]:
+        """Where it acts: a face between tissues has forces in place of a form, see `legfem.fem.sliding`."""
 
     @property
     def parameters(self) -> Mapping[str, float]:

@@ -130,6 +130,8 @@ SUPERFICIAL, FASCIA, DEEP = 1, 2, 3
 SKIN, BONE = 11, 12
 HULL = 16
 """Facets between deep and superficial tissue, where they meet without a layer between."""
+UNDER_FAT, OUTER_FASCIA = 17, 18
+"""Facets of the fat and of the fascia's layer on each other, where the mesh is split between them."""
 REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
 BONE_REGIONS = {"tibia": 4, "fibula": 5}
 """Cell tags of meshes that have the bones' inside, too."""
@@ -167,8 +169,8 @@ class SectionMeshSettings:
 class SectionMesh(TaggedMesh):
     """A meshed section and where the indenter first touches it.
 
-    Its cells' tags are `SUPERFICIAL`, `FASCIA`, `DEEP` or one of `BONE_REGIONS`, its facets' `SKIN`
-    and `BONE`.
+    Its cells' tags are `SUPERFICIAL`, `FASCIA`, `DEEP` or one of `BONE_REGIONS`, its facets' `SKIN`, `BONE`, and where
+    it is split `UNDER_FAT` and `OUTER_FASCIA`.
     """
 
     touch: FloatArray
@@ -188,6 +190,7 @@ def mesh_section(
     settings: SectionMeshSettings | None = None,
     comm: MPI.Intracomm = MPI.COMM_SELF,
     bones: bool = False,
+    split: bool = False,
 ) -> SectionMesh:
     """Mesh a section for an indenter of given radius on a given line of travel.
 
@@ -205,6 +208,8 @@ def mesh_section(
         Communicator of the mesh; gmsh runs on its rank 0.
     bones
         Whether the bones' inside is meshed, too.
+    split
+        Whether fat and fascia have nodes of their own where they meet, in pairs.
 
     Raises
     ------
@@ -219,7 +224,7 @@ def mesh_section(
         quality = error = None
         if comm.rank == 0:
             try:
-                outline = _build(model, section, skin, cKDTree(reached), settings, bones)
+                outline = _build(model, section, skin, cKDTree(reached), settings, bones, split)
                 quality = element_quality(model, REGIONS)
             except InputError as found:
                 error = found
@@ -285,7 +290,13 @@ def _out_of_chords(corners: FloatArray) -> FloatArray:
 
 
 def _build(
-    model: Any, section: LegSection, skin: ClosedCurve, reached: cKDTree, settings: SectionMeshSettings, bones: bool
+    model: Any,
+    section: LegSection,
+    skin: ClosedCurve,
+    reached: cKDTree,
+    settings: SectionMeshSettings,
+    bones: bool,
+    split: bool,
 ) -> FloatArray:
     """Draw and mesh the section in gmsh; return the skin's corners."""
     contact, growth = settings.contact_size, settings.growth
@@ -304,6 +315,8 @@ def _build(
     inner = outer + section.fascia_thickness * inward
     corners, _ = _place(skin, size)
     loops = {"skin": corners, "outer": outer, "inner": inner}
+    if split:
+        loops["under fat"] = outer
     for bone in BONE_REGIONS:
         curve = smooth_closed_curve(section.contour(bone))
         loops[bone], _ = _place(curve, bone_size(curve.length))
@@ -323,7 +336,7 @@ def _build(
         layer.append(geometry.addPlaneSurface([loop]))
         geometry.mesh.setTransfiniteSurface(layer[-1], "AlternateLeft" if k % 2 else "Right")
     closed = {name: geometry.addCurveLoop(loop) for name, loop in lines.items()}
-    fat = geometry.addPlaneSurface([closed["skin"], closed["outer"]])
+    fat = geometry.addPlaneSurface([closed["skin"], closed["under fat" if split else "outer"]])
     deep = geometry.addPlaneSurface([closed["inner"], closed["tibia"], closed["fibula"]])
     insides = {n: geometry.addPlaneSurface([closed[n]]) for n in BONE_REGIONS} if bones else {}
     geometry.synchronize()
@@ -334,6 +347,9 @@ def _build(
         model.addPhysicalGroup(2, [surface], BONE_REGIONS[bone])
     model.addPhysicalGroup(1, lines["skin"], SKIN)
     model.addPhysicalGroup(1, lines["tibia"] + lines["fibula"], BONE)
+    if split:
+        model.addPhysicalGroup(1, lines["under fat"], UNDER_FAT)
+        model.addPhysicalGroup(1, lines["outer"], OUTER_FASCIA)
 
     near = [line for line, xy in zip(lines["skin"], corners, strict=True) if reached.query(xy)[0] < contact]
     field = model.mesh.field

@@ -425,6 +425,7 @@ def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | N
     outcome = NewtonOutcome(False, "no damping was enough", 0, 0, float("inf"))
     for _ in range(given.most):
         anchor = unknown.copy()
+        system.seek()
         damped = strength >= given.undamped
         outcome = solver.solve(Damping(anchor, strength) if damped else None)
         factorisations += outcome.factorisations

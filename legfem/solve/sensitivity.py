@@ -42,7 +42,8 @@ class SensitivityTracker:
         self._system = system
         self.parameters = tuple(parameters)
         for name in self.parameters:
-            if name not in system.body_symbols and name not in system.skin_symbols:
+            on_face = any(name in face.values for face in system.faces)
+            if name not in system.body_symbols and name not in system.skin_symbols and not on_face:
                 raise KeyError(name)
         self._body = _PlaceSensitivity(system.body, self.parameters)
         self._skin = _PlaceSensitivity(system.skin, self.parameters)
@@ -76,6 +77,8 @@ class SensitivityTracker:
         right, forces = self._right, []
         for index in range(len(self.parameters)):
             right.x.array[:] = self._body.partial(index)
+            for face in system.faces:
+                right.x.array[:] += face.partial(system.unknown.x.array, self.parameters[index])
             skin = self._skin.partial(index)
             np.add.at(right.x.array, spaces.trace, skin)
             right.x.scatter_reverse(la.InsertMode.add)

@@ -14,7 +14,7 @@ from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndenta
 from legfem.fem.system import System
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, Yeoh
-from legfem.mechanics.terms import Contraction, Fibres, Prestress, Sliding, Tissue, Viscoelasticity
+from legfem.mechanics.terms import Contraction, Fibres, Prestress, Tissue, Viscoelasticity
 from legfem.mechanics.terms.membranes import contour_tangents
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol
@@ -26,7 +26,6 @@ CYCLE = Protocol.cycle(2.0, rate=1.0, hold=4.0)
 YEOH = Tissue("deep", Yeoh.of(TISSUES.deep))
 EXPONENTIAL = Tissue("deep", ExponentialStiffening.of(TISSUES.deep))
 CIRCLE = 30 * np.column_stack([f(np.linspace(0, 2 * np.pi, 61)[:-1]) for f in (np.cos, np.sin)])
-LAYER = np.array([[-100, -8], [100, -8], [100, 100], [-100, 100]])
 TAPE = ContactSettings(tangential="tape", onset=0.02)
 # What is added to the model, the contact's settings, and values at which it is felt.
 MECHANISMS = {
@@ -38,7 +37,6 @@ MECHANISMS = {
         {"deep.contraction.stiffness": 2e-3, "deep.contraction.onset": 1.2, "deep.contraction.rise": 2.0},
     ),
     "prestress": ([Prestress(CIRCLE, region="deep")], None, {"deep.prestress.tension": 1e-3}),
-    "sliding": ([Sliding(TISSUES.deep, LAYER, region="deep")], None, {"deep.sliding.freedom": 0.8}),
     "fibres": (
         [Fibres("deep", axis=(0.8, 0.6, 0.0))],
         None,
@@ -112,31 +110,6 @@ def test_tangents_of_a_contour():
     assert (np.sum(tangents * expected, axis=1) > np.cos(np.pi / 59)).all()
     with pytest.raises(InputError, match="contour"):
         Prestress(CIRCLE[:2])
-
-
-def test_what_slides_bears_no_shear_along_its_contour_and_all_else_as_before():
-    """What goes of the energy is C10 times the shear squared, turned with the body or not; of a stretch nothing.
-
-    The elements that touch the contour are two rows of 40 by 4 mm.
-    """
-    terms = [Sliding(TISSUES.deep, LAYER, region="deep", freedom=0.7)]
-    plain, sliding = (free_of_contact(SMALL, TISSUES, "displacement", mechanisms) for mechanisms in ([], terms))
-    nodes, dofs = nodal(sliding)
-
-    def gone(F):
-        shear = F[:, 0] @ F[:, 1] / np.linalg.norm(F[:, 0])
-        return 0.7 * TISSUES.deep.C10 * np.linalg.det(F) ** (-2 / 3) * shear**2
-
-    sheared = np.array([[1.0, 1.5], [0.0, 1.0]])
-    turned = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
-    assert gone(turned @ sheared) == pytest.approx(gone(sheared)) == pytest.approx(0.7 * TISSUES.deep.C10 * 1.5**2)
-    for F in (sheared, turned @ sheared, np.diag([1.3, 1 / 1.3]), np.array([[1.2, 0.4], [-0.1, 0.9]])):
-        H = F - np.eye(2)
-        for system in (plain, sliding):
-            system.unknown.x.array[dofs] = nodes @ H.T
-        less = plain.balance().internal_work - sliding.balance().internal_work
-        slope = (gone(F + 1e-5 * H) - gone(F - 1e-5 * H)) / 2e-5
-        assert less == pytest.approx(slope * 2 * 40 * 4, rel=1e-6, abs=1e-9)
 
 
 def test_tension_resists_what_turns_its_line_and_works_along_it():

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.mechanism import IndentedLeg, Solution, TissueMechanism, Values, factor, strength
 from legfem.inverse.parameter import Parameter
@@ -57,18 +55,22 @@ class FatStiffening(TissueMechanism):
         return Solution(parameters={"superficial.C30": kpa_to_mpa(values["coefficient"])})
 
 
-_FREE = 0.999
-"""Of the lowest elements' resistance to shear along the fascia what a free interface is without."""
-
-_POINTS = 1000
-"""Of the fascia's contour."""
+_FREEST, _HALF, _POWER = 0.01, 0.56, 1.5
+"""kPa/mm: what the face bears along itself where it is as free as it gets, and what more half of the way there. Fat a
+centimetre thick bears some 0.4 kPa/mm. With that power the force changes in proportion to the share of the way."""
+_LEAST = 1e-3
+"""Share of the way below which nothing slides."""
 
 
 @dataclass(frozen=True)
 class FatSliding(TissueMechanism):
-    """Sliding of the fat over the muscle between none (grown together) and free.
+    r"""Sliding of the fat over the fascia between none (grown together) and free, on a face that doesn't open.
 
-    The force is taken in proportion between the two ends, as that of a skin that slips along the cylinder.
+    A share s of the way to free, the face bears along itself, over the way that its two sides slid,
+
+    .. math:: k = k_0 + k_{1/2} \left(\frac{1 - s}{s}\right)^{3/2}.
+
+    Free of all, fat could turn round the leg, which what holds it beyond the section doesn't let it.
     """
 
     name: ClassVar[str] = "fat-sliding"
@@ -81,25 +83,18 @@ class FatSliding(TissueMechanism):
     measured_sd: ClassVar[float | None] = 0.2
     """An estimate: speckle is followed to some 0.3 mm beside ways of one or two."""
     variant: ClassVar[str] = "fat slides"
-    strengths: ClassVar[tuple[float, ...]] = (1.0,)
+    strengths: ClassVar[tuple[float, ...]] = (0.4, 0.78)
 
     def terms(self, leg: IndentedLeg) -> Sequence[Any]:
-        """Return what the fat's lowest elements lose of their resistance to shear along the fascia."""
-        from legfem.geometry.section import smooth_closed_curve
-        from legfem.mechanics.terms import Sliding
+        """Return the face."""
+        from legfem.mechanics.terms import SlidingFace
 
-        # What slides far along a polygon meets its corners.
-        smooth = smooth_closed_curve(leg.section.fascia)(np.linspace(0.0, 1.0, _POINTS, endpoint=False))
-        return [Sliding(leg.tissues.superficial, smooth)]
+        return [SlidingFace()]
 
     def solution(self, values: Values) -> Solution:
-        """Return the model whose fat slides freely; nothing between is solved."""
-        return Solution(self.variant, {"superficial.sliding.freedom": _FREE})
-
-    def tabulated(self, values: Values) -> float:
-        """Return free sliding."""
-        return self.strengths[0]
-
-    def share(self, values: Values) -> float:
-        """Return the share of the way there."""
-        return values["sliding"]
+        """Return the model whose fat slides so far; without sliding it is the base model."""
+        share = values["sliding"]
+        if share < _LEAST:
+            return Solution()
+        borne = _FREEST + _HALF * ((1.0 - share) / share) ** _POWER
+        return Solution(self.variant, {"sliding.shear": kpa_to_mpa(borne)})

@@ -7,9 +7,10 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 
 from legfem.mechanics.terms.contact import BoneSprings, NormalContact, SkinPressure, TangentialContact
 from legfem.mechanics.terms.drainage import Drainage
-from legfem.mechanics.terms.membranes import Fascia, Prestress, Sliding
+from legfem.mechanics.terms.membranes import Fascia, Prestress
 from legfem.mechanics.terms.muscle import Contraction, Fibres
 from legfem.mechanics.terms.nonuniform_stiffness import StiffLump, StiffnessGradient, UnevenStiffness
+from legfem.mechanics.terms.sliding import SlidingFace
 from legfem.mechanics.terms.tissue import PressureStabilisation, Tissue, VolumeLoss
 from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
 
@@ -23,7 +24,7 @@ __all__ = [
     "PressureStabilisation",
     "Prestress",
     "SkinPressure",
-    "Sliding",
+    "SlidingFace",
     "StiffLump",
     "StiffnessGradient",
     "TangentialContact",

@@ -1,4 +1,4 @@
-"""Thin sheets: the fascia round the deep tissue, its tension in the imaged state, what slides on it; the dermis."""
+"""Thin sheets: the fascia round the deep tissue, its tension in the imaged state; the dermis."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,10 +12,8 @@ from dolfinx import mesh as dolfinx_mesh
 
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray, frozen_array
-from legfem.mechanics.kinematics import Expr, volume_ratio
-from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.model import Body, Memoryless, RegionTerm, Skin
-from legfem.mechanics.terms.tissue import EnergyTerm
 
 _ITERATIONS = 5
 """Of Newton's method for J, from 1: its error is below 3e-10 up to stretches of 0.7 and 1.3."""
@@ -159,65 +157,6 @@ class Prestress(RegionTerm, Memoryless):
         turn = ufl.dot(ufl.grad(body.displacement), tangent)
         varied = ufl.dot(ufl.grad(body.variation), tangent)
         return tension * ufl.dot(turn, varied) * body.regions[self.region]
-
-
-@dataclass(frozen=True, eq=False)
-class Sliding(EnergyTerm):
-    r"""What lies on the fascia slides along it: the elements next to it give way to shear along its contour.
-
-    With the contour's unit tangent :math:`t` and normal :math:`n` before deformation, F of a section is a stretch
-    :math:`a = |F t|` along it, a shear :math:`b = F t \cdot F n / a`, and what is left of the area across it;
-    :math:`I_1` has the part :math:`b^2`. Of the energy of the elements that touch the contour
-
-    .. math:: - s\, C_{10} J^{-2/3} b^2
-
-    is taken away. Nothing happens at :math:`s = 0`; at 1 the two sides slide freely, and don't part. Where nothing
-    resists sliding there is no shear beside it either, so that it hardly matters how thick the elements are. For a
-    section; a 3D leg has no contour.
-
-    Parameters
-    ----------
-    law : Hyperelastic
-        That of what slides, whose symbols are shared.
-    contour : (n, 2) array
-        Closed contour of the fascia (mm).
-    freedom : float
-        s.
-    region : str
-        What slides; the parameter is named ``<region>.sliding.freedom``.
-    """
-
-    law: Hyperelastic
-    contour: FloatArray
-    freedom: float = 0.0
-    region: str = "superficial"
-    domain: Literal["body"] = "body"
-    effect = "sliding"
-    numbers = ("freedom",)
-
-    def energy_density(self, body: Body, F: Expr) -> Expr:
-        """Return what is added to the energy (MPa) at a deformation gradient."""
-        law = body.symbols.of(self.region, self.law)
-        freedom = body.symbols.scalar(f"{self.name}.freedom", self.freedom)
-        mesh = body.unknown.function_space.mesh
-        t, beside = tangent_field(self.contour, mesh), cells_at(self.contour, mesh)
-        along, across = F * ufl.as_vector([t[0], t[1], 0.0]), F * ufl.as_vector([-t[1], t[0], 0.0])
-        shear2 = ufl.dot(along, across) ** 2 / ufl.dot(along, along)
-        return -freedom * beside * law.C10 * volume_ratio(F) ** (-2 / 3) * shear2
-
-
-_ON_CONTOUR_MM = 0.3
-"""Between a contour's corners and the curve through them, on which a mesh's nodes lie."""
-
-
-def cells_at(contour: FloatArray, mesh: Any) -> Any:
-    """Return one in the cells with a corner on a closed contour, and nothing in the others, as a field."""
-    field = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    corners = mesh.geometry.x[mesh.geometry.dofmap][:, :, :2]
-    ring = shapely.LinearRing(contour)
-    away = shapely.distance(shapely.points(corners), ring)
-    field.x.array[field.function_space.dofmap.list[:, 0]] = away.min(axis=1) < _ON_CONTOUR_MM
-    return field
 
 
 def contour_tangents(contour: FloatArray, points: FloatArray) -> FloatArray:
