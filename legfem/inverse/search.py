@@ -270,8 +270,8 @@ class Search[C: Comparison]:
                     continue
                 self.converged = True
                 return
-            ended = (self._wide and self.is_stationary()) or self._gains_nothing(emulated, proposal)
-            if refuted >= _REFUTED and ended:
+            rough = self._is_as_good(self.trials[-1]) and self._gains_nothing(emulated, proposal)
+            if refuted >= _REFUTED and (rough or (self._wide and self.is_stationary())):
                 self.converged = True
                 return
             # Where forces grow without measure an emulator is wrong between its solves.
@@ -359,8 +359,11 @@ class Search[C: Comparison]:
             return True
         key = key_of_values(self.law.values(step))
         (tried, *_) = (trial for trial in self.trials if key_of_values(trial.values) == key)
-        as_good = tried.objective - self.best.objective < _FLAT * self._rise_of_error()
-        return as_good or self._gains_nothing(emulated, proposal)
+        return self._is_as_good(tried) or self._gains_nothing(emulated, proposal)
+
+    def _is_as_good(self, trial: Trial) -> bool:
+        """Whether a solve fits as well as the best one, by what errors leave open."""
+        return trial.objective - self.best.objective < _FLAT * self._rise_of_error()
 
     def _gains_nothing(self, emulated: Emulated, proposal: FloatArray) -> bool:
         """Whether the emulator's optimum lowers the sum of squares by less than errors leave open."""
