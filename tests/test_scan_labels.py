@@ -91,7 +91,7 @@ def test_a_dicom_series_of_labels_is_a_volume_and_places_one(tmp_path, leg_files
     lost = nibabel.Nifti1Image(found, None)
     nibabel.save(lost, tmp_path / "lost.nii")
     pose = "position_mm = [0.0, 70.0, 50.0]\ndirection = [0.0, -1.0, 0.0]"
-    with pytest.raises(InputError, match="says not where the volume lies"):
+    with pytest.raises(InputError, match="does not state where the volume lies"):
         subject_of_scan(tmp_path / "leg", f'scan = "{tmp_path}/lost.nii"', pose)
     placed = read_volume(tmp_path / "lost.nii", series=series)
     assert placed.transform and placed.origin == pytest.approx(origin)

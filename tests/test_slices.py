@@ -36,7 +36,7 @@ def test_slices_stay_within_the_leg():
     assert calf_levels(growing)[-1] == pytest.approx(54.5), "half a millimetre is left to move the leg as a whole"
     with pytest.raises(InputError, match="not within the leg"):
         calf_levels(growing, centre=50.0)
-    with pytest.raises(InputError, match="cannot hold slices over 30 mm"):
+    with pytest.raises(InputError, match="too short for slices over 30 mm"):
         calf_levels(round_leg(length=20))
 
 
