@@ -145,6 +145,8 @@ _LAST_STEP_OF_ERROR = 0.02
 _FLAT = 0.1
 # Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
 _WORTH = 1e-4
+# Of the same: what a model that isn't smooth raises it by beside its least.
+_ROUGH = 1e-3
 # Optima of the emulator, one after another, that full solves showed to be none.
 _REFUTED = 3
 # Complete solves, the best first, from which an optimum among many parameters is polished.
@@ -270,7 +272,8 @@ class Search[C: Comparison]:
                     continue
                 self.converged = True
                 return
-            rough = self._is_as_good(self.trials[-1]) and self._gains_nothing(emulated, proposal)
+            raised = self.trials[-1].objective / self.best.objective - 1 if self.best.objective > 0 else 0.0
+            rough = raised < _ROUGH and self._gains_nothing(emulated, proposal)
             if refuted >= _REFUTED and (rough or (self._wide and self.is_stationary())):
                 self.converged = True
                 return
@@ -359,11 +362,8 @@ class Search[C: Comparison]:
             return True
         key = key_of_values(self.law.values(step))
         (tried, *_) = (trial for trial in self.trials if key_of_values(trial.values) == key)
-        return self._is_as_good(tried) or self._gains_nothing(emulated, proposal)
-
-    def _is_as_good(self, trial: Trial) -> bool:
-        """Whether a solve fits as well as the best one, by what errors leave open."""
-        return trial.objective - self.best.objective < _FLAT * self._rise_of_error()
+        as_good = tried.objective - self.best.objective < _FLAT * self._rise_of_error()
+        return as_good or self._gains_nothing(emulated, proposal)
 
     def _gains_nothing(self, emulated: Emulated, proposal: FloatArray) -> bool:
         """Whether the emulator's optimum lowers the sum of squares by less than errors leave open."""
