@@ -169,7 +169,7 @@ def settings_of(fidelity: Fidelity) -> PlaneStrainSettings:
     """Return the numerical settings: the default, or a finer mesh with small steps."""
     # Round-off in a fascia of 10 MPa leaves a residual of some 3e-12 N/mm, which a tolerance
     # relative to the small contact forces of a 0.5 kPa leg doesn't allow for.
-    base = PlaneStrainSettings(newton=NewtonSettings(absolute_tolerance=1e-11, reuse=0.85))
+    base = PlaneStrainSettings(newton=NewtonSettings(absolute_tolerance=1e-11))
     if fidelity == "default":
         return base
     steps = StepSettings(first=0.1, largest=0.5)
