@@ -120,7 +120,7 @@ def test_the_wheel_works_from_an_empty_folder(wheel, tmp_path):
     run(python, "-c", LOADING, ROOT)
     for command in ("identify", "diagnose", "stocking", "geometry", "meshing", "study"):
         words = ["--subject", "3"] if command in ("identify", "diagnose", "stocking") else []
-        assert "Usage: python -m" in run(python, "-m", f"legfem.{command}", *words, "--help")
+        assert f"Usage: legfem {command}" in run(python, "-m", f"legfem.{command}", *words, "--help")
     assert "identify" in run(environment / "bin" / "legfem", "--help")
     run(python, "-m", "legfem.meshing", "--subject", "3", "--finer", "0.5", "--out", "leg.msh")
     assert [path.name for path in empty.iterdir()] == ["leg.msh"]

@@ -15,12 +15,13 @@ def test_c10_of_a_leg_pressed_in_3d_by_hexahedra_is_within_its_interval(tmp_path
     planted = Planted(c10=1.2)
     results = identified(planted, 1, tmp_path, Silent())
     own = results["3d"]
-    assert own.spatial.converged
-    assert own.spatial.full_solves + own.spatial.rough_solves <= 8
-    low, high = own.parameters[DEEP_C10].ci95
+    evidence = own.details.spatial
+    assert evidence.converged
+    assert evidence.full_solves + evidence.rough_solves <= 8
+    low, high = own.estimates[DEEP_C10].ci95
     assert low < 1e-3 * planted.c10 < high
     # The section alone takes the ends' force for stiffness.
-    bias = results["2d, no correction"].parameters[DEEP_C10].value / (1e-3 * planted.c10) - 1
-    own_bias = own.parameters[DEEP_C10].value / (1e-3 * planted.c10) - 1
+    bias = results["2d, no correction"].estimates[DEEP_C10].value / (1e-3 * planted.c10) - 1
+    own_bias = own.estimates[DEEP_C10].value / (1e-3 * planted.c10) - 1
     print(bias, own_bias)
     assert abs(own_bias) < 0.5 * abs(bias)
