@@ -186,7 +186,7 @@ def test_relaxation_is_named_first_where_much_is_unknown_beside_it(tmp_path):
     meat, layers = read_meat(DATA), layer_curves(5.0, 40.0, tmp_path, 2, lambda _: None)
     for name in ("230331|RDG1 1A", "230331|RDG1 2C", "230331|RDG2 1F", "230331|RDG2 2F"):
         found = study_indentation(meat[name], layers)
-        assert found.best.in_part
+        assert found.best.strength_integrated and found.best.in_part
         assert found.named_first == "viscoelasticity"
 
 
