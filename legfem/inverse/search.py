@@ -272,8 +272,7 @@ class Search[C: Comparison]:
                     continue
                 self.converged = True
                 return
-            raised = self.trials[-1].objective / self.best.objective - 1 if self.best.objective > 0 else 0.0
-            rough = raised < _ROUGH and self._gains_nothing(emulated, proposal)
+            rough = -gained < _ROUGH and self._gains_nothing(emulated, proposal)
             if refuted >= _REFUTED and (rough or (self._wide and self.is_stationary())):
                 self.converged = True
                 return
