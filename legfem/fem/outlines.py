@@ -74,7 +74,7 @@ class Crossing:
 
     def rate(self, rates: FloatArray, direction: FloatArray) -> float:
         """Return the derivative of its place along the line, from those of the edges' nodes (m, 3, 2)."""
-        moves = _shapes(self.position) @ rates[self.edge]
+        moves = edge_shapes(self.position) @ rates[self.edge]
         return float(moves @ direction - self.slip * (moves @ across(direction)))
 
 
@@ -104,15 +104,15 @@ def first_crossing(
             slope = 2 * square * position + linear
             if slope != 0.0:
                 bend, rise, _ = _coefficients(along[edge])
-                place = float(_shapes(position) @ along[edge])
+                place = float(edge_shapes(position) @ along[edge])
                 found.append(Crossing(int(edge), position, place, (2 * bend * position + rise) / slope))
     return min(found, key=lambda crossing: crossing.along, default=None)
 
 
-def _shapes(position: float) -> FloatArray:
-    """Return the shape functions of an edge's ends and middle."""
-    s = position
-    return np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+def edge_shapes(position: float | FloatArray) -> FloatArray:
+    """Return the shape functions (..., 3) of an edge's ends and middle, at positions (...) from 0 to 1."""
+    s = np.asarray(position)
+    return np.stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)], axis=-1)
 
 
 def _coefficients(nodal: FloatArray) -> tuple[float, float, float]:

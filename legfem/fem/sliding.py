@@ -28,7 +28,7 @@ from scipy.spatial import cKDTree
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.fem.outlines import outline_of_facets
+from legfem.fem.outlines import edge_shapes, outline_of_facets
 from legfem.fem.spaces import LegSpaces
 from legfem.mechanics.terms.sliding import SlidingFace
 from legfem.meshing.section import OUTER_FASCIA, UNDER_FAT
@@ -36,15 +36,12 @@ from legfem.meshing.section import OUTER_FASCIA, UNDER_FAT
 type _Ints = NDArray[Any]
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+_SHAPES = edge_shapes(0.5 * (_POINTS + 1))
+"""An edge's functions at its Gauss points, (3, 3)."""
 _REACH_MM = 6.0
 """Way of sliding for which the tangent's pattern is made; farther ones extend it."""
 _PROJECTIONS = 6
 """Of Newton's method for the nearest point, from that of the chord."""
-
-
-def _shapes(xi: FloatArray) -> FloatArray:
-    """Return an edge's functions (..., 3) of its ends and middle at -1 to 1."""
-    return np.stack([xi * (xi - 1) / 2, xi * (xi + 1) / 2, 1 - xi**2], axis=-1)
 
 
 @dataclass(eq=False)
@@ -99,14 +96,9 @@ class SlidingForces:
         outline = outline_of_facets(self.spaces, tag)
         if not len(outline.nodes):
             raise InputError("mesh", self.term.name, "the mesh isn't split along the fascia", "mesh it so")
-        order = _ring(outline.nodes[:, :2])
-        nodes = np.where(
-            (order > 0)[:, None], outline.nodes[abs(order) - 1], outline.nodes[abs(order) - 1][:, [1, 0, 2]]
-        )
+        nodes = _ring(outline.nodes)
         every = self.spaces.displacement_space.tabulate_dof_coordinates()[:, :2]
-        corners = every[nodes[:, 0]]
-        x, y = corners.T
-        if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0:
+        if not shapely.is_ccw(shapely.linearrings(every[nodes[:, 0]])):
             nodes = nodes[::-1][:, [1, 0, 2]]
         return self._space_dofs[nodes], _rounded(every[nodes[:, 0]])
 
@@ -133,7 +125,7 @@ class SlidingForces:
 
     def _at(self, unknown: FloatArray) -> FloatArray:
         """Return the Gauss points (3 k, 2)."""
-        return np.einsum("qn,knd->kqd", _shapes(_POINTS), self._own_places + unknown[self._own]).reshape(-1, 2)
+        return np.einsum("qn,knd->kqd", _SHAPES, self._own_places + unknown[self._own]).reshape(-1, 2)
 
     def residual(self, unknown: FloatArray) -> FloatArray:
         """Return the forces (n,) of a state (n,), N per mm of the leg."""
@@ -167,7 +159,7 @@ class SlidingForces:
         return coo_matrix((values, (rows, columns)), shape=(len(unknown), len(unknown))).tocsr()
 
     def partial(self, unknown: FloatArray, name: str) -> FloatArray:
-        """Return the forces' derivative (n,) by a parameter of the face; nothing by any other."""
+        """Return the forces' derivative (n,) by a parameter of the face, in which they are linear."""
         return self._residual(unknown, {key: float(key == name) for key in self.values})
 
     def pattern(self, size: int) -> csr_matrix:
@@ -205,7 +197,7 @@ class SlidingForces:
         """From a Gauss point and the piece that it meets (10) to both's nodes (14); (3 k, 10, 14)."""
         found = np.zeros((len(_POINTS), 10, 14))
         for d in range(2):
-            found[:, d, d:6:2] = _shapes(_POINTS)
+            found[:, d, d:6:2] = _SHAPES
         found[:, 2:, 6:] = np.eye(8)
         return np.tile(found, (len(self._own), 1, 1))
 
@@ -216,19 +208,19 @@ class SlidingForces:
         return gap - self._closed, first, second
 
 
-def _ring(ends: _Ints) -> _Ints:
-    """Return the edges (k, 2) of a closed line in their order: their numbers from 1, negative where turned round."""
+def _ring(edges: _Ints) -> _Ints:
+    """Return the edges (k, 3) of a closed line one after the other, each from where the one before ends."""
     at: dict[int, list[int]] = {}
-    for number, pair in enumerate(ends.tolist()):
-        for end in pair:
-            at.setdefault(end, []).append(number)
-    order, node = [1], int(ends[0, 1])
-    while len(order) < len(ends):
-        number = next(n for n in at[node] if n != abs(order[-1]) - 1)
-        forward = ends[number, 0] == node
-        order.append(number + 1 if forward else -number - 1)
-        node = int(ends[number, 1] if forward else ends[number, 0])
-    return np.array(order)
+    for number, (first, last, _) in enumerate(edges.tolist()):
+        at.setdefault(first, []).append(number)
+        at.setdefault(last, []).append(number)
+    ordered, number, node = [], 0, int(edges[0, 0])
+    for _ in edges:
+        first, last, middle = edges[number].tolist()
+        end = last if first == node else first
+        ordered.append((node, end, middle))
+        number, node = next(n for n in at[end] if n != number), end
+    return np.array(ordered)
 
 
 def _rounded(corners: FloatArray) -> FloatArray:

@@ -75,10 +75,11 @@ class SensitivityTracker:
         solver.refactor()
         system, spaces = self._system, self._system.spaces
         right, forces = self._right, []
-        for index in range(len(self.parameters)):
+        for index, name in enumerate(self.parameters):
             right.x.array[:] = self._body.partial(index)
             for face in system.faces:
-                right.x.array[:] += face.partial(system.unknown.x.array, self.parameters[index])
+                if name in face.values:
+                    right.x.array[:] += face.partial(system.unknown.x.array, name)
             skin = self._skin.partial(index)
             np.add.at(right.x.array, spaces.trace, skin)
             right.x.scatter_reverse(la.InsertMode.add)
