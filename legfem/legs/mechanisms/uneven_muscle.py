@@ -21,7 +21,7 @@ _LUMPS = tuple(product(_RADII_MM, _DEPTHS_MM, _SIDES_MM))
 _SHARED = 0.4
 """Of the distance between places: how far from one its response is shared with the next."""
 _SATURATION = 0.5
-"""Of solutions on a leg of 0.75 kPa: right within 4 % from a third to three times as stiff."""
+"""Of solutions on a leg of 0.8 kPa: right within 7 % up to three times as stiff, and within 11 % down to a third."""
 _HARD = 10.0
 """Factor at which it is solved, too: from there on a lump is as good as rigid."""
 
