@@ -15,8 +15,12 @@ from legfem.data.recording import QUANTITIES, SourceColumn, channel_of
 _LEAST_TEST_S, _LONGEST_TEST_S = 0.5, 10_000.0
 _LEAST_STEP_S, _LONGEST_STEP_S = 1e-4, 5.0
 
-_COMMANDED = re.compile(r"command|\bcmd\b|set[ _]?point|sollwert|consigne|target|ref$", re.IGNORECASE)
-"""What a drive was told to do, or a second sensor that another is compared with: no reading of the test."""
+_COMMANDED = re.compile(
+    r"command|\bcmd\b|set[ _]?point|sollwert|consigne|target|ref$"
+    r"|\b(?:peak|max|maximum|min|minimum|mean|average|avg)\b",
+    re.IGNORECASE,
+)
+"""What a drive was told to do, a second sensor that another is compared with, a statistic: no reading of the test."""
 
 
 def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
@@ -71,6 +75,8 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
             f"may be any of {told}, which differ",
             f"name it with --{quantity} NAME:UNIT",
         )
+    if quantity == "time":
+        _check_no_clock(path, chosen)
     still = "doesn't increase" if quantity == "time" else "doesn't change"
     same = "".join(f"; '{c.name}' {still}" for c in able if not _goes_on(c, quantity) and c is not chosen)
     if not chosen.unit and quantity == "time" and (of_time := _unit_of_time(chosen)):
@@ -140,6 +146,30 @@ def _unit_of_time(column: Column) -> tuple[str, str] | None:
     factor = units[other]
     would = f"the test would last {factor * whole:.3g} s, with a reading every {factor * step:.2g} s"
     return unit, f"it has no unit, and in {other} {would}"
+
+
+_STAMPS = ((1.9e11, 2.1e11), (1.9e13, 2.1e13), (1.9e16, 2.1e16))
+"""Years, months, days, hours, minutes, seconds and milliseconds as the figures of one number."""
+_SIXTIES = {100.0: "hours, minutes and seconds (hhmmss)", 1.0: "minutes and seconds (m.ss)"}
+"""What a number counts whose last part begins anew at 60, by the number's unit before that part."""
+
+
+def _check_no_clock(path: Path, column: Column) -> None:
+    """Refuse times whose figures are a date's, or a clock's hours, minutes and seconds, in one number."""
+    values, remedy = column.values, "export time in seconds since the start"
+    if not column.unit and any(low <= values[0] and values[-1] <= high for low, high in _STAMPS):
+        raise InputError(path, f"column '{column.name}'", f"has dates as numbers ({values[0]:.0f})", remedy)
+    steps = np.diff(values)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    for whole, what in _SIXTIES.items():
+        parts = np.mod(values, whole) / whole
+        begun = np.flatnonzero(np.diff(np.floor(values / whole)) == 1)
+        small = 3.0 * step / whole
+        jumps = (parts[begun] > 0.6 - small) & (parts[begun + 1] < small) & (steps[begun] > 5.0 * step)
+        if 0 < small < 0.3 and len(begun) and (parts < 0.6).all() and jumps.all():
+            k = int(begun[0])
+            problem = f"jumps from {values[k]:.10g} to {values[k + 1]:.10g}: it may count {what}"
+            raise InputError(path, f"column '{column.name}'", problem, remedy)
 
 
 def may_be(column: Column, quantity: Quantity) -> bool:

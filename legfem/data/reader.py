@@ -15,6 +15,7 @@ from legfem.data.columns import ABREAST, find_column, may_be
 from legfem.data.formats import read_sheets
 from legfem.data.formats.labels import OWN, Quantity, names_quantity, unit_named
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet, measured_by, measures
+from legfem.data.formats.times import BY_RATE
 from legfem.data.recording import (
     QUANTITIES,
     Recording,
@@ -205,7 +206,8 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
     except InputError:
         return None
     stated = all(c.unit for sheet in sheets for c in sheet.columns if c.name == found.time.column)
-    if found.displacement.sign < 0 or found.force.sign < 0 or not stated:
+    counted = any(BY_RATE in remark for sheet in sheets for remark in sheet.remarks)
+    if found.displacement.sign < 0 or found.force.sign < 0 or not stated or counted:
         return None
     return recording_of(path, sheets, found)
 
