@@ -139,10 +139,7 @@ class Course:
 
 
 def read_specimen(
-    given: Recording,
-    instrument: Instrument | None = None,
-    starts_at_contact: bool = False,
-    power: float | None = None,
+    given: Recording, instrument: Instrument | None = None, starts_at_contact: bool = False, power: float | None = None
 ) -> Segmentation:
     """Read a recording of a specimen by the scales of its own travel and noise.
 
