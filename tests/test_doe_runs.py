@@ -18,7 +18,7 @@ from unittest.mock import Mock
 import numpy as np
 import pandas as pd
 import pytest
-from making_doe import TOML, SpringLeg, definition, options
+from making_doe import TOML, SpringLeg, definition, fewer_samples, options
 from making_ranks import environment
 from mpi4py import MPI
 from typer.testing import CliRunner
@@ -52,8 +52,7 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module", autouse=True)
 def few_samples() -> Iterator[None]:
     """Fewer samples of the emulator: its indices are looked at in test_doe."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("legfem.study.doe.study._BASE_SAMPLES", 256)
+    with fewer_samples():
         yield
 
 
