@@ -25,9 +25,9 @@ from making_stocking import COARSE, laws, short_leg
 
 from legfem.common.progress import Silent
 from legfem.data import segment
+from legfem.data.columns import propose
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
-from legfem.data.reader import propose
 from legfem.data.recording import recording_of
 from legfem.experiments.indenter_pose import Cylinder, Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
@@ -73,8 +73,8 @@ from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.page import correction_web_page
+from legfem.study.doe.command import study_web_page
 from legfem.study.doe.design import read_definition
-from legfem.study.doe.page import study_web_page
 from legfem.study.doe.runs import Record, Workshop, simulate
 from legfem.study.doe.study import StudyResult, study
 from studies.legs.shapes import round_leg

@@ -12,10 +12,10 @@ from making_diagnosed import BASE, diagnosed_of
 from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
 
 from legfem.channels.kinds import CHANNELS, FILE_OF
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
 from legfem.data.recording import RecordedChannel
+from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.emulator import At

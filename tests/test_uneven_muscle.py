@@ -13,7 +13,7 @@ from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.legs.mechanisms import Solution, mechanism_named
-from legfem.mechanics.terms.nonuniform_stiffness import StiffLump, UnevenStiffness
+from legfem.mechanics.terms.muscle import StiffLump, UnevenStiffness
 
 DEPTH = 6.0
 MUSCLE = (0.8, 0.9)

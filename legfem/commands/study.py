@@ -133,6 +133,7 @@ def doe(
     with command_context(resume, quiet):
         from mpi4py import MPI
 
+        from legfem.study.doe.claims import in_brief
         from legfem.study.doe.command import DoeOptions, run
         from legfem.study.doe.design import IDENTIFIED, PAPER
 
@@ -150,10 +151,11 @@ def doe(
             quiet,
         )
         with brief_output(quiet, as_json) as written:
-            solved = run(options, MPI.COMM_WORLD)
+            results = run(options, MPI.COMM_WORLD)
             if MPI.COMM_WORLD.rank == 0:
+                print(in_brief(results))
                 written.append(folder / "result.json")
-        if not solved:
+        if results and all(len(result.failed) == len(result.records) for result in results):
             end_without_a_solution("doe")
 
 

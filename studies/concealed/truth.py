@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.channels.site import Sight
+from legfem.channels import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.responses import Stopped
 from legfem.jobs.store import Store

@@ -12,8 +12,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
+from legfem.channels import Sight
 from legfem.channels.kinds.section_image import WINDOW_MM
-from legfem.channels.site import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import first_touch
 from legfem.legs.subject import Subject, TissueParameters

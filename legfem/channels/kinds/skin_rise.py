@@ -24,8 +24,8 @@ from legfem.channels.kind import (
     FramesFile,
     Read,
 )
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Site
 from legfem.geometry.section import across, first_crossing
 
 if TYPE_CHECKING:
