@@ -121,7 +121,7 @@ def pressed_in_3d() -> PressedLeg:
 
 def identified_in_3d(folder: Path) -> WebPage:
     """With the leg in 3D, too."""
-    confirmed = Confirmation(0.8, 0.0, 60.0, 40, 0.002, 0.001)
+    confirmed = Confirmation(0.8e-3, 0.0, 60.0, 40, 0.002, 0.001)
     evidence = SpatialEvidence(
         "contours of one section, extruded", True, 120.0, (confirmed,), 1, 2, {"mesh": 0.01}, None, pressed_in_3d()
     )
@@ -143,7 +143,7 @@ def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))
 
 
 def planned(folder: Path) -> WebPage:
-    expected = Expected(0.8, 0.0, 20.0, 0.5)
+    expected = Expected(0.8e-3, 0.0, 20.0, 0.5)
     return plan_web_page(ranked(), subject_in(folder), expected, (), versions(), COMMAND)
 
 
@@ -170,7 +170,7 @@ def calibrated() -> tuple[Calibration, Calibrated]:
     correction = TabulatedCorrection(
         "idealised leg 120 mm long",
         d,
-        np.array([2.0, 5.0]),
+        np.array([2e-3, 5e-3]),
         np.array([0.0]),
         np.array([[level], [level + 0.05]]),
         {"mesh": np.full(41, 0.01)},

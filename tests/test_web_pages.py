@@ -68,7 +68,7 @@ def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
     assert page.headline.tone == "caution"
     seen = pages.ranked(((0.9, 0.3), (0.4, 0.2)))
     subject = pages.subject_in(tmp_path)
-    expected = pages.Expected(0.8, 0.0, 20.0, 0.5)
+    expected = pages.Expected(0.8e-3, 0.0, 20.0, 0.5)
     assert plan_web_page(seen, subject, expected, (), {}).headline.tone == "sound"
     none = plan_web_page([], subject, expected, (), {})
     assert none.headline.tone == "wrong"

@@ -213,12 +213,13 @@ def correction(
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         if subject_dir is not None:
+            from legfem.common.units import kpa_to_mpa
             from legfem.jobs.pool import leading
             from legfem.study.correction import of_leg
 
             with leading(MPI.COMM_WORLD) as first, brief_output(quiet, as_json) as written:
                 if first:
-                    stiffness = c10_kpa, c20_kpa
+                    stiffness = kpa_to_mpa(c10_kpa), kpa_to_mpa(c20_kpa)
                     of_leg.run(subject_dir, stiffness, depth, folder, quiet, MPI.COMM_WORLD)
                     written.append(folder / of_leg.DOCUMENT)
             return
