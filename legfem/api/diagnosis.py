@@ -24,6 +24,7 @@ from legfem.api.results import Result
 from legfem.common.documents import write_document
 from legfem.common.errors import Doubt, InputError, log_doubts
 from legfem.common.progress import Progress, progress_on
+from legfem.common.units import kpa_to_mpa
 from legfem.inverse.fit import Fit
 from legfem.inverse.parse_parameters import deep_prior
 from legfem.inverse.plan import DesignValue
@@ -409,7 +410,7 @@ def plan(
         raise wrong("leg", type(subject).__name__, "is not a leg that is indented", "give an id, a folder or a Subject")
     doubts = tuple(doubts_about(subject))
     log_doubts(doubts)
-    expected = Expected(c10, c20, depth, rate)
+    expected = Expected(kpa_to_mpa(c10), kpa_to_mpa(c20), depth, rate)
     diagnoser = Diagnoser(folder, read_correction(REFERENCE), jobs)
     with progress_on(quiet=not progress) as told:
         return PlannedTests(subject, expected, tuple(plan_before(subject, diagnoser, expected, told)), doubts)

@@ -55,12 +55,12 @@ def look(
         from legfem.common.errors import doubt_lines
         from legfem.common.input_files import check_printable
         from legfem.data import Scales, among_repeats, segment
+        from legfem.data.columns import Proposal, propose
         from legfem.data.contact import LEAST_OF_A_LEG_MM, LEG
         from legfem.data.formats import read_sheets
         from legfem.data.formats.labels import Quantity
         from legfem.data.plausibility import magnitude_doubts, trial_doubts
         from legfem.data.quality import quality_of
-        from legfem.data.reader import Proposal, propose
         from legfem.data.recording import OWN_COLUMNS, read_own, recording_of
         from legfem.report.instrument_file import (
             LOOK,

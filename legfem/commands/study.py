@@ -133,6 +133,7 @@ def doe(
     with command_context(resume, quiet):
         from mpi4py import MPI
 
+        from legfem.study.doe.claims import in_brief
         from legfem.study.doe.command import DoeOptions, run
         from legfem.study.doe.design import IDENTIFIED, PAPER
 
@@ -150,10 +151,11 @@ def doe(
             quiet,
         )
         with brief_output(quiet, as_json) as written:
-            solved = run(options, MPI.COMM_WORLD)
+            results = run(options, MPI.COMM_WORLD)
             if MPI.COMM_WORLD.rank == 0:
+                print(in_brief(results))
                 written.append(folder / "result.json")
-        if not solved:
+        if results and all(len(result.failed) == len(result.records) for result in results):
             end_without_a_solution("doe")
 
 
@@ -211,12 +213,13 @@ def correction(
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         if subject_dir is not None:
+            from legfem.common.units import kpa_to_mpa
             from legfem.jobs.pool import leading
             from legfem.study.correction import of_leg
 
             with leading(MPI.COMM_WORLD) as first, brief_output(quiet, as_json) as written:
                 if first:
-                    stiffness = c10_kpa, c20_kpa
+                    stiffness = kpa_to_mpa(c10_kpa), kpa_to_mpa(c20_kpa)
                     of_leg.run(subject_dir, stiffness, depth, folder, quiet, MPI.COMM_WORLD)
                     written.append(folder / of_leg.DOCUMENT)
             return

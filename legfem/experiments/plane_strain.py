@@ -11,9 +11,9 @@ import numpy as np
 from mpi4py import MPI
 from shapely import Point
 
+from legfem.channels import Sight
 from legfem.channels.kinds import files_of
-from legfem.channels.reading import ChannelReader
-from legfem.channels.site import Sight, TravelLine
+from legfem.channels.seen import ChannelReader
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
@@ -30,15 +30,16 @@ from legfem.experiments.indentation import (
     leg_model,
 )
 from legfem.fem.fields import most_stretched
+from legfem.fem.sliding import SlidingForces
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
-from legfem.geometry.indenter import Indenter, first_touch
+from legfem.geometry.indenter import Indenter, TravelLine, first_touch
 from legfem.geometry.section import BONES, LegSection, across
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.indenters import RigidCylinder
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
-from legfem.mechanics.terms import BoneSprings
+from legfem.mechanics.terms import BoneSprings, SlidingFace
 from legfem.meshing.section import (
     BONE_REGIONS,
     REGIONS,
@@ -330,7 +331,8 @@ class PlaneStrainIndentation(IndentationTest):
             drained=[SKIN] if self.settings.drained_skin else [],
         )
         degree = self.settings.quadrature_degree
-        system = System(spaces, self.model, meshed.touch, meshed.direction, degree)
+        faces = [SlidingForces(spaces, term) for term in self.model.at("face") if isinstance(term, SlidingFace)]
+        system = System(spaces, self.model, meshed.touch, meshed.direction, degree, faces=faces)
         return IndentationModel(
             system,
             NewtonSolver(system, self.settings.newton),

@@ -27,7 +27,7 @@ from legfem.inverse.catalogue import (
 from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, JointComparison, Weighting, total_of
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
 from legfem.inverse.fit import EXACT, Cost, Fit, Goodness, OwnEstimate, r_squared
-from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture, departure_of
+from legfem.inverse.intervals import NO_DEPARTURE, PartDeparture, departure_of
 from legfem.inverse.least_squares import polished, with_unit_errors
 from legfem.inverse.outcome import Forward, FullSolver
 from legfem.inverse.parameter import Domain, Parameter

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from legfem.channels.site import Sight
+from legfem.channels import Sight
 from legfem.common.errors import InputError
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data.formats.blocks import only_block
-from legfem.data.formats.headings import Cell, cell_at, names_something, text_of, titles_and_units, width_of
+from legfem.data.formats.headings import Cell, cell_at, names_something, only_block, text_of, titles_and_units, width_of
 from legfem.data.formats.labels import FORCE_OF, WORDS, Quantity, name_and_unit, names_quantity, one_unit, unit_named
 from legfem.data.formats.times import BY_RATE, CLOCK, times_by_rate, with_clock
 

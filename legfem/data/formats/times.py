@@ -149,3 +149,33 @@ def _value(number: str) -> float:
 
 def _over(rate: float) -> float | None:
     return 1.0 / rate if rate else None
+
+
+_STAMPS = ((1.9e11, 2.1e11), (1.9e13, 2.1e13), (1.9e16, 2.1e16))
+"""Years, months, days, hours, minutes, seconds and milliseconds as the figures of one number."""
+_SIXTIES = {100.0: "hours, minutes and seconds (hhmmss)", 1.0: "minutes and seconds (m.ss)"}
+"""What a number counts whose last part begins anew at 60, by the number's unit before that part."""
+
+
+def check_no_clock(path: Path, name: str, unit: str | None, values: FloatArray) -> None:
+    """Check that the times (n,) of a column aren't a date's, or a clock's hours, minutes and seconds, as one number.
+
+    Raises
+    ------
+    InputError
+        If they are.
+    """
+    field, remedy = f"column '{name}'", "export time in seconds since the start"
+    if not unit and any(low <= values[0] and values[-1] <= high for low, high in _STAMPS):
+        raise InputError(path, field, f"has dates as numbers ({values[0]:.0f})", remedy)
+    steps = np.diff(values)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    for whole, what in _SIXTIES.items():
+        parts = np.mod(values, whole) / whole
+        begun = np.flatnonzero(np.diff(np.floor(values / whole)) == 1)
+        small = 3.0 * step / whole
+        jumps = (parts[begun] > 0.6 - small) & (parts[begun + 1] < small) & (steps[begun] > 5.0 * step)
+        if 0 < small < 0.3 and len(begun) and (parts < 0.6).all() and jumps.all():
+            k = int(begun[0])
+            problem = f"jumps from {values[k]:.10g} to {values[k + 1]:.10g}: it may count {what}"
+            raise InputError(path, field, problem, remedy)
