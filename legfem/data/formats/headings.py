@@ -38,9 +38,9 @@ def titles_and_units(
     if not rows:
         return None, None
     full = [[text_of(cell_at(row, c)) for c in columns] for row in rows]
-    named = [sum(map(names_something, cells)) > 1 for cells in full]
+    labelled = [sum(map(names_something, cells)) > 1 for cells in full]
     # A clock's, or a count's, unit may be any word.
-    units = next((k for k in reversed(range(len(full))) if _are_units(full[k], half=any(named[:k]))), None)
+    units = next((k for k in reversed(range(len(full))) if _are_units(full[k], half=any(labelled[:k]))), None)
     # Above the units, or below where nothing stands above; a row of units alone names the columns too.
     first, last = (0, units or len(full)) if units != 0 else (min(1, len(full) - 1), len(full))
     scores = [sum(map(names_something, cells)) for cells in full[first:last]]
