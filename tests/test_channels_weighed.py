@@ -158,6 +158,7 @@ def test_a_stiffer_muscle_squeezes_the_fat_more() -> None:
     blank = seen(ramps(1))
     predict = Predictor(blank, Seen(), "reduced-polynomial")
     effect = {"muscle-contraction.stiffening": 0.5, "muscle-contraction.onset": 0.3, "muscle-contraction.rise": 0.3}
+    effect["muscle-contraction.away"] = 2.0
     tense = mechanism_named("muscle-contraction")
     found = predict({**BASE, **effect}, [tense])
     factor = tense.deep_factor({name.split(".")[1]: value for name, value in effect.items()}, blank)

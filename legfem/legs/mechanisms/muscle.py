@@ -24,7 +24,7 @@ from legfem.inverse.mechanism import (
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.legs.correction_of_leg import read_fibres
-from legfem.legs.mechanisms import moments, shortest_programme, smooth_switch
+from legfem.legs.mechanisms import AWAY, moments, passing
 from legfem.legs.subject import HIGHEST_RATIO
 
 if TYPE_CHECKING:
@@ -84,10 +84,10 @@ class StrainStiffening(TissueMechanism):
 
 @dataclass(frozen=True)
 class MuscleContraction(Mechanism):
-    """The muscle tenses from a moment on, in every trial: a smooth switch of its stiffness.
+    """The muscle tenses from a moment on, in every trial, and may let go after a while: its stiffness rises smoothly.
 
     An elastic leg's force at a displacement follows from the stiffness then, so no history is
-    needed; `legfem.mechanics.terms.muscle` is the same thing in the finite-element model.
+    needed; `legfem.mechanics.terms.muscle` is the same thing in the finite-element model, of a muscle that stays tense.
     """
 
     name: ClassVar[str] = "muscle-contraction"
@@ -109,6 +109,7 @@ class MuscleContraction(Mechanism):
             scale="log",
             statement="how long it takes to rise, likewise",
         ),
+        AWAY,
     )
     would_be: ClassVar[str] = "a muscle that tenses and becomes stiffer by a share of {}"
     next_experiment: ClassVar[str] = "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
@@ -116,18 +117,17 @@ class MuscleContraction(Mechanism):
     """An estimate."""
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
-        """Return onsets through the programme."""
+        """Return onsets through the programme, of a muscle that stays tense and of one that lets go."""
         rise = self.parameters[2]
         return tuple(
-            {"stiffening": 0.1, "onset": onset, "rise": rise.inside(share * apart)}
+            {"stiffening": 0.1, "onset": onset, "rise": rise.inside(share * apart), "away": gone}
             for onset, apart in moments(observed)
-            for share in (0.4, 1.5)
+            for share, gone in ((0.4, 2.0), (1.5, 2.0), (0.4, AWAY.inside(apart)))
         )
 
     def deep_factor(self, values: Values, observed: Observations) -> FloatArray:
         """Return the stiffness over that at rest."""
-        since = observed.time / shortest_programme(observed) - values["onset"]
-        return 1.0 + values["stiffening"] * smooth_switch(since / max(values["rise"], 1e-6))
+        return 1.0 + values["stiffening"] * passing(values, observed)
 
 
 def _error(name: str, statement: str) -> Parameter:
