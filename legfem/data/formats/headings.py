@@ -34,7 +34,8 @@ def titles_and_units(
     Of several rows that are wide enough the names are the one most of whose cells name a quantity or a unit.
     """
     above = [_paired(row, len(columns)) for row in _with_names_of_channels(_without_keys(above))]
-    rows = _listed(above, columns) or [row for row in above if _says(row, columns)]
+    rows: list[Sequence[Cell]] = [*_listed(above, columns)]
+    rows = rows or [row for row in above if _says(row, columns)]
     if not rows:
         return None, None
     full = [[text_of(cell_at(row, c)) for c in columns] for row in rows]
