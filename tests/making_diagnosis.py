@@ -39,9 +39,9 @@ TRUTH = {DEEP_C10: 0.001, DEEP_C20: 0.0008}
 
 
 def force_at(c10: float, c20: float, displacement: FloatArray) -> FloatArray:
-    """Return the closed form: forces of a first, a second and a fourth power, N."""
+    """Return the closed form of a stiffness (MPa): forces of a first, a second and a fourth power, N."""
     x = np.maximum(displacement, 0.0) / 20
-    return np.asarray(10 * (c10 * (x + x**2) + 0.3 * x + 2.0 * c20 * x**4))
+    return np.asarray(1e4 * (c10 * (x + x**2) + 0.3e-3 * x + 2.0 * c20 * x**4))
 
 
 def fat(displacement: FloatArray) -> FloatArray:
@@ -66,8 +66,8 @@ class ClosedForm:
     """Responses of no leg in particular; passes for a library of solved ones."""
 
     grid: FloatArray = field(default_factory=GRID.copy)
-    c10_bounds: tuple[float, float] = (0.05, 20.0)
-    c20_bounds: tuple[float, float] = (0.0, 20.0)
+    c10_bounds: tuple[float, float] = (5e-5, 0.02)
+    c20_bounds: tuple[float, float] = (0.0, 0.02)
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that aren't tested, and why."""
     nuisances: NuisanceChanges = field(default_factory=lambda: NuisanceChanges(GRID, {}, {}))
@@ -157,7 +157,7 @@ def pressed(
         way = 20.0 + air
         time = np.arange(0, way / 0.4 + 1e-9, 0.1)
         at = 0.4 * time
-        force = (1 + (gains[k] if gains else 0.0)) * force_at(1e3 * TRUTH[DEEP_C10], 1e3 * TRUTH[DEEP_C20], at - air)
+        force = (1 + (gains[k] if gains else 0.0)) * force_at(TRUTH[DEEP_C10], TRUTH[DEEP_C20], at - air)
         force = force + (zeros[k] if zeros else 0.0) + 0.02 * generator.normal(size=len(time))
         found.append(Recording(time, at + 0.005 * generator.normal(size=len(time)), force, f"trial{k + 1}"))
     return found

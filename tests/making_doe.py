@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -94,6 +96,14 @@ def planted_table(noise: float, seed: int = 0) -> tuple[Definition, pd.DataFrame
     return given, table, truth
 
 
+@contextmanager
+def fewer_samples() -> Iterator[None]:
+    """Draw 256 samples of the emulator, in every process of a study alike."""
+    with patch("legfem.study.doe.study._BASE_SAMPLES", 256):
+        yield
+
+
 if __name__ == "__main__":  # under mpirun
     home = Path(sys.argv[1])
-    run(options(home, sys.argv[2]), MPI.COMM_WORLD, SpringLeg(home / "calls"))
+    with fewer_samples():
+        run(options(home, sys.argv[2]), MPI.COMM_WORLD, SpringLeg(home / "calls"))

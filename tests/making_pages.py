@@ -25,9 +25,9 @@ from making_stocking import COARSE, laws, short_leg
 
 from legfem.common.progress import Silent
 from legfem.data import segment
+from legfem.data.columns import propose
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
-from legfem.data.reader import propose
 from legfem.data.recording import recording_of
 from legfem.experiments.indenter_pose import Cylinder, Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
@@ -73,8 +73,8 @@ from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.page import correction_web_page
+from legfem.study.doe.command import study_web_page
 from legfem.study.doe.design import read_definition
-from legfem.study.doe.page import study_web_page
 from legfem.study.doe.runs import Record, Workshop, simulate
 from legfem.study.doe.study import StudyResult, study
 from studies.legs.shapes import round_leg
@@ -121,7 +121,7 @@ def pressed_in_3d() -> PressedLeg:
 
 def identified_in_3d(folder: Path) -> WebPage:
     """With the leg in 3D, too."""
-    confirmed = Confirmation(0.8, 0.0, 60.0, 40, 0.002, 0.001)
+    confirmed = Confirmation(0.8e-3, 0.0, 60.0, 40, 0.002, 0.001)
     evidence = SpatialEvidence(
         "contours of one section, extruded", True, 120.0, (confirmed,), 1, 2, {"mesh": 0.01}, None, pressed_in_3d()
     )
@@ -143,7 +143,7 @@ def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))
 
 
 def planned(folder: Path) -> WebPage:
-    expected = Expected(0.8, 0.0, 20.0, 0.5)
+    expected = Expected(0.8e-3, 0.0, 20.0, 0.5)
     return plan_web_page(ranked(), subject_in(folder), expected, (), versions(), COMMAND)
 
 
@@ -170,7 +170,7 @@ def calibrated() -> tuple[Calibration, Calibrated]:
     correction = TabulatedCorrection(
         "idealised leg 120 mm long",
         d,
-        np.array([2.0, 5.0]),
+        np.array([2e-3, 5e-3]),
         np.array([0.0]),
         np.array([[level], [level + 0.05]]),
         {"mesh": np.full(41, 0.01)},

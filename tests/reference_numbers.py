@@ -107,7 +107,9 @@ def corrections() -> Entries:
     found: Entries = {}
     for number in PAPER:
         own = choice.correction_of(own_subject(number))
-        found[f"P(d) subject {number}"] = list(own.correction(at, *stiffness).ravel())
+        in_kPa = own.c10[-1] > 0.5
+        asked = stiffness if in_kPa else [1e-3 * kPa for kPa in stiffness]
+        found[f"P(d) subject {number}"] = list(own.correction(at, *asked).ravel())
     experiment = module("legfem.experiments.leg_3d")
     if not hasattr(experiment, "IdealisedLegSettings"):
         experiment = module("legfem.experiments.indentation_3d")

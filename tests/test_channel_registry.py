@@ -46,7 +46,7 @@ def test_no_other_room_names_a_kind():
         if f'"{name}"' in path.read_text()
     ]
     # A force axis of a machine, where no other force is there.
-    assert sorted(named) == ["data/columns.py: axial_force", "data/reader.py: axial_force"]
+    assert sorted(named) == ["data/columns.py: axial_force"]
 
 
 @pytest.mark.parametrize(

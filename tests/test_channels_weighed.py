@@ -12,10 +12,10 @@ from making_diagnosed import BASE, diagnosed_of
 from making_diagnosis import GRID, INSTRUMENT, NOISE, ClosedForm, force_at, mechanisms_in, ramps, two_rates
 
 from legfem.channels.kinds import CHANNELS, FILE_OF
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
 from legfem.data.recording import RecordedChannel
+from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.emulator import At
@@ -48,7 +48,7 @@ BOTH = ("fat_thickness", "lateral_force")
 def course_of(name: str, c10: float, c20: float, pressed: FloatArray) -> FloatArray:
     """Return channels in closed form: softer muscle leaves the fat thicker, and a twentieth of the force is lateral."""
     x = np.maximum(pressed, 0.0) / 20
-    squeezed = 6.0 * x * c10 / (c10 + 0.5)
+    squeezed = 6.0 * x * c10 / (c10 + 0.5e-3)
     if name == "lateral_force":
         return np.asarray(0.05 * force_at(c10, c20, pressed))
     return np.asarray(FAT_MM - squeezed if name == "fat_thickness" else MUSCLE_MM - 16.0 * x + squeezed)
@@ -147,9 +147,9 @@ def test_channels_are_read_where_the_tissue_is_pressed_to() -> None:
     pressed = blank.displacement - 0.4 - 0.15 * force
     clear = pressed > blank.half_width
     assert (~clear).sum() <= 2, "lines across first touch: tests/test_touch.py"
-    np.testing.assert_allclose(force[clear], force_at(1.0, 0.6, pressed)[clear], atol=1e-5)
+    np.testing.assert_allclose(force[clear], force_at(1e-3, 0.6e-3, pressed)[clear], atol=1e-5)
     for one, span in zip(blank.channels, blank.data.spans[1:], strict=True):
-        exact = one.weights @ course_of(one.name, 1.0, 0.6, pressed)
+        exact = one.weights @ course_of(one.name, 1e-3, 0.6e-3, pressed)
         np.testing.assert_allclose(found[span], exact, atol=1e-3)
 
 
@@ -158,12 +158,14 @@ def test_a_stiffer_muscle_squeezes_the_fat_more() -> None:
     blank = seen(ramps(1))
     predict = Predictor(blank, Seen(), "reduced-polynomial")
     effect = {"muscle-contraction.stiffening": 0.5, "muscle-contraction.onset": 0.3, "muscle-contraction.rise": 0.3}
+    effect["muscle-contraction.away"] = 2.0
     tense = mechanism_named("muscle-contraction")
     found = predict({**BASE, **effect}, [tense])
     factor = tense.deep_factor({name.split(".")[1]: value for name, value in effect.items()}, blank)
     for one, span in zip(blank.channels, blank.data.spans[1:], strict=True):
         courses = [
-            course_of(one.name, f, 0.6 * f, np.array([d])) for f, d in zip(factor, blank.displacement, strict=True)
+            course_of(one.name, 1e-3 * f, 0.6e-3 * f, np.array([d]))
+            for f, d in zip(factor, blank.displacement, strict=True)
         ]
         np.testing.assert_allclose(found[span], one.weights @ np.concatenate(courses), rtol=2e-3)
 
@@ -181,7 +183,7 @@ def test_factors_on_the_force_leave_thickness_alone() -> None:
     np.testing.assert_allclose(after[fat], before[fat])
     weights = blank.channels[1].weights
     np.testing.assert_allclose(
-        after[lateral], weights @ (ratio * course_of("lateral_force", 1.0, 0.6, blank.displacement)), rtol=1e-5
+        after[lateral], weights @ (ratio * course_of("lateral_force", 1e-3, 0.6e-3, blank.displacement)), rtol=1e-5
     )
 
 

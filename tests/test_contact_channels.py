@@ -6,13 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from making import TOML, press, write_subject
 from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
+from legfem.channels import Sight
 from legfem.channels.kinds.contact import PRESSURE
-from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
@@ -83,11 +84,11 @@ def test_the_width_is_where_the_pressure_ends(test, solved):
     assert (np.diff(path.channels["contact_width"]) > 0).all()
 
 
-def folder(place: Path, scale: float = 1.0, widest: float = 40.0) -> Path:
+def folder(place: Path, scale: float = 1.0, widest: float = 40.0, every_s: float = 5.0) -> Path:
     leg = load_subject(write_subject(place))
     recording = press()
     angles = np.arange(-widest, widest + 1, 5.0)
-    time = np.arange(0.0, recording.time[-1], 5.0)
+    time = np.arange(0.0, recording.time[-1], every_s)
     force = np.interp(time, recording.time, recording.force)
     radius, length = leg.indenter.radius, leg.indenter.length
     shape = np.cos(np.deg2rad(angles) * 90 / 45).clip(0.0)
@@ -113,6 +114,21 @@ def test_a_film_is_read_above_its_threshold_and_creeps(tmp_path):
     (one,) = observe(leg.trials).channels
     creep = errors_of_places(one, one.values)["contact pressure: creep"]
     np.testing.assert_allclose(creep, 0.05 * np.log10(1 + one.time) * one.values)
+
+
+def test_a_film_s_noise_above_the_threshold_is_no_pressure(tmp_path):
+    """Sensels that nothing presses flicker above it now and then, and those that something presses stay there."""
+    place = folder(tmp_path / "leg", widest=55.0, every_s=0.5)
+    film = pd.read_csv(place / "film-trial1.csv")
+    idle = film["pressure_kPa"] < 0.5
+    drawn = np.random.default_rng(3).random(idle.sum())
+    film.loc[idle, "pressure_kPa"] = np.where(drawn < 0.2, 1.4, 0.0)
+    film.to_csv(place / "film-trial1.csv", index=False)
+    leg = load_subject(place)
+    (recorded,), (read,) = leg.recordings[0].channels, observe(leg.trials).channels
+    angles = [np.rad2deg(np.abs(np.mean(one.place, axis=1))) / leg.indenter.radius for one in (recorded, read)]
+    assert (angles[0] > 45.0).sum() > 10 and len(read.values)
+    assert angles[1].max() < 45.0
 
 
 @pytest.mark.parametrize(

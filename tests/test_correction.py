@@ -27,7 +27,7 @@ def made() -> TabulatedCorrection:
     level = -0.15 + 0.004 * GRID
     values = np.array([[level, level + 0.02], [level + 0.05, level + 0.07]])
     errors = {"mesh": 0.01 * np.ones(51), "leg length": 0.001 * GRID}
-    return TabulatedCorrection("a test", GRID, np.array([0.5, 5.0]), np.array([0.0, 0.5]), values, errors)
+    return TabulatedCorrection("a test", GRID, np.array([0.5e-3, 5e-3]), np.array([0.0, 0.5]), values, errors)
 
 
 def test_p_is_smooth_where_both_forces_vanish():
@@ -45,15 +45,15 @@ def test_p_is_smooth_where_both_forces_vanish():
 
 def test_the_factor_interpolates_and_is_constant_beyond_the_table():
     correction = made()
-    middle = correction.factor(GRID, np.array(np.sqrt(0.5 * 5)), np.array(0.0))
+    middle = correction.factor(GRID, np.array(1e-3 * np.sqrt(0.5 * 5)), np.array(0.0))
     assert middle == pytest.approx(1.15 - 0.004 * GRID - 0.025)
-    assert correction.factor(GRID, np.array(50.0), np.array(0.0))[0] == pytest.approx(1.10)
-    many = correction.factor(GRID, np.ones((3, 2)), np.ones((3, 2)))
+    assert correction.factor(GRID, np.array(0.05), np.array(0.0))[0] == pytest.approx(1.10)
+    many = correction.factor(GRID, *np.full((2, 3, 2), 1e-3))
     assert many.shape == (3, 2, 51)
 
 
 def test_the_covariance_is_that_of_the_relative_error():
-    covariance = made().covariance(GRID, 0.5, 0.0)
+    covariance = made().covariance(GRID, 0.5e-3, 0.0)
     assert covariance[0, 0] == pytest.approx((0.01 / 1.15) ** 2)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
 
@@ -62,7 +62,7 @@ def test_a_file_holds_all(tmp_path: Path):
     path = made().write(tmp_path / "correction.json")
     found = find_correction(str(path))
     assert found is not None and found.name == "a test"
-    c10, c20 = np.array(1.0), np.array(0.3)
+    c10, c20 = np.array(1e-3), np.array(0.3e-3)
     assert found.factor(GRID, c10, c20) == pytest.approx(made().factor(GRID, c10, c20))
     assert find_correction("none") is None
 
@@ -99,7 +99,7 @@ def test_a_calibration_is_kept_and_gone_on_with(tmp_path: Path):
     again = calibrate(given, tmp_path, 1, Silent())
     assert again.correction.values == pytest.approx(found.correction.values)
     assert again.reference.seconds == found.reference.seconds
-    P = found.correction.correction(np.array([0.0, 5.0]), np.array(2.0), np.array(0.0))
+    P = found.correction.correction(np.array([0.0, 5.0]), np.array(2e-3), np.array(0.0))
     assert np.all(np.abs(P) < 0.5)
     read = read_correction(found.correction.write(tmp_path / "correction.json"))
     assert read.given["leg"]["length"] == 90

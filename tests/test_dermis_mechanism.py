@@ -19,7 +19,7 @@ from legfem.legs.mechanisms import Solution, mechanism_named
 from legfem.mechanics.terms.membranes import Dermis
 
 DEPTH, STIFFNESS = 6.0, 0.08
-SOFT = (0.8, 0.9)
+SOFT = (0.8e-3, 0.9e-3)
 """C10 and C20, kPa."""
 
 pytestmark = pytest.mark.slow
@@ -46,7 +46,7 @@ def test_beyond_it_adds_what_the_membrane_does(solved, variants):
     mechanism = mechanism_named("dermis")
     change = solved.elastic_change(mechanism.solution({"stiffness": STIFFNESS}), SOFT)["force"]
     assert np.all(change > 0.02)
-    deep = {"deep.C10": 1e-3 * SOFT[0], "deep.C20": 1e-3 * SOFT[1]}
+    deep = {"deep.C10": SOFT[0], "deep.C20": SOFT[1]}
     force = [
         PlaneStrainIndentation(
             variants.section, variants.indenter, variants.tissues, variants.settings, mechanisms=terms

@@ -31,7 +31,7 @@ from legfem.legs.subject import FibreRatio
 from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0
-SOFT = (0.8, 0.9)
+SOFT = (0.8e-3, 0.9e-3)
 CHANNELS_SEEN = ("fat_thickness", "lateral_force")
 
 
@@ -220,7 +220,7 @@ def test_what_was_kept_of_another_leg_is_not_recalled(tmp_path):
 
 def test_end_effects_may_err_as_the_correction_does(observed):
     correction = read_correction(REFERENCE)
-    asked = observed, np.asarray(0.8), np.asarray(0.9)
+    asked = observed, *map(np.asarray, SOFT)
     plain = {"scale": 2.0, **dict.fromkeys(EndEffects.MODES, 0.0)}
     ends = EndEffects(correction)
     longer = ends.relative_change({**plain, "leg_length": 1.0}, SOFT, observed, None)

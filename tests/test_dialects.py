@@ -15,8 +15,8 @@ from openpyxl import Workbook
 
 from legfem.common.errors import InputError
 from legfem.data import Recording
+from legfem.data.columns import propose
 from legfem.data.formats import read_sheets
-from legfem.data.reader import propose
 from legfem.data.recording import recording_of
 
 MADE = press(air=2.0, hold=5.0, force_sd=0.02, displacement_sd=0.005, offset=0.1, seed=4)

@@ -11,13 +11,14 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
 import pytest
-from making_doe import TOML, SpringLeg, definition, options
+from making_doe import TOML, SpringLeg, definition, fewer_samples, options
 from making_ranks import environment
 from mpi4py import MPI
 from typer.testing import CliRunner
@@ -25,7 +26,7 @@ from typer.testing import CliRunner
 from legfem.commands.study import app
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.study.doe import command
+from legfem.study.doe import claims, command
 from legfem.study.doe.command import run
 from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, failed, simulate
 
@@ -51,8 +52,7 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module", autouse=True)
 def few_samples() -> Iterator[None]:
     """Fewer samples of the emulator: its indices are looked at in test_doe."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("legfem.study.doe.study._BASE_SAMPLES", 256)
+    with fewer_samples():
         yield
 
 
@@ -163,8 +163,10 @@ def test_failed_runs_are_values(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_the_command_fails_where_nothing_was_solved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(claims, "in_brief", lambda results: "")
     for solved, status in ((False, 1), (True, 0)):
-        monkeypatch.setattr(command, "run", lambda *_, solved=solved: solved)
+        result = SimpleNamespace(records=[0], failed=[] if solved else [0])
+        monkeypatch.setattr(command, "run", lambda *_, result=result: [result])
         done = CliRunner().invoke(app, ["doe", "--out", str(tmp_path / "out")])
         assert done.exit_code == status
         assert ("nothing was solved" in done.output) is not solved
@@ -178,7 +180,9 @@ def test_a_study_with_too_few_runs_says_so(tmp_path: Path, stopping: str) -> Non
         path = definition(tmp_path, TOML + '\n[fixed]\n"deep.D1_per_MPa" = 28.0\n')
         stops = (("deep.D1", 28.0, 0.5),)
         assert path in given.definitions
-    assert run(given, MPI.COMM_SELF, SpringLeg(stops=stops)) is (stopping == "half")
+    (result,) = run(given, MPI.COMM_SELF, SpringLeg(stops=stops))
+    assert (len(result.failed) < len(result.records)) is (stopping == "half")
+    assert f"{result.definition.title}\n" in claims.in_brief([result])
     document = json.loads((tmp_path / "out" / "result.json").read_text())
     assert len(document["not_analysed"]) == {"half": 4, "all": 6}[stopping]
     assert "isn't analysed" in said_in(tmp_path / "out")

@@ -97,7 +97,7 @@ def corrected(relative: float) -> TabulatedCorrection:
     return TabulatedCorrection(
         "none but errors",
         grid,
-        np.array([1.0]),
+        np.array([1e-3]),
         np.array([0.0]),
         np.zeros((1, 1, 26)),
         {"leg length": np.full(26, relative)},

@@ -18,7 +18,7 @@ def of_ends(sd: float) -> TabulatedCorrection:
     """Return a correction of -0.1 with an error (1) that is the same at all depths."""
     d = np.linspace(0.0, 25.0, 26)
     level = np.full((1, 1, 26), -0.1)
-    return TabulatedCorrection("of a test", d, np.array([1.0]), np.array([0.0]), level, {"length": np.full(26, sd)})
+    return TabulatedCorrection("of a test", d, np.array([1e-3]), np.array([0.0]), level, {"length": np.full(26, sd)})
 
 
 def test_shares_are_those_of_the_closed_form():

@@ -30,7 +30,22 @@ from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
         ({"contact-onset.offset": 0.3}, ramps),
         ({"preconditioning.softening": 0.25, "preconditioning.fading": 0.3, "preconditioning.slope": -0.8}, ramps),
         pytest.param(
-            {"muscle-contraction.stiffening": 0.12, "muscle-contraction.onset": 0.5, "muscle-contraction.rise": 0.08},
+            {
+                "muscle-contraction.stiffening": 0.12,
+                "muscle-contraction.onset": 0.5,
+                "muscle-contraction.rise": 0.08,
+                "muscle-contraction.away": 2.0,
+            },
+            ramps,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            {
+                "muscle-contraction.stiffening": 0.12,
+                "muscle-contraction.onset": 0.6,
+                "muscle-contraction.rise": 0.04,
+                "muscle-contraction.away": 0.12,
+            },
             ramps,
             marks=pytest.mark.slow,
         ),

@@ -31,7 +31,7 @@ from legfem.report.render import plain_page
 from legfem.solve.path import ForceCurve
 
 GRID = np.linspace(0.0, 25.0, 26)
-NOTHING = np.asarray(1.0), np.asarray(0.0)
+NOTHING = np.asarray(1e-3), np.asarray(0.0)
 KNOWN = FibreRatio(2.5, 0.4, "measured", "shear waves")
 
 
@@ -46,7 +46,12 @@ def power(errors: dict[str, float] | None = None) -> FibreTable:
 
 def plain(P: float = -0.2) -> TabulatedCorrection:
     return TabulatedCorrection(
-        "a leg", GRID, np.array([0.2, 5.0]), np.array([0.0, 0.5]), np.full((2, 2, 26), P), {"mesh": np.full(26, 0.012)}
+        "a leg",
+        GRID,
+        np.array([0.2e-3, 5e-3]),
+        np.array([0.0, 0.5]),
+        np.full((2, 2, 26), P),
+        {"mesh": np.full(26, 0.012)},
     )
 
 
@@ -72,7 +77,7 @@ def test_the_corrected_force_is_multiplied_and_keeps_its_errors():
     d = np.array([3.0, 12.0, 20.0])
     factor = 2.5 ** (0.1 + 0.01 * d)
     np.testing.assert_allclose(after.factor(d, *NOTHING), 1.2 * factor)
-    modes = after.relative_errors(d, 1.0, 0.0)
+    modes = after.relative_errors(d, 1e-3, 0.0)
     np.testing.assert_allclose(modes["mesh"], 0.01)
     # d ln F / d r = (0.1 + 0.01 d) / r
     np.testing.assert_allclose(np.abs(modes[f"{FIBRES}ratio"]), 0.4 * (0.1 + 0.01 * d) / 2.5)
@@ -83,7 +88,7 @@ def test_the_corrected_force_is_multiplied_and_keeps_its_errors():
 def test_at_a_ratio_of_one_nothing_changes_but_the_ratio_may_be_off():
     one = with_fibres(plain(), power(), replace(KNOWN, value=1.0))
     np.testing.assert_allclose(one.values, plain().values, rtol=1e-12)
-    modes = one.relative_errors(GRID, 1.0, 0.0)
+    modes = one.relative_errors(GRID, 1e-3, 0.0)
     assert np.all(modes[f"{FIBRES}girth"] == 0.0) and np.all(modes[f"{FIBRES}ratio"] < 0.0)
 
 

@@ -36,7 +36,7 @@ def diagnosed(seed: int, excess: float, softens: bool, gain: float = 0.007) -> t
     protocol = Protocol.cycle(20.0, 1.0, 60.0)
     time = np.append(np.arange(0.0, protocol.duration - 1e-9, 0.1), protocol.duration)
     d, c10 = protocol.displacement_at(time), float(np.exp(drawn.uniform(*np.log([0.6, 1.6]))))
-    force = force_at(c10, C20, d)
+    force = force_at(1e-3 * c10, 1e-3 * C20, d)
     share = excess * (1 + 0.25 * np.cos(np.pi * d / 20))
     if softens:
         after = np.arange(len(d)) > np.argmax(d)

@@ -7,7 +7,7 @@ import pytest
 from making_specimens import BAR, LENGTH, PLANTED, compressed, ramp, record
 
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.form_error import NO_DEPARTURE, departure_of
+from legfem.inverse.intervals import NO_DEPARTURE, departure_of
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.problem import fit_specimens
 

@@ -34,10 +34,10 @@ from legfem.commands.data import app
 from legfem.common.errors import InputError
 from legfem.data import read_samples
 from legfem.data.channel_reader import read_channel
+from legfem.data.columns import propose
 from legfem.data.folder import RecordingsEntry
 from legfem.data.formats import read_sheets
 from legfem.data.formats.workbook import read_workbook
-from legfem.data.reader import propose
 from legfem.data.recording import recording_of
 from legfem.legs.loading import load_subject
 

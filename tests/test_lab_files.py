@@ -14,10 +14,10 @@ from scipy.io import savemat
 
 from legfem.common.errors import InputError
 from legfem.data import Recording, segment
+from legfem.data.columns import propose
 from legfem.data.formats import read_sheets
 from legfem.data.formats.labels import name_and_unit, unit_named
 from legfem.data.plausibility import magnitude_doubts
-from legfem.data.reader import propose
 from legfem.data.recording import recording_of
 
 

@@ -185,7 +185,7 @@ def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
     )
     assert not isinstance(twice, Stopped)
     np.testing.assert_allclose(twice.force_at(at), 2 * found.force_at(at), rtol=1e-9)
-    able, _ = mechanisms_of(test, Scale(depth, 1.0, 4.0, 3.0, BULK))
+    able, _ = mechanisms_of(test, Scale(depth, 1.0, 4.0, 3e-3, BULK))
     assert "superficial-stiffness" in [mechanism.name for mechanism in able]
 
 

@@ -64,7 +64,7 @@ def test_a_leg_s_own_correction_is_set_beside_the_table_s(known_leg, tmp_path, c
     folder = tmp_path / "leg"
     folder.mkdir()
     cone_folder(folder, level=100.0)
-    of_leg.run(folder, (1.0, 0.0), DEPTH, tmp_path / "out")
+    of_leg.run(folder, (1e-3, 0.0), DEPTH, tmp_path / "out")
     found = json.loads((tmp_path / "out" / "leg.json").read_text())
     d = np.array(found["displacement_mm"])
     late = d >= 2.5
@@ -74,7 +74,7 @@ def test_a_leg_s_own_correction_is_set_beside_the_table_s(known_leg, tmp_path, c
     np.testing.assert_allclose(np.array(found["errors"]["leg's length"])[late], 0.003, atol=1e-6)
     assert not found["extruded"] and "cone.csv" in found["shape"]
     own = load_subject(folder, need_recordings=False)
-    table = of_leg.correction_of(own).correction(d, np.asarray(1.0), np.asarray(0.0))
+    table = of_leg.correction_of(own).correction(d, np.asarray(1e-3), np.asarray(0.0))
     np.testing.assert_allclose(found["table_P"], table)
     assert "table P" in capsys.readouterr().out
     page = (tmp_path / "out" / "report.html").read_text()
@@ -86,5 +86,5 @@ def test_a_leg_that_stops_short_is_one_line(known_leg, tmp_path):
     known_leg["stops"] = True
     cone_folder(tmp_path, level=100.0)
     with pytest.raises(InputError, match="press less deep"):
-        of_leg.run(tmp_path, (1.0, 0.0), DEPTH, tmp_path / "out")
+        of_leg.run(tmp_path, (1e-3, 0.0), DEPTH, tmp_path / "out")
     assert not (tmp_path / "out" / "leg.json").exists()

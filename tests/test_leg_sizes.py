@@ -26,7 +26,12 @@ from legfem.legs.subject import Subject
 
 GRID = np.linspace(0, 25, 51)
 BASE = TabulatedCorrection(
-    "a leg", GRID, np.array([0.5, 5.0]), np.array([0.0, 0.5]), np.full((2, 2, 51), -0.1), {"mesh": np.full(51, 0.01)}
+    "a leg",
+    GRID,
+    np.array([0.5e-3, 5e-3]),
+    np.array([0.0, 0.5]),
+    np.full((2, 2, 51), -0.1),
+    {"mesh": np.full(51, 0.01)},
 )
 
 
@@ -38,7 +43,7 @@ def made() -> LegCorrections:
         radius,
         depth,
         GRID,
-        np.array([0.5, 5.0]),
+        np.array([0.5e-3, 5e-3]),
         np.array([0.0]),
         np.broadcast_to(change[..., None, None, None], (2, 3, 2, 1, 51)),
         {"layers": np.full(51, 0.02)},
@@ -51,7 +56,7 @@ def measured(folder: Path, toml: str = "") -> Subject:
 
 def test_p_of_a_leg_is_the_references_and_the_change():
     found = made().of_leg(BASE, 57.0, 57.0 * 1.1)
-    P = found.correction(GRID, np.array(2.0), np.array(1.0))
+    P = found.correction(GRID, np.array(2e-3), np.array(1e-3))
     assert P == pytest.approx(-0.1 + 0.02 + 0.02)
     assert found.standard_deviation(GRID) == pytest.approx(np.hypot(0.01, 0.02))
     assert "57.0 mm" in found.name and "beyond" not in found.name
@@ -59,7 +64,7 @@ def test_p_of_a_leg_is_the_references_and_the_change():
 
 def test_a_leg_beyond_the_table_takes_its_nearest_entry_and_says_so():
     found = made().of_leg(BASE, 80.0, 20.0)
-    assert found.correction(GRID, np.array(2.0), np.array(0.0)) == pytest.approx(-0.1)
+    assert found.correction(GRID, np.array(2e-3), np.array(0.0)) == pytest.approx(-0.1)
     assert "beyond the table" in found.name
 
 

@@ -22,7 +22,7 @@ from legfem.solve.protocol import Protocol
 
 GRID = 5.0 * np.arange(1, 5)
 FAT, MUSCLE = "fat_thickness", "muscle_thickness"
-POINT = (0.8, 0.0)
+POINT = (0.8e-3, 0.0)
 FACTORS = ("superficial-stiffness", "fascia-stiffness", "fascia-stiffness")
 
 

@@ -34,7 +34,12 @@ def distance(residual):
             one_at_each_rate,
         ),
         (
-            {"muscle-contraction.stiffening": 0.3, "muscle-contraction.onset": 0.5, "muscle-contraction.rise": 0.08},
+            {
+                "muscle-contraction.stiffening": 0.3,
+                "muscle-contraction.onset": 0.5,
+                "muscle-contraction.rise": 0.08,
+                "muscle-contraction.away": 2.0,
+            },
             ramps,
         ),
     ],

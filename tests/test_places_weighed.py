@@ -162,7 +162,7 @@ class SeenInside(ClosedForm):
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return courses at zero and at the grid."""
         at = np.concatenate([[0.0], GRID])
-        return np.column_stack([course(name, c10, 2.0, at, force_at(c10, c20, at)) for name in names])
+        return np.column_stack([course(name, c10, 2e-3, at, force_at(c10, c20, at)) for name in names])
 
     def channel_changes(
         self,
@@ -175,9 +175,9 @@ class SeenInside(ClosedForm):
     ) -> FloatArray:
         """Return by how much more what lies under a stiffer fat moves."""
         d = np.concatenate([[0.0], self.grid])
-        fat = 2.0 * (values["factor"] if mechanism.name == "superficial-stiffness" else 1.0)
+        fat = 2e-3 * (values["factor"] if mechanism.name == "superficial-stiffness" else 1.0)
         force = force_at(stiffness[0], stiffness[1], d)
-        found = [course(n, stiffness[0], fat, d, force) - course(n, stiffness[0], 2.0, d, force) for n in names]
+        found = [course(n, stiffness[0], fat, d, force) - course(n, stiffness[0], 2e-3, d, force) for n in names]
         return at(np.column_stack(found))
 
 

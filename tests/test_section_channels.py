@@ -14,8 +14,7 @@ from making_mechanics import COARSE, fixed_steps, subject_3
 from legfem.channels.kinds import CHANNELS
 from legfem.channels.kinds.contact import ContactForces
 from legfem.channels.kinds.skin_rise import RISES
-from legfem.channels.reading import ChannelReader
-from legfem.channels.seen import ReadState
+from legfem.channels.seen import ChannelReader, ReadState
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.outlines import first_crossing

@@ -11,8 +11,8 @@ from making import TOML, press, write_subject
 from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
+from legfem.channels import Sight
 from legfem.channels.kinds.section_image import INSIDE, SectionDisplacements
-from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved

@@ -91,7 +91,7 @@ def test_what_is_wrong_alike_is_not_widened(tmp_path):
 def correction_known_to(sd):
     d = np.linspace(0.0, DEPTH, 5)
     errors = {"length": np.full(5, sd)}
-    return TabulatedCorrection("made", d, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 5)), errors)
+    return TabulatedCorrection("made", d, np.array([1e-3]), np.array([0.0]), np.zeros((1, 1, 5)), errors)
 
 
 def test_the_corrections_error_does_not_average_out(tmp_path):

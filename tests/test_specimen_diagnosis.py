@@ -129,7 +129,7 @@ def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
 def test_every_mechanism_is_tested_or_said_why_not() -> None:
     from legfem.legs.mechanisms import mechanisms
 
-    scale = Scale(3.0, 5.0, 10.0, 5.0, 1000.0)
+    scale = Scale(3.0, 5.0, 10.0, 5e-3, 1000.0)
     for sizes in (UniaxialSpecimen(10.0, 100.0), CylinderOnBlock(20.0, 40.0, 30.0), BallOnLayer(12.0)):
         able, unable = mechanisms_of(sizes, scale)
         assert {m.name for m in able} | set(unable) == {m.name for m in mechanisms()}

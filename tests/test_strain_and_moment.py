@@ -11,9 +11,9 @@ from making import TOML, press, write_subject
 from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
+from legfem.channels import Sight
 from legfem.channels.kinds.section_image import STRAIN, SectionStrains
 from legfem.channels.seen import ReadState, Seen, SeenModel
-from legfem.channels.site import Sight
 from legfem.common.errors import InputError
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.inverse.errors import errors_of_places

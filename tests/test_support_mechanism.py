@@ -17,7 +17,7 @@ from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.mechanisms import mechanism_named
 
 DEPTH = 6.0
-SOFT = (0.8, 0.9)
+SOFT = (0.8e-3, 0.9e-3)
 """C10 and C20, kPa."""
 SUPPORT = mechanism_named("support-compliance")
 
@@ -42,8 +42,8 @@ def test_between_a_frame_and_bones_the_force_lies_between(solved):
     forces = {
         share: predictor(
             {
-                DEEP_C10: 1e-3 * SOFT[0],
-                DEEP_C20: 1e-3 * SOFT[1],
+                DEEP_C10: SOFT[0],
+                DEEP_C20: SOFT[1],
                 "support-compliance.compliance": compliance,
                 "support-compliance.at_bones": share,
             },
@@ -56,7 +56,7 @@ def test_between_a_frame_and_bones_the_force_lies_between(solved):
     np.testing.assert_allclose(frame, held, rtol=0.01, atol=0.002)
     np.testing.assert_allclose(forces[0.5], 0.5 * (frame + forces[1.0]), rtol=1e-9)
     springs = {f"{bone}.springs.{axis}": 1.0 for bone in ("tibia", "fibula") for axis in "xy"}
-    deep = {"deep.C10": 1e-3 * SOFT[0], "deep.C20": 1e-3 * SOFT[1]}
+    deep = {"deep.C10": SOFT[0], "deep.C20": SOFT[1]}
     bones = solved.variants.model(SUPPORT.variant).solve({**deep, **springs}, DEPTH).curve(at)
     np.testing.assert_allclose(forces[1.0], bones, rtol=5e-3, atol=0.002)
 

@@ -114,14 +114,14 @@ def test_a_force_that_is_read_across_first_touch_is_predicted_as_it_is_read():
     """A straight line through samples before it and after it lies above the force there."""
     air = np.array([1.1, 1.2, 1.3, 1.4, 1.5])
     time = np.arange(0.0, 52.0, 0.02)
-    force = [force_at(1e3 * TRUTH[DEEP_C10], 1e3 * TRUTH[DEEP_C20], 0.4 * time - way) for way in air]
+    force = [force_at(TRUTH[DEEP_C10], TRUTH[DEEP_C20], 0.4 * time - way) for way in air]
     trials = [Recording(time, 0.4 * time, one, f"trial{k + 1}") for k, one in enumerate(force)]
     observed = observe(segment_all(trials, INSTRUMENT, True))
     values = {**TRUTH, **{onset_name(k): float(way) for k, way in enumerate(air)}}
     predicted = Predictor(observed, ClosedForm(GRID), "reduced-polynomial")(values)
     across = np.abs(observed.displacement - air[observed.trial]) < observed.half_width
     assert across.sum() == len(air)
-    plain = force_at(1e3 * TRUTH[DEEP_C10], 1e3 * TRUTH[DEEP_C20], observed.displacement - air[observed.trial])
+    plain = force_at(TRUTH[DEEP_C10], TRUTH[DEEP_C20], observed.displacement - air[observed.trial])
     assert np.abs(plain - observed.force)[across].max() > 0.025
     np.testing.assert_allclose(predicted[across], observed.force[across], atol=4e-3)
 

@@ -72,8 +72,8 @@ def recorded(folder: Path, c10: float, seed: int = 0) -> Subject:
 
 def table(level: float, trend: float = 0.05) -> TabulatedCorrection:
     """Return a table of other legs: off by a level, and it errs by as much."""
-    c10 = np.array([0.05, 0.5, 1.0, 3.0, 30.0])
-    values = P_of(1.0, GRID) + level + trend * np.log(c10)[:, None, None]
+    c10 = 1e-3 * np.array([0.05, 0.5, 1.0, 3.0, 30.0])
+    values = P_of(1.0, GRID) + level + trend * np.log(1e3 * c10)[:, None, None]
     errors = {"leg length": np.full(len(GRID), abs(level) + 0.1)}
     return TabulatedCorrection("other legs", GRID, c10, np.array([0.0]), values, errors)
 
@@ -228,9 +228,9 @@ def test_recordings_in_plane_strain_are_refused(tmp_path):
 def test_a_confirmed_correction_is_what_was_solved_and_follows_the_table_from_there():
     P = P_of(1.0, GRID) + 0.02
     for trend in (None, table(0.3)):
-        made = confirmed_correction("own", trend, (1.0, 0.0), GRID, P, {})
-        np.testing.assert_allclose(made.correction(GRID, 1.0, 0.0), P, atol=1e-12)
-        change = made.correction(GRID, 3.0, 0.0) - P
+        made = confirmed_correction("own", trend, (1e-3, 0.0), GRID, P, {})
+        np.testing.assert_allclose(made.correction(GRID, 1e-3, 0.0), P, atol=1e-12)
+        change = made.correction(GRID, 3e-3, 0.0) - P
         np.testing.assert_allclose(change, 0.0 if trend is None else 0.05 * np.log(3), atol=1e-12)
 
 
@@ -238,7 +238,7 @@ def test_the_last_full_solve_is_there_to_be_looked_at(monkeypatch, tmp_path):
     monkeypatch.setattr(LegModels, "pressed", lambda models, outcome: outcome)
     (result,) = identified(recorded(tmp_path, 1.3), table(0.3))
     last = result.details.spatial.confirmations[-1]
-    assert 1e3 * result.details.spatial.pressed.values["deep.C10"] == pytest.approx(last.c10)
+    assert result.details.spatial.pressed.values["deep.C10"] == pytest.approx(last.c10)
     monkeypatch.undo()
     (bare,) = identified(recorded(tmp_path, 1.3), table(0.3))
     assert bare.details.spatial.pressed is None, "a model without states has nothing to show"

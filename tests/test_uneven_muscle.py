@@ -13,10 +13,10 @@ from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.legs.mechanisms import Solution, mechanism_named
-from legfem.mechanics.terms.nonuniform_stiffness import StiffLump, UnevenStiffness
+from legfem.mechanics.terms.muscle import StiffLump, UnevenStiffness
 
 DEPTH = 6.0
-MUSCLE = (0.8, 0.9)
+MUSCLE = (0.8e-3, 0.9e-3)
 """C10 and C20, kPa."""
 EVERYWHERE_MM = 1e5
 EXCESS = "deep.uneven_stiffness.excess1"
@@ -40,7 +40,7 @@ def mechanism():
 @pytest.mark.slow
 def test_an_excess_everywhere_is_a_stiffer_muscle(variants):
     """But for the contact, whose penalty follows the muscle's C10 and not its excess (0.08 %)."""
-    deep = {"deep.C10": 1e-3 * MUSCLE[0], "deep.C20": 1e-3 * MUSCLE[1]}
+    deep = {"deep.C10": MUSCLE[0], "deep.C20": MUSCLE[1]}
     excess = 0.4
 
     def force(values, *terms):

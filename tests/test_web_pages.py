@@ -32,7 +32,8 @@ from legfem.report.render import PAGE_FILES, embed, rendered
 from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_pressures import by_height
 from legfem.study.correction.page import correction_web_page
-from legfem.study.doe.page import not_seen, study_web_page, to_measure
+from legfem.study.doe.claims import not_seen, to_measure
+from legfem.study.doe.command import study_web_page
 from studies.legs.shapes import round_leg
 
 MOST_BYTES = 700_000
@@ -67,7 +68,7 @@ def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
     assert page.headline.tone == "caution"
     seen = pages.ranked(((0.9, 0.3), (0.4, 0.2)))
     subject = pages.subject_in(tmp_path)
-    expected = pages.Expected(0.8, 0.0, 20.0, 0.5)
+    expected = pages.Expected(0.8e-3, 0.0, 20.0, 0.5)
     assert plan_web_page(seen, subject, expected, (), {}).headline.tone == "sound"
     none = plan_web_page([], subject, expected, (), {})
     assert none.headline.tone == "wrong"

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Site
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen

@@ -12,7 +12,6 @@ from pydantic import Field, create_model, model_validator
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind, Frames, FramesError, FramesFile, Read
 from legfem.channels.kinds import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
-from legfem.channels.site import Site
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
@@ -20,6 +19,7 @@ from legfem.data.formats import read_sheets
 from legfem.data.formats.labels import Quantity, unit_named
 from legfem.data.formats.sheet import Column, measures
 from legfem.data.recording import RecordedChannel, Recording, backwards, channel_of, not_increasing
+from legfem.geometry.indenter import Site
 
 TRIAL, SITE = "{trial}", "{site}"
 """In the name of a file: the name of the trial that it belongs to, and of the leg's site."""

@@ -22,6 +22,8 @@ _MOST_STIFFENING = 0.4
 """By which the force's slope may grow, relative, over one way of `Scales`."""
 _SHAPE_ERROR = 0.03
 """Of a way: what the fitted shapes may misplace contact by, however little noise there is."""
+_UNEVEN = ((0.0, 1.0), (0.15, 0.6), (0.3, 0.15), (0.5, 0.01))
+"""By how much the power that a force begins with may be higher than an even body's, and how likely that is."""
 _OF_FORCE = 0.02
 """Of the force: what the shapes misdescribe."""
 _TRAVELS = 10.0
@@ -41,19 +43,21 @@ class Scales:
     """N that a touch raises the force by at least: a leg pressed by some mm answers with tenths."""
     depth: float = 5.0
     """mm of loading after contact, less of which shows no stiffness."""
-    powers: tuple[tuple[float, float], ...] = ((1.0, 1.0), (1.15, 0.6), (1.3, 0.15), (1.5, 0.01))
+    powers: tuple[tuple[float, float], ...] = tuple((1.0 + more, likely) for more, likely in _UNEVEN)
     """Powers of the way that the force may begin with, and how likely they are beforehand: a leg's under a cylinder
     begins nearly in proportion to it."""
 
     @classmethod
-    def of_specimen(cls, recording: Recording) -> "Scales":
+    def of_specimen(cls, recording: Recording, power: float | None = None) -> "Scales":
         """Return those of a specimen's own travel: a tenth of it, up to a leg's 1 mm.
 
-        Of the force its noise alone is the measure, any depth will do, and the force may begin in any way: under
-        a ball with the power 3/2.
+        Of the force its noise alone is the measure, and any depth will do. It begins with the power of a kind of
+        test, or with a higher one where faces aren't parallel; in any way where the kind isn't known.
         """
         way = min(1.0, float(np.ptp(without_outliers(recording.displacement))) / _TRAVELS)
-        return cls(way, 0.0, 0.0, tuple((power, 1.0) for power in (1.0, 1.25, 1.5, 1.75, 2.0)))
+        if power is None:
+            return cls(way, 0.0, 0.0, tuple((any_power, 1.0) for any_power in (1.0, 1.25, 1.5, 1.75, 2.0)))
+        return cls(way, 0.0, 0.0, tuple((power + more, likely) for more, likely in _UNEVEN))
 
 
 LEG = Scales()

@@ -17,7 +17,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from legfem.channels.kinds import files_of
-from legfem.channels.reading import ChannelReader
+from legfem.channels.seen import ChannelReader
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, Faces

@@ -30,7 +30,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.fem.outlines import edge_shapes, outline_of_facets
 from legfem.fem.spaces import LegSpaces
-from legfem.mechanics.terms.sliding import SlidingFace
+from legfem.mechanics.terms.membranes import SlidingFace
 from legfem.meshing.section import OUTER_FASCIA, UNDER_FAT
 
 type _Ints = NDArray[Any]

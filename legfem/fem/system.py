@@ -1,8 +1,8 @@
 """Residual and tangent of a model on its spaces, and the state that a step starts from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem, la
@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.fem.forms import Clock, Rounding, Symbols, body_forms, skin_forms
-from legfem.fem.sliding import SlidingForces
 from legfem.fem.spaces import LegSpaces
 from legfem.mechanics.kinematics import volume_ratio
 from legfem.mechanics.model import Body, LegModel
-from legfem.mechanics.terms.sliding import SlidingFace
+
+if TYPE_CHECKING:
+    from legfem.fem.sliding import SlidingForces
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,13 @@ class System:
         Degree of the quadrature in the body.
     rounding
         Rounding of the skin in 3D, where the mesh's facets are flat and the skin isn't.
+    faces
+        Forces of the model's faces between tissues, which no form can say.
+
+    Raises
+    ------
+    InputError
+        If the model has a face that there are no forces of.
     """
 
     def __init__(
@@ -61,8 +70,11 @@ class System:
         direction: FloatArray | None = None,
         quadrature_degree: int = 4,
         rounding: Rounding | None = None,
+        faces: Sequence["SlidingForces"] = (),
     ) -> None:
-        self.spaces, self.model = spaces, model
+        if len(faces) < len(model.at("face")):
+            raise InputError("model", "face", "tissues slide along each other in a leg's section only", "leave it out")
+        self.spaces, self.model, self.faces = spaces, model, tuple(faces)
         start = np.zeros(spaces.dimension) if start is None else start
         direction = np.zeros(spaces.dimension) if direction is None else direction
         self.comm = spaces.mesh.comm
@@ -83,7 +95,6 @@ class System:
             self.applied_pressure,
             rounding,
         )
-        self.faces = tuple(SlidingForces(spaces, term) for term in model.at("face") if isinstance(term, SlidingFace))
         self.tangent_matrix = self._matrix()
         self._skin_matrix = fem.create_matrix(self.skin.tangent)
         self._skin_force = fem.Function(spaces.skin_space)

@@ -1,4 +1,4 @@
-"""A rigid cylinder, ball or punch, and its line of travel."""
+"""A rigid cylinder, ball or punch, its line of travel, and the site of a leg where it presses."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,7 +9,7 @@ from shapely import LinearRing, Point
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.geometry.section import across
+from legfem.geometry.section import LegSection, across
 
 IndenterShape = Literal["cylinder", "ball", "punch"]
 
@@ -119,3 +119,42 @@ def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: 
     index = int(np.argmax([clearance(s) <= 0 for s in stations]))
     position = brentq(clearance, stations[index - 1], stations[index], xtol=1e-13)
     return aim + position * direction
+
+
+@dataclass(frozen=True, eq=False)
+class TravelLine:
+    """A line of travel.
+
+    Parameters
+    ----------
+    origin : (d,) array
+        A point on it, mm.
+    direction : (d,) array
+        Its unit vector.
+    """
+
+    origin: FloatArray
+    direction: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """Where a leg is pressed: its section in the plane of the travel, and the indenter."""
+
+    section: LegSection
+    indenter: Indenter
+
+    @property
+    def touch(self) -> FloatArray:
+        """The cylinder's axis at first touch (2,), mm."""
+        return np.asarray(first_touch(self.section.skin, self.indenter.radius, self.indenter.aim, self.direction))
+
+    @property
+    def direction(self) -> FloatArray:
+        """Unit vector of the travel (2,)."""
+        return np.asarray(self.indenter.direction)
+
+    @property
+    def deepest(self) -> FloatArray:
+        """Deepest point of the cylinder's face at first touch (2,), mm."""
+        return np.asarray(self.touch + self.indenter.radius * self.direction)

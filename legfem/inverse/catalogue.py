@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray, kpa_to_mpa, readable_unit
+from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse.parameter import Parameter, Priors, Scale
 from legfem.inverse.readings import INSTRUMENT, READINGS
 
@@ -24,9 +24,9 @@ RATIO = "fibre_ratio"
 DEEP_RATIO = f"deep.{RATIO}"
 RATIO_BOUNDS = (1.0, 10.0)
 UNITS = {"C10": "MPa", "C20": "MPa", "C30": "MPa", "stiffening": "MPa", "D1": "1/MPa", "D2": "1/MPa"}
-_BOUNDS_KPA = {"C10": (0.02, 30.0), "C20": (0.0, 50.0)}
+_BOUNDS = {"C10": (2e-5, 0.03), "C20": (0.0, 0.05)}
 # The designs' greatest extent: legs lie within, and the extremes take longest to solve.
-_USUAL_KPA = {DEEP_C10: (0.15, 4.0), DEEP_C20: (0.0, 6.0)}
+_USUAL_DEEP = {DEEP_C10: (1.5e-4, 4e-3), DEEP_C20: (0.0, 6e-3)}
 _USUAL_RATIO = 1.0, 4.0
 # By which an assumed number may be off, and by which it usually is at most.
 _MOST, _USUAL = 100.0, 3.0
@@ -115,13 +115,11 @@ def parameter_of(name: str, nominal: Values) -> Parameter:
         bounds = _INSTRUMENT_BOUNDS[name]
     elif field == RATIO:
         bounds = RATIO_BOUNDS
-    elif term == "deep" and field in _BOUNDS_KPA:
-        low, high = _BOUNDS_KPA[field]
-        bounds = kpa_to_mpa(low), kpa_to_mpa(high)
+    elif term == "deep" and field in _BOUNDS:
+        bounds = _BOUNDS[field]
     else:
         centre = centre_of(name, nominal)
-        low, high = kpa_to_mpa(_BOUNDS_KPA["C20"][0]), kpa_to_mpa(_BOUNDS_KPA["C20"][1])
-        bounds = (low, high) if field == "C20" else (centre / _MOST, centre * _MOST)
+        bounds = _BOUNDS["C20"] if field == "C20" else (centre / _MOST, centre * _MOST)
     return Parameter(name, unit_of(name), bounds, scale=scale, statement=statement)
 
 
@@ -143,9 +141,8 @@ def usual_range(parameter: Parameter, nominal: Values) -> tuple[float, float]:
         if parameter.scale == "log":
             low = max(low, prior.centre / _USUAL**2)
             low, high = min(low, prior.centre / _LEAST_SPAN), max(high, prior.centre * _LEAST_SPAN)
-    elif parameter.name in _USUAL_KPA:
-        low, high = _USUAL_KPA[parameter.name]
-        low, high = kpa_to_mpa(low), kpa_to_mpa(high)
+    elif parameter.name in _USUAL_DEEP:
+        low, high = _USUAL_DEEP[parameter.name]
     elif is_ratio(parameter.name):
         low, high = _USUAL_RATIO
     elif parameter.scale == "log" and parameter.bounds[0] > 0:
@@ -177,6 +174,11 @@ def within_prior(parameter: Parameter) -> Parameter:
     return Parameter(
         parameter.name, parameter.unit, bounds, prior, parameter.role, parameter.scale, parameter.statement
     )
+
+
+def deep_stiffness(values: Mapping[str, float]) -> tuple[float, float]:
+    """Return C10 and C20 of the deep tissue, MPa; a law without C20 has none."""
+    return values[DEEP_C10], values.get(DEEP_C20, 0.0)
 
 
 def key_of(name: str) -> str:

@@ -5,12 +5,13 @@ cylinder moves and by time where it is held, so that a dense record and a single
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind
 from legfem.channels.kinds import CHANNELS, FILE_OF
@@ -33,6 +34,8 @@ _IN_AIR_MM = 1.0
 """Before first contact: a sample there is one of the skin just touched."""
 _FEWEST = 8
 """Samples that show their noise."""
+_FRAMES_ABOVE = 5
+"""Frames one after the other, about a reading, in which its place has to reach an instrument's threshold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,12 +174,27 @@ def channel_readings(trials: Sequence[Segmentation], stations: Sequence[Stations
         readings = [
             _Reading(k, weights, float(np.mean(here.values[samples])), noise_of(here) ** 2 / len(samples), number)
             for k, one in mine
-            for number, here in one.at_each_place()
+            for number, here in _clear_of_threshold(one).at_each_place()
             for samples, weights in _readings(trials[k], stations[k], here, bool(first.places))
         ]
         if readings:
             found.append(_at_stations(CHANNELS[name], first.accuracy, readings, stations, first.places))
     return tuple(found)
+
+
+def _clear_of_threshold(one: RecordedChannel) -> RecordedChannel:
+    """Return the readings of places while they stay above an instrument's threshold.
+
+    What is below it isn't recorded, so that of a place which presses by about as much, or not at all, noise would
+    choose the readings that count, all of them too high.
+    """
+    if one.accuracy.threshold is None or one.course is None:
+        return one
+    frames, frame = np.unique(one.time, return_inverse=True)
+    above = np.zeros((len(one.places), len(frames)))
+    above[one.course, frame] = 1.0
+    kept = minimum_filter1d(above, min(_FRAMES_ABOVE, len(frames)), mode="nearest")[one.course, frame] > 0
+    return replace(one, time=one.time[kept], values=one.values[kept], course=one.course[kept])
 
 
 @dataclass(frozen=True, eq=False)

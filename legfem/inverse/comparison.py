@@ -18,7 +18,7 @@ from scipy.linalg import block_diag, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
-from legfem.inverse.form_error import thirds_of
+from legfem.inverse.intervals import thirds_of
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import Data
 from legfem.solve.path import ForceCurve

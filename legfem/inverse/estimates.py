@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
 from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, total_of
-from legfem.inverse.form_error import NO_DEPARTURE, PartDeparture
 from legfem.inverse.intervals import (
     ADDS_NOTHING,
+    NO_DEPARTURE,
     Bound,
     Estimated,
     Identifiability,
+    PartDeparture,
     bound_of,
     cut_height,
     profile_interval,

@@ -33,11 +33,11 @@ class Table:
     """(k, ...)."""
 
     def __call__(self, c10: float) -> FloatArray:
-        """Return the values (...) at a stiffness in kPa."""
+        """Return the values (...) at a stiffness in MPa."""
         return self.between(c10, self.values)
 
     def between(self, c10: float, rows: Sequence[FloatArray] | FloatArray) -> FloatArray:
-        """Return what lies at a stiffness in kPa between what is known at the table's."""
+        """Return what lies at a stiffness in MPa between what is known at the table's."""
         if len(self.logs) == 1:
             return np.asarray(rows[0])
         low, high = self.logs[0], self.logs[-1]
@@ -140,7 +140,7 @@ class Library:
     grid)."""
     nuisances: NuisanceChanges
     middle: float
-    """C10, kPa."""
+    """C10, MPa."""
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that have no table, and why."""
     reach: float = _REACH
@@ -157,12 +157,12 @@ class Library:
 
     @property
     def c10_bounds(self) -> tuple[float, float]:
-        """Stiffness C10 that it holds for, kPa."""
+        """Stiffness C10 that it holds for, MPa."""
         return self.middle * float(np.exp(-self.reach)), self.middle * float(np.exp(self.reach))
 
     @property
     def c20_bounds(self) -> tuple[float, float]:
-        """Stiffness C20 that it holds for, kPa."""
+        """Stiffness C20 that it holds for, MPa."""
         return 0.0, 12.0 * self.middle
 
     def curve(self, c10: float, c20: float) -> FloatArray:
@@ -260,7 +260,7 @@ def _place(c10: float, c20: float) -> FloatArray:
 
 
 def coordinates(c10: ArrayLike, c20: ArrayLike) -> FloatArray:
-    """Return the emulator's coordinates (..., 2) of stiffnesses in kPa.
+    """Return the emulator's coordinates (..., 2) of stiffnesses in MPa.
 
     ``ln C10`` and ``ln(1 + C20 / C10)``: the first carries the scale of all stiffnesses, the second
     is 0 for a neo-Hookean tissue and stays smooth where C20 rules.

@@ -56,7 +56,7 @@ def build_library(
     stiffening
         ln(1 + C20 / C10) at which changes are tabulated.
     middle
-        C10 (kPa) about which; that of the recordings by default.
+        C10 (MPa) about which; that of the recordings by default.
     stiffenings
         ln(1 + C20 / C10) of the elastic curves.
     pairs
@@ -225,7 +225,7 @@ def _samples(elastic: Sequence[tuple[Stiffness, Columns]], names: Sequence[str])
     c10, c20 = (np.array(values) for values in zip(*(point for point, _ in elastic), strict=True))
     course = np.array([_as_row(columns, names) for _, columns in elastic])
     by_c10, by_c20 = (
-        np.array([_as_row(columns, [derivative_of(name, of) for name in names]) for _, columns in elastic]) / 1e3
+        np.array([_as_row(columns, [derivative_of(name, of) for name in names]) for _, columns in elastic])
         for of in ELASTIC_DERIVATIVES
     )
     first = c10[:, None] * by_c10 + c20[:, None] * by_c20

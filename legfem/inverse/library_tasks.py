@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.progress import Progress
+from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
 from legfem.inverse.library import pair_strength
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of
@@ -25,7 +26,8 @@ CHANGES_AT = (-0.35, 0.35)
 
 _ROUND = 0.25
 """Of the middle's ln C10; and of where its stiffening is looked up."""
-_FIRST_C10_KPA = 0.8
+_ROUND_FROM, _FIRST_C10 = 1e-3, 0.8e-3
+"""MPa: the stiffness from which those logarithms count, and the one that is tried first."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,8 @@ class Task:
         elif self.pair:
             what = " beside ".join(m.name for m, _ in self.pair)
         at = "" if self.stations is None else f", {self.stations.label}"
-        return f"{what}{at} at C10 {self.point[0]:.3g}, C20 {self.point[1]:.3g} kPa"
+        c10, c20 = map(mpa_to_kpa, self.point)
+        return f"{what}{at} at C10 {c10:.3g}, C20 {c20:.3g} kPa"
 
 
 type Outcome = Mapping[str, Columns]
@@ -105,7 +108,7 @@ def tasks_for(
     stiffenings: Sequence[float],
     pairs: bool,
 ) -> list[Task]:
-    """Return what a library is solved of: at a middle C10 (kPa) and about it.
+    """Return what a library is solved of: at a middle C10 (MPa) and about it.
 
     ``stiffening`` is ln(1 + C20 / C10) where changes are tabulated, ``stiffenings`` those of the
     elastic curves.
@@ -143,7 +146,7 @@ def tasks_for(
 
 
 def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
-    """Return the C10 (kPa, of a round logarithm) at which the loading is about as recorded.
+    """Return the C10 (MPa, of a round logarithm) at which the loading is about as recorded.
 
     Parameters
     ----------
@@ -156,7 +159,7 @@ def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float
     """
     loading = observed.phase == LOADING
     d, force = observed.displacement[loading], observed.force[loading]
-    log = np.log(_FIRST_C10_KPA)
+    log = np.log(_FIRST_C10)
     for _ in range(5):
         c10 = float(np.exp(log))
         curve = coarse.curve(c10, c10 * float(np.expm1(stiffening)))
@@ -174,8 +177,8 @@ def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float
 
 
 def rounded(c10: float) -> float:
-    """Return a stiffness (kPa) of a round logarithm near one."""
-    return float(np.exp(_ROUND * round(float(np.log(c10)) / _ROUND)))
+    """Return a stiffness (MPa) of a round logarithm near one."""
+    return _ROUND_FROM * float(np.exp(_ROUND * round(float(np.log(c10 / _ROUND_FROM)) / _ROUND)))
 
 
 def outcomes_of(

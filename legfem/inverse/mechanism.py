@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Values = Mapping[str, float]
 type Stiffness = tuple[float, float]
-"""C10 and C20 of the deep tissue, kPa."""
+"""C10 and C20 of the deep tissue, MPa."""
 
 
 class IndentedLeg(Protocol):

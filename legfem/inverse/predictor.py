@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, Values, null_of
 from legfem.inverse.observations import Observations
@@ -38,12 +38,12 @@ class Responses(TissueResponses, Protocol):
 
     @property
     def c10_bounds(self) -> tuple[float, float]:
-        """Stiffness C10 that it holds for, kPa."""
+        """Stiffness C10 that it holds for, MPa."""
         ...
 
     @property
     def c20_bounds(self) -> tuple[float, float]:
-        """Stiffness C20 that it holds for, kPa."""
+        """Stiffness C20 that it holds for, MPa."""
         ...
 
     def curve(self, c10: float, c20: float) -> FloatArray:
@@ -78,7 +78,7 @@ class Ends(Protocol):
     """A factor on the plane-strain force for the cylinder's ends, a function of the stiffness."""
 
     def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
-        """Return the factor (..., n) at displacements (n,) in mm; stiffnesses in kPa."""
+        """Return the factor (..., n) at displacements (n,) in mm; stiffnesses in MPa."""
         ...
 
 
@@ -128,14 +128,13 @@ class Predictor:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Of the base model: stiffness, and first contact of every trial."""
-        low, high = map(kpa_to_mpa, self.responses.c10_bounds)
+        low, high = self.responses.c10_bounds
         middle = float(np.sqrt(low * high))
         known = self.measured or Prior(middle, 1.5, "log", "nothing is known")
         found = [Parameter(DEEP_C10, "MPa", (low, high), known, scale="log", statement="of the deep tissue")]
         if self.law == "reduced-polynomial":
             prior = Prior(0.0, 4.0 * middle, "linear", "nothing is known")
-            least, most = map(kpa_to_mpa, self.responses.c20_bounds)
-            found.append(Parameter(DEEP_C20, "MPa", (least, most), prior, statement="likewise"))
+            found.append(Parameter(DEEP_C20, "MPa", self.responses.c20_bounds, prior, statement="likewise"))
         return (*found, *(self._onset(k) for k in range(len(self.observed.trials))))
 
     def _onset(self, trial: int) -> Parameter:
@@ -156,11 +155,11 @@ class Predictor:
         """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't."""
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
-        c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
+        c10, c20 = deep_stiffness(values)
         onset = np.array([values.get(onset_name(k), 0.0) for k in range(len(observed.trials))])
         for mechanism in mechanisms:
             if mechanism.stands_for_C20 and self.law == "neo-hookean":
-                c20 = own[mechanism.name][mechanism.parameters[0].name]
+                c20 = kpa_to_mpa(own[mechanism.name][mechanism.parameters[0].name])
         factor: FloatArray = np.ones(len(observed.force))
         for mechanism in mechanisms:
             factor = factor * mechanism.deep_factor(own[mechanism.name], observed)
@@ -266,7 +265,7 @@ class Predictor:
         return GridSpline(self.responses.grid)
 
     def _spline(self, c10: float, c20: float) -> PPoly | None:
-        """Return the elastic force of a stiffness (kPa), kept for the next time; None without."""
+        """Return the elastic force of a stiffness (MPa), kept for the next time; None without."""
 
         def made() -> PPoly | None:
             curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
@@ -275,7 +274,7 @@ class Predictor:
         return self._recalled(self._splines, (id(self.responses), float(c10), float(c20)), made)
 
     def _beside(self, names: tuple[str, ...], c10: float, c20: float) -> FloatArray:
-        """Return channels' courses (m + 1, k) of a stiffness (kPa), kept likewise."""
+        """Return channels' courses (m + 1, k) of a stiffness (MPa), kept likewise."""
         key = id(self.responses), names, float(c10), float(c20)
         return self._recalled(self._curves, key, lambda: self.responses.channel_curves(names, c10, c20))
 

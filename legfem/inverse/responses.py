@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.channels.kinds import CHANNELS
-from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.units import FloatArray
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
@@ -156,7 +156,7 @@ class PathRequest:
         return {
             "protocol": [list(self.protocol.time), list(self.protocol.displacement)],
             "at": np.round(self.at, 9).tolist(),
-            "deep_kPa": [float(value) for value in self.stiffness],
+            "deep_MPa": [float(value) for value in self.stiffness],
             "variant": self.solution.variant,
             "terms": terms,
             "parameters": {k: float(v) for k, v in self.solution.parameters.items()},
@@ -190,8 +190,8 @@ class SolvedResponses:
     folder: pathlib.Path | None
     fingerprint: Mapping[str, Any]
     step: float = GRID_STEP_MM
-    c10_bounds: tuple[float, float] = (0.01, 100.0)
-    c20_bounds: tuple[float, float] = (0.0, 100.0)
+    c10_bounds: tuple[float, float] = (1e-5, 0.1)
+    c20_bounds: tuple[float, float] = (0.0, 0.1)
     solutions: int = 0
     """Made, not recalled."""
     only_kept: bool = False
@@ -375,8 +375,7 @@ class SolvedResponses:
         if self.only_kept:
             raise NotKeptError
         self.solutions += 1
-        c10, c20 = asked.stiffness
-        deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}
+        deep = dict(zip(ELASTIC_DERIVATIVES, asked.stiffness, strict=True))
         moved = asked.moved
         variants = self.variants if moved is None else self.variants.moved_to(moved)
         path = variants.follow(asked.protocol, deep, asked.solution, asked.derivatives, asked.placement)

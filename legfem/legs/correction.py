@@ -40,7 +40,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.solve.path import ForceCurve
 
 SCHEMA = 1
@@ -100,7 +100,7 @@ class TabulatedCorrection:
     displacement
         (n,), mm.
     c10
-        (m,), kPa.
+        (m,), MPa.
     stiffening
         (k,), :math:`q = C_{20} / (C_{10} + C_{20})`.
     values
@@ -132,7 +132,7 @@ class TabulatedCorrection:
         object.__setattr__(self, "_bounds", [(axis[0], axis[-1]) for axis in wide])
 
     def correction(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
-        """Return P (..., n) at displacements (n,) in mm for stiffnesses (...) in kPa."""
+        """Return P (..., n) at displacements (n,) in mm for stiffnesses (...) in MPa."""
         c10, c20 = np.asarray(c10, dtype=float), np.asarray(c20, dtype=float)
         stiff = np.stack(np.broadcast_arrays(np.log(c10), c20 / (c10 + c20)), axis=-1)
         shape = (*stiff.shape[:-1], len(displacement))
@@ -179,7 +179,7 @@ class TabulatedCorrection:
                 "first_ratio_mm": FIRST_RATIO,
                 **self.given,
                 "displacement_mm": _rounded(self.displacement),
-                "c10_kPa": self.c10.tolist(),
+                "c10_kPa": _rounded(mpa_to_kpa(self.c10)),
                 "c20_over_c10_plus_c20": self.stiffening.tolist(),
                 "P": _rounded(self.values),
                 "errors": {name: _rounded(mode) for name, mode in self.errors.items()},
@@ -231,7 +231,7 @@ def read_correction(path: Path) -> TabulatedCorrection:
         if name not in (*_KNOWN, "schema", "kind", "name", "definition", "first_ratio_mm")
     }
     return TabulatedCorrection(
-        str(content.get("name", path.stem)), displacement, c10, stiffening, values, errors, given
+        str(content.get("name", path.stem)), displacement, kpa_to_mpa(c10), stiffening, values, errors, given
     )
 
 
@@ -252,7 +252,7 @@ def confirmed_correction(
     trend
         How P changes with the stiffness; not at all without one.
     stiffness
-        C10 and C20 of the deep tissue (kPa) that it was solved with.
+        C10 and C20 of the deep tissue (MPa) that it was solved with.
     displacement, P
         (n,), mm and what was found there.
     errors

@@ -32,7 +32,7 @@ from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data.folder import RESOURCES
 from legfem.geometry.section import depth_to_bone, girth
 from legfem.legs.correction import TabulatedCorrection, read_correction
@@ -111,7 +111,7 @@ class LegCorrections:
                 "radius_mm": self.radius.tolist(),
                 "depth_to_bone_over_radius": self.depth.tolist(),
                 "displacement_mm": self.displacement.tolist(),
-                "c10_kPa": self.c10.tolist(),
+                "c10_kPa": np.round(mpa_to_kpa(self.c10), 7).tolist(),
                 "c20_over_c10_plus_c20": self.stiffening.tolist(),
                 "change_of_P": np.round(self.change, 6).tolist(),
                 "errors": {name: np.round(mode, 6).tolist() for name, mode in self.errors.items()},
@@ -159,7 +159,7 @@ def read_leg_corrections(path: Path) -> LegCorrections:
     given = {
         name: value for name, value in content.items() if name not in (*_KNOWN_OF_LEGS, "schema", "kind", "errors")
     }
-    return LegCorrections(radius, depth, displacement, c10, stiffening, change, errors, given)
+    return LegCorrections(radius, depth, displacement, kpa_to_mpa(c10), stiffening, change, errors, given)
 
 
 FIBRES = "fibres: "
@@ -265,7 +265,7 @@ AUTO, OWN, NONE = "auto", "own", "none"
 class Correction(Protocol):
     """A factor on the plane-strain force, with its uncertainty (``1 - P(d)``, Eq. 3).
 
-    Stiffnesses are those of the deep tissue in kPa, of any shape ``(...)``; displacements are
+    Stiffnesses are those of the deep tissue in MPa, of any shape ``(...)``; displacements are
     ``(n,)`` in mm.
     """
 

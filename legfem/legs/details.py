@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.experiments.indenter_pose import IndenterInPose
 from legfem.experiments.leg_3d import LegIndentation3D
 from legfem.fem.fields import FieldReader
@@ -43,7 +43,7 @@ class Confirmation:
     """One full solve of the leg in 3D, at the optimum of a search on the corrected section."""
 
     c10: float
-    """kPa, as ``c20``."""
+    """MPa, as ``c20``."""
     c20: float
     seconds: float
     """Of the solve."""
@@ -186,8 +186,8 @@ def _spatial(found: SpatialEvidence | SpatialSites | None) -> dict[str, Any] | N
         "rough_solves": found.rough_solves,
         "confirmations": [
             {
-                "c10_kPa": one.c10,
-                "c20_kPa": one.c20,
+                "c10_kPa": mpa_to_kpa(one.c10),
+                "c20_kPa": mpa_to_kpa(one.c20),
                 "seconds": one.seconds,
                 "factorisations": one.factorisations,
                 "relative_difference_from_predicted_force": one.error,

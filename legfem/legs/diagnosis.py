@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
-from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.catalogue import DEEP_C10, deep_stiffness
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
@@ -200,7 +199,7 @@ def diagnose_body(
     able = [m for m in able if m.name not in library.missing]
 
     def nuisances(base: LinearisedFit) -> list[NuisanceEffect]:
-        stiffness = mpa_to_kpa(base.values[DEEP_C10]), mpa_to_kpa(base.values.get(DEEP_C20, 0.0))
+        stiffness = deep_stiffness(base.values)
         return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
 
     return diagnose(

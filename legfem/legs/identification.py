@@ -26,9 +26,9 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName
+from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName, deep_stiffness
 from legfem.inverse.comparison import JointComparison
 from legfem.inverse.fibre_ratio import check_in_plane
 from legfem.inverse.fit import Fit
@@ -46,7 +46,7 @@ from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, kept_forward
 from legfem.legs.notices import of_two_fidelities
 from legfem.legs.problem import LegProblem, leg_problem, pressed_depth, split_instrument
 from legfem.legs.site_channels import site_channels
-from legfem.legs.site_test import SiteTest, deep_stiffness, measured_curve, with_instrument_errors
+from legfem.legs.site_test import SiteTest, measured_curve, with_instrument_errors
 from legfem.legs.solver_3d import LegSolver, model_errors
 from legfem.legs.subject import SitedLeg, Subject
 
@@ -129,7 +129,8 @@ class TwoFidelities:
         """Solve the leg at an optimum; return what that says of the correction, and the correction made anew."""
         values, grid = result.model_values, self._leg.grid
         c10, c20 = stiffness = deep_stiffness(values)
-        self.progress.stage(f"the leg in 3D at C10 {c10:.3g}, C20 {c20:.3g} kPa")
+        where = "C10 {:.3g} kPa, C20 {:.3g} kPa".format(*map(mpa_to_kpa, stiffness))
+        self.progress.stage(f"the leg in 3D at {where}")
         (section,) = self.solver.solve([values])
         solved = self._leg.at(values, section.curve)
         before: FloatArray = np.zeros(len(grid))
@@ -141,7 +142,7 @@ class TwoFidelities:
         near = self._leg.full_solves > 1 or share < CLOSE
         prediction = missed if near else 0 * missed
         self._last = confirmed_correction(
-            f"this leg's own, solved in 3D at C10 {c10:.3g} kPa, C20 {c20:.3g} kPa",
+            f"this leg's own, solved in 3D at {where}",
             self.table,
             stiffness,
             grid,

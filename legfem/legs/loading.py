@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-from legfem.channels.site import Site
 from legfem.common.errors import InputError, remedy_for_missing
 from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
@@ -14,7 +13,7 @@ from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import recording_files
 from legfem.data.plausibility import refuse_copies
 from legfem.data.recording import HEADER
-from legfem.geometry.indenter import Indenter
+from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.placement import placed
 from legfem.legs.plausibility import doubts_about

@@ -161,7 +161,7 @@ def nuisance_effects(
     prediction: FloatArray,
     accuracy: Accuracy,
     ends: "TabulatedCorrection | None" = None,
-    stiffness: Stiffness = (1.0, 0.0),
+    stiffness: Stiffness = (1e-3, 0.0),
 ) -> list[NuisanceEffect]:
     """Return what one standard deviation of each thing that isn't known exactly does to the readings.
 
@@ -178,7 +178,7 @@ def nuisance_effects(
     ends
         The correction for the cylinder's ends, whose errors count where it is applied.
     stiffness
-        C10 and C20, kPa: of the correction.
+        C10 and C20, MPa: of the correction.
     """
     d, force = observed.displacement, prediction[: len(observed.force)]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from legfem.channels.kinds import plans
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import error_model
@@ -47,7 +47,7 @@ class Expected:
     Parameters
     ----------
     c10, c20
-        Stiffness of the deep tissue that is expected (kPa).
+        Stiffness of the deep tissue that is expected (MPa).
     depth, rate
         Of the test that is meant (mm, mm/s).
     """
@@ -128,7 +128,7 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
     predictor = Predictor(observed, library, law, ends, accuracy_of(subject).measured.get(DEEP_C10))
     noise = _stated(subject, observed)
-    values = {DEEP_C10: kpa_to_mpa(expected.c10), DEEP_C20: kpa_to_mpa(expected.c20)}
+    values = {DEEP_C10: expected.c10, DEEP_C20: expected.c20}
     force = predictor(values)
     problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
     base = _at(problem, values)

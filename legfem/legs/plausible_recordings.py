@@ -11,7 +11,6 @@ from numpy.polynomial import Polynomial
 
 from legfem.channels.kind import ReadingsAtSite
 from legfem.channels.kinds import FILE_OF
-from legfem.channels.site import Site
 from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.data import Recording, Segmentation, ranges
@@ -21,7 +20,7 @@ from legfem.data.formats import recording_files
 from legfem.data.phases import LOADING
 from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts
 from legfem.data.recording import RecordedChannel
-from legfem.geometry.indenter import Indenter
+from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.section import LegSection, depth_to_bone, fat_thickness, girth
 
 if TYPE_CHECKING:

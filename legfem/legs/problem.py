@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, IdentifiedLaw, LawName, Values
+from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
 from legfem.inverse.fit import ChannelFit, Fit, Identity, TestFit, versions
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMERICAL_LENGTH_MM, WEAKLY_WITHIN, quantile
@@ -322,7 +322,7 @@ def _applied(correction: Correction | None, displacement: FloatArray, values: Va
     """What a correction is at displacements (n,), mm, and the model's values."""
     if correction is None:
         return None
-    c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
+    c10, c20 = deep_stiffness(values)
     factor = correction.factor(displacement, np.asarray(c10), np.asarray(c20))
     modes = correction.relative_errors(displacement, c10, c20)
     sd = factor * np.sqrt(sum(mode**2 for mode in modes.values()))

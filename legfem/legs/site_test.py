@@ -9,10 +9,10 @@ from scipy.linalg import block_diag
 
 from legfem.channels.kind import ChannelKind
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.contact import LEG
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
 from legfem.inverse.errors import numerical_covariance
 from legfem.inverse.fit import TestFit
@@ -195,7 +195,7 @@ class SiteTest(Test):
         up, beside = c10 * (1 + _STEP), c20 + _STEP * c10
         for name, ends in ((DEEP_C10, (up, c20)), (DEEP_C20, (c10, beside))):
             if name in by:
-                step = kpa_to_mpa((ends[0] - c10) + (ends[1] - c20))
+                step = (ends[0] - c10) + (ends[1] - c20)
                 by[name] = by[name] + force * (self._factor(*ends) - factor) / step
         return factor * force, by
 
@@ -262,11 +262,6 @@ def source_of_mode(name: str) -> ErrorSource:
     if name.startswith(OF_MODEL):
         return "model"
     return "fibres" if name.startswith(FIBRES) else "ends"
-
-
-def deep_stiffness(values: Values) -> tuple[float, float]:
-    """C10 and C20 of the deep tissue in kPa, by which corrections are tabulated."""
-    return mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
 
 
 def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve:

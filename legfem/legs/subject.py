@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from legfem.channels.site import Sight
+from legfem.channels import Sight
 from legfem.common.errors import Doubt
 from legfem.common.input_files import FileTable, Positive, Text, trouble
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from legfem.channels.kind import ChannelKind
 from legfem.channels.kinds import CHANNELS, FILE_OF
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.channel_readings import StationChannel
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.mechanisms.uneven_muscle import UnevenMuscle, place_in_section
+from legfem.legs.mechanisms.muscle import UnevenMuscle, place_in_section
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure

@@ -12,9 +12,9 @@ import numpy as np
 from legfem.channels.kinds import OF_LEGS
 from legfem.common.documents import markdown_table, versions_of
 from legfem.data import Recording, SourceColumns
+from legfem.data.columns import Proposal
 from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING
 from legfem.data.quality import GRADES, Quality
-from legfem.data.reader import Proposal
 from legfem.data.recording import QUANTITIES, RecordedChannel
 from legfem.report.curves import Curves, Line
 from legfem.report.page import Bullets, Chapter, Headline, Repeat, Tone, Verbatim, WebPage, WebTable

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from legfem.common.errors import Doubt, doubt_lines
-from legfem.common.units import percent
+from legfem.common.units import mpa_to_kpa, percent
 from legfem.geometry.section import girth
 from legfem.inverse.plan import DesignValue
 from legfem.legs.plan import Expected
@@ -200,12 +200,12 @@ def _known(subject: Subject, expected: Expected) -> list[web.Known]:
     return [
         web.Known(
             "expected C10",
-            f"{expected.c10:g} kPa",
+            f"{mpa_to_kpa(expected.c10):g} kPa",
             "assumed",
             stated,
             remark=f"{LAW_NAMES[subject.tissues['deep'].law]} law",
         ),
-        web.Known("expected C20", f"{expected.c20:g} kPa", "assumed", stated),
+        web.Known("expected C20", f"{mpa_to_kpa(expected.c20):g} kPa", "assumed", stated),
         web.Known("depth", f"{expected.depth:g} mm", "assumed", stated),
         web.Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
         web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"),

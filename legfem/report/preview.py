@@ -11,10 +11,10 @@ from legfem.common.input_files import check_printable
 from legfem.common.progress import Progress
 from legfem.data import Scales, Segmentation, SourceColumn, seen_instrument, segment
 from legfem.data.channel_reader import is_channel_file
+from legfem.data.columns import Proposal, propose
 from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
-from legfem.data.reader import Proposal, propose
 from legfem.data.recording import OWN_COLUMNS, SourceColumns, recording_of
 from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth

@@ -15,7 +15,7 @@ from legfem.common.units import FloatArray
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
 from legfem.inverse.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
-from legfem.inverse.form_error import by_third, third_of
+from legfem.inverse.intervals import by_third, third_of
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import INSTRUMENT, READINGS, Reading
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, borne, branch_ratios, clock

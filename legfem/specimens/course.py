@@ -139,7 +139,7 @@ class Course:
 
 
 def read_specimen(
-    given: Recording, instrument: Instrument | None = None, starts_at_contact: bool = False
+    given: Recording, instrument: Instrument | None = None, starts_at_contact: bool = False, power: float | None = None
 ) -> Segmentation:
     """Read a recording of a specimen by the scales of its own travel and noise.
 
@@ -151,6 +151,8 @@ def read_specimen(
         Errors of a reading; the samples' own scatter without it.
     starts_at_contact : bool
         Whether displacement counts from first contact; else that is looked for.
+    power : float, optional
+        Of the displacement, that the force of such a test begins with.
 
     Raises
     ------
@@ -170,7 +172,7 @@ def read_specimen(
     loading = recording.force[start : arrived + 1]
     _check(loading, source)
     errors = instrument or _shown(recording, sample_noise(loading), noise, start, arrived)
-    return segment(recording, errors, starts_at_contact, Scales.of_specimen(recording))
+    return segment(recording, errors, starts_at_contact, Scales.of_specimen(recording, power))
 
 
 def _shown(recording: Recording, force_sd: float, displacement_sd: float, start: int, arrived: int) -> Instrument:

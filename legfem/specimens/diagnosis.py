@@ -11,7 +11,7 @@ import numpy as np
 
 from legfem.common.errors import InputError, doubt_lines
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.units import FloatArray
 from legfem.data import Instrument
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
@@ -52,7 +52,7 @@ def mechanisms_on_a_rig() -> tuple[Mechanism, ...]:
     return tuple(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms())
 
 
-_LEG_MM, _LEG_N, _LEG_S = 20.0, 20.0, 100.0
+_LEG_MM, _LEG_N, _LEG_S, _LEG_C10 = 20.0, 20.0, 100.0, 1e-3
 _FACES = (
     "contact-slip",
     "what touches the specimen let it slip along: its faces did not hold",
@@ -133,7 +133,7 @@ class Scale:
     duration
         s.
     c10
-        Roughly, kPa.
+        Roughly, MPa.
     bulk
         Modulus over the shear modulus, as given.
     """
@@ -149,7 +149,7 @@ class Scale:
         """Usual strengths over those of a leg, by mechanism."""
         depth, force = self.depth / _LEG_MM, self.force / _LEG_N
         return {
-            "strain-stiffening": self.c10,
+            "strain-stiffening": self.c10 / _LEG_C10,
             RigCompliance.name: depth / force,
             "contact-onset": depth,
             "leg-movement": depth,
@@ -327,7 +327,7 @@ def _diagnosed(
     solved = solved_responses(folder, sizes, observed, responses)
     progress.stage(f"how stiff {used[0].specimen} is, roughly")
     stiffening = STIFFENING[folder.base_law]
-    if np.isnan(solved.curve(1.0, 0.0)).any():
+    if np.isnan(solved.curve(_LEG_C10, 0.0)).any():
         raise InputError(
             folder.directory,
             used[0].specimen,
@@ -341,7 +341,7 @@ def _diagnosed(
     able, _ = shown_mechanisms(observed, None, every=every)
     library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS, False)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
-    stiff = stiffness_doubts(folder, kpa_to_mpa(middle))
+    stiff = stiffness_doubts(folder, middle)
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
     observed = replace(observed, remarks=(*doubt_lines(doubts), *observed.remarks))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN

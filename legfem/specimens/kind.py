@@ -156,6 +156,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     relaxes_as_a_whole: ClassVar[bool] = False
     """Whether its model is elastic, so that what relaxes is added to its force."""
     starts_at_contact: ClassVar[bool] = False
+    onset_power: ClassVar[float] = 1.0
+    """Of the displacement, that the force begins with."""
     cube: ClassVar[Mapping[str, float]] = {}
     """Sizes by key of what a table of stretch and stress is of: any will do. Empty where none can be read."""
     no_slip: ClassVar[str] = "the faces are said to be free of friction"
@@ -236,7 +238,7 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
         """
         samples = read_samples(path, given.channels(), self.loaded_area(body))
         at_contact = given.starts_at_contact or self.starts_at_contact
-        return read_specimen(replace(samples, trial=name), errors, at_contact)
+        return read_specimen(replace(samples, trial=name), errors, at_contact, self.onset_power)
 
 
 def needed(entry: FileTable, key: str, remedy: str = "give it with the test, or with every [[specimen]]") -> float:

@@ -52,7 +52,7 @@ class LawMisfit:
 
 
 def misfit_of(
-    comparison: SpecimenComparison, covariance: FloatArray, residual: FloatArray, jacobian: FloatArray
+    comparison: SpecimenComparison, covariance: FloatArray, force: FloatArray, jacobian: FloatArray
 ) -> LawMisfit:
     """Return what a law misses.
 
@@ -62,11 +62,13 @@ def misfit_of(
         Recordings of n stations.
     covariance
         (n, n), N2, of their errors.
-    residual
-        (n,), N.
+    force
+        (n,), N, as the law predicts it from where contacts seem to be.
     jacobian
         (n, p), N: of the free parameters, each in units of its own size.
     """
+    # Moved contacts are no misfit: the prior's pull on them is in what the densities compare, not in the size.
+    residual, left = comparison.expected_force - force, comparison.measured - force
     parts = comparison.parts
     stations = [len(part.course.time) for part in parts]
     peak = np.repeat([part.course.peak for part in parts], stations)
@@ -77,7 +79,7 @@ def misfit_of(
         [_log_density(covariance + size**2 * shape, residual, jacobian) for size in _SIZES] for shape in shapes
     ]
     found = LawMisfit(
-        float(np.sqrt(np.mean((residual / peak) ** 2))), np.array(densities), len(residual), np.zeros_like(covariance)
+        float(np.sqrt(np.mean((left / peak) ** 2))), np.array(densities), len(residual), np.zeros_like(covariance)
     )
     weights = found.log_densities + _log_priors(
         np.where(np.array(_SIZES) <= max(_HIDDEN * found.rms, _SIZES[0]), 1.0, 0.0)

@@ -281,7 +281,7 @@ class SpecimenProblem:
         pairs = zip(found.best.point, law.parameters, strict=True)
         scales = [max(abs(value), 1e-3 * one.bounds[1]) for value, one in pairs]
         jacobian = prediction.jacobian(law.names) * scales
-        return misfit_of(comparison, covariance, comparison.expected_force - prediction.values, jacobian)
+        return misfit_of(comparison, covariance, prediction.values, jacobian)
 
     def _size_errors(self, sizes: Sizes) -> dict[str, float]:
         """Relative errors of the sizes that a test's specimen has, by name."""

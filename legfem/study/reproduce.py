@@ -7,6 +7,7 @@ import numpy as np
 
 from legfem.common.documents import Cells, markdown_table, row_cells, write_atomically, write_document
 from legfem.common.progress import progress_on
+from legfem.common.units import kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
@@ -175,7 +176,10 @@ def own_corrections_cells() -> Cells:
     for name, paper in PAPER.items():
         subject = load_subject(SUBJECTS.find(name), need_recordings=False)
         own = correction_of(subject)
-        P, sd = own.correction(depths, np.array(paper.c10), np.array(paper.c20)), own.standard_deviation(depths)
+        P, sd = (
+            own.correction(depths, kpa_to_mpa(np.array(paper.c10)), kpa_to_mpa(np.array(paper.c20))),
+            own.standard_deviation(depths),
+        )
         radius, depth = size_of(subject)
         row = {"subject": name, "radius, depth to bone (mm)": f"{radius:.1f}, {depth:.1f}"}
         rows.append(row | {f"P at {d:g} mm (sd)": f"{p:+.2f} ({s:.2f})" for d, p, s in zip(depths, P, sd, strict=True)})

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.channels.site import Sight
+from legfem.channels import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.responses import Stopped
 from legfem.jobs.store import Store
@@ -123,7 +123,7 @@ class Truths:
             return np.asarray(np.interp(at, grid, forces))
 
         def factor(at: FloatArray) -> FloatArray:
-            c10, c20 = np.asarray(case.c10_kpa), np.asarray(case.c20_kpa)
+            c10, c20 = (kpa_to_mpa(np.asarray(kpa)) for kpa in (case.c10_kpa, case.c20_kpa))
             return np.asarray(of_another_leg(self.correction).correction(at, c10, c20))
 
         effects = {name: dict(values) for name, values in case.effects}

@@ -108,7 +108,7 @@ def leg3d(
         evidence = results["3d"].details.spatial
         assert isinstance(evidence, SpatialEvidence)
         steps = [
-            f"C10 {one.c10:.3f} kPa: force {100 * one.error:.2f} % off what was predicted, C10 "
+            f"C10 {mpa_to_kpa(one.c10):.3f} kPa: force {100 * one.error:.2f} % off what was predicted, C10 "
             f"then moved by {100 * one.moved:.2f} %; {one.factorisations} factorisations, "
             f"{one.seconds:.0f} s"
             for one in evidence.confirmations

@@ -76,11 +76,14 @@ class DeepTissue:
 def other_law(
     c10: float, d1: float, c20: float = 0.0, d2: float | None = None, exponential: tuple[float, float] = (0.0, 1.0)
 ) -> Any:
-    """Return felupe's law of stiffnesses in MPa, of D1 and D2 in 1/MPa; D2 None is infinite."""
+    """Return felupe's law of stiffnesses in MPa, of D1 and D2 in 1/MPa; D2 None is infinite.
+
+    With a C10 of 0 it resists changes of volume alone.
+    """
     import felupe as fem
 
     alpha, beta = exponential
-    if c20 == 0 and alpha == 0:
+    if c10 > 0 and c20 == 0 and alpha == 0:
         return fem.NeoHooke(mu=2 * c10, bulk=2 / d1)
     return DeepTissue(c10, c20, alpha, beta, 1 / d1, 0.0 if d2 is None else 1 / d2)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import Recording, segment
 from legfem.data.phases import AIR, HOLD
 from legfem.data.smoothing import sample_noise
@@ -208,17 +208,17 @@ class SpecimenResponses:
 
     @property
     def c10_bounds(self) -> tuple[float, float]:
-        """Stiffness C10 that it holds for, kPa."""
-        return C10_BOUNDS_KPA
+        """Stiffness C10 that it holds for, MPa."""
+        return kpa_to_mpa(C10_BOUNDS_KPA[0]), kpa_to_mpa(C10_BOUNDS_KPA[1])
 
     @property
     def c20_bounds(self) -> tuple[float, float]:
-        """Stiffness C20 that it holds for, kPa."""
-        return C20_BOUNDS_KPA
+        """Stiffness C20 that it holds for, MPa."""
+        return kpa_to_mpa(C20_BOUNDS_KPA[0]), kpa_to_mpa(C20_BOUNDS_KPA[1])
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force at the grid, N."""
-        return self.curves.at(c10, c20)
+        return self.curves.at(mpa_to_kpa(c10), mpa_to_kpa(c20))
 
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
@@ -263,7 +263,7 @@ class SpecimenResponses:
     def _elastic(self, share: float) -> CubicSpline:
         """Return the elastic force (N) with C10 + C20 of 1 kPa, by displacement (mm)."""
         grid = np.concatenate([[0.0], self.grid])
-        return CubicSpline(grid, np.concatenate([[0.0], self.curve(1.0 - share, share)]))
+        return CubicSpline(grid, np.concatenate([[0.0], self.curves.at(1.0 - share, share)]))
 
 
 def _remembered(waypoints: FloatArray, times: FloatArray) -> FloatArray:

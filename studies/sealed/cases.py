@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from legfem.channels import Sight
 from legfem.channels.kinds import CHANNELS
-from legfem.channels.site import Sight, Site
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Site
 from legfem.geometry.section import BONES
 from legfem.inverse.predictor import LawName
 from legfem.legs.subject import Subject

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from legfem.channels import Sight
 from legfem.channels.kinds.contact import PRESSURE
 from legfem.channels.kinds.section_image import INSIDE, STRAIN
-from legfem.channels.site import Sight
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject

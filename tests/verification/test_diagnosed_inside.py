@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from making_diagnosis import INSTRUMENT
 
+from legfem.channels import Sight
 from legfem.channels.kind import Frames
 from legfem.channels.kinds.section_image import INSIDE, SectionDisplacements
-from legfem.channels.site import Sight, Site
 from legfem.common.progress import Silent
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment_all
 from legfem.data.recording import RecordedChannel
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.geometry.indenter import Site
 from legfem.inverse.library_build import build_library
 from legfem.inverse.observations import observe
 from legfem.inverse.responses import SolvedResponses

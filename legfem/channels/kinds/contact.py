@@ -39,8 +39,8 @@ from legfem.channels.kind import (
     Read,
     ReadingsAtSite,
 )
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.geometry.indenter import Site
 from legfem.geometry.section import across
 
 if TYPE_CHECKING:

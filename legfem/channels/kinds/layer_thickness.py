@@ -14,8 +14,8 @@ from legfem.channels.kind import (
     Impossible,
     ReadingsAtSite,
 )
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Site
 from legfem.geometry.section import first_crossing, layer_thicknesses
 
 if TYPE_CHECKING:

@@ -42,8 +42,8 @@ from legfem.channels.kind import (
     Read,
     ReadingsAtSite,
 )
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Site
 from legfem.geometry.section import BONES
 
 if TYPE_CHECKING:

@@ -24,14 +24,15 @@ from legfem.channels.kind import (
     FramesFile,
     Read,
 )
-from legfem.channels.site import Site
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Site
 from legfem.geometry.section import across, first_crossing
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
 
-_CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, slow=0.2, lag=0.05)
+_CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, gain=0.05, slow=0.2, lag=0.05)
+"""The rise fades over some 20 mm away from the cylinder: on a line 1 mm beside the stated one it is a twentieth off."""
 _OFFSETS_MM = (25.0, 40.0, -25.0, -40.0)
 """Distances to the left of the travel at which the skin's rise is told; negative ones lie to the right."""
 _NEAR_MM = 4.0

@@ -21,6 +21,7 @@ from legfem.common.registry import registered
 from legfem.common.units import FloatArray
 from legfem.inverse.mechanism import Mechanism, Occurrence, Solution, Stiffness, TissueMechanism, Values
 from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Parameter, Prior
 
 __all__ = ["GROUP", "Mechanism", "Solution", "Stiffness", "TissueMechanism", "Values", "mechanism_named", "mechanisms"]
 
@@ -56,6 +57,23 @@ def smooth_switch(fraction: FloatArray) -> FloatArray:
     """Return 0 below 0, 1 above 1 and 3 x^2 - 2 x^3 between."""
     x = np.clip(fraction, 0.0, 1.0)
     return np.asarray(x * x * (3 - 2 * x))
+
+
+AWAY = Parameter(
+    "away",
+    "-",
+    (0.01, 3.0),
+    Prior(0.3, 1.2, "log", "nothing is known"),
+    scale="log",
+    statement="how long until that was over, likewise; above one it stayed",
+)
+
+
+def passing(values: Values, observed: Observations) -> FloatArray:
+    """Return the course (n,) from 0 to 1 of what begins at an ``onset``, takes its ``rise``, and is over later."""
+    since = observed.time / shortest_programme(observed) - values["onset"]
+    rise = max(values["rise"], 1e-6)
+    return smooth_switch(since / rise) - smooth_switch((since - values["away"]) / rise)
 
 
 def shortest_programme(observed: Observations) -> float:

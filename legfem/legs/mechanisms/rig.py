@@ -21,7 +21,7 @@ from legfem.inverse.mechanism import (
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.legs.correction import TabulatedCorrection
-from legfem.legs.mechanisms import moments, shortest_programme, smooth_switch
+from legfem.legs.mechanisms import AWAY, moments, passing
 
 if TYPE_CHECKING:
     from legfem.mechanics.contact import TangentialName
@@ -56,14 +56,7 @@ class LegMovement(Mechanism):
             scale="log",
             statement="how long a movement took, likewise",
         ),
-        Parameter(
-            "away",
-            "-",
-            (0.01, 3.0),
-            Prior(0.3, 1.2, "log", "nothing is known"),
-            scale="log",
-            statement="how long until it moved back, likewise; above one it stayed",
-        ),
+        AWAY,
     )
     would_be: ClassVar[str] = "a leg that moves away by {}"
     next_experiment: ClassVar[str] = "film the shin against the frame during the test, strap the leg, and repeat"
@@ -72,19 +65,16 @@ class LegMovement(Mechanism):
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return moments through the programme, with a return and without."""
-        _, _, rise, away = self.parameters
+        rise = self.parameters[2]
         return tuple(
             {"shift": 0.2, "onset": onset, "rise": rise.inside(0.5 * apart), "away": gone}
             for onset, apart in moments(observed)
-            for gone in (away.inside(apart), 2.0)
+            for gone in (AWAY.inside(apart), 2.0)
         )
 
     def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return how far the leg is away from where it began."""
-        since = observed.time / shortest_programme(observed) - values["onset"]
-        rise = values["rise"]
-        gone, returned = since / rise, (since - values["away"]) / rise
-        return values["shift"] * (smooth_switch(gone) - smooth_switch(returned))
+        return values["shift"] * passing(values, observed)
 
 
 _LEAST = 1e-5

@@ -6,13 +6,10 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 """
 
 from legfem.mechanics.terms.contact import BoneSprings, NormalContact, SkinPressure, TangentialContact
-from legfem.mechanics.terms.drainage import Drainage
-from legfem.mechanics.terms.membranes import Fascia, Prestress
-from legfem.mechanics.terms.muscle import Contraction, Fibres
-from legfem.mechanics.terms.nonuniform_stiffness import StiffLump, StiffnessGradient, UnevenStiffness
-from legfem.mechanics.terms.sliding import SlidingFace
+from legfem.mechanics.terms.membranes import Fascia, Prestress, SlidingFace
+from legfem.mechanics.terms.muscle import Contraction, Fibres, StiffLump, StiffnessGradient, UnevenStiffness
+from legfem.mechanics.terms.time_dependence import Drainage, Viscoelasticity
 from legfem.mechanics.terms.tissue import PressureStabilisation, Tissue, VolumeLoss
-from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
 
 __all__ = [
     "BoneSprings",

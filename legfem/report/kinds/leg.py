@@ -7,7 +7,7 @@ from typing import ClassVar
 from matplotlib.figure import Figure
 
 from legfem.common.errors import doubt_lines
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of
 from legfem.inverse.document import KindDocument
@@ -303,7 +303,7 @@ def _leg_itself(fits: Sequence[LegFit], chosen: LegFit, pressed: PressedSection 
             what = "the section, extruded" if found.extruded else "the leg's own shape"
             solved = f" with the {LAW_NAMES[one.law]} law"
             if found.confirmations:
-                solved += f" at C10 {found.confirmations[-1].c10:.3g} kPa"
+                solved += f" at C10 {mpa_to_kpa(found.confirmations[-1].c10):.3g} kPa"
             caption = f"The leg in 3D ({what}){solved}, while the cylinder is pressed in (model)."
             blocks.append(pressed_leg(found.pressed, caption))
             break

@@ -350,8 +350,8 @@ def _confirmed(found: SpatialEvidence) -> list[Block]:
             ],
             [
                 [
-                    f"{one.c10:.3g}",
-                    f"{one.c20:.3g}",
+                    f"{mpa_to_kpa(one.c10):.3g}",
+                    f"{mpa_to_kpa(one.c20):.3g}",
                     f"{100 * one.error:.2g}",
                     f"{100 * one.moved:.2g}",
                     f"{one.seconds:.0f}",

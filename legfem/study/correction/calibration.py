@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.jobs.pool import Workers
 from legfem.legs.correction import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.legs.correction_of_leg import LegCorrections
@@ -131,7 +131,7 @@ def calibrate(
     correction = TabulatedCorrection(
         name=f"idealised leg {reference.leg.length:g} mm long",
         displacement=displacement,
-        c10=np.array(given.c10_kPa),
+        c10=kpa_to_mpa(np.array(given.c10_kPa)),
         stiffening=np.array(given.stiffening),
         values=np.array(table).reshape(shape) + (fine - rough),
         errors=errors,
@@ -265,11 +265,11 @@ def tabulate_legs(
         np.array(given.radius),
         np.array(given.depth),
         displacement,
-        np.array(given.c10_kPa),
+        kpa_to_mpa(np.array(given.c10_kPa)),
         np.array(given.stiffening),
         change,
     )
-    c10, q = given.checked_c10_kPa, given.checked_stiffening
+    c10, q = kpa_to_mpa(given.checked_c10_kPa), given.checked_stiffening
     expected = found.change_of(given.checked_radius, given.checked_depth * given.checked_radius).correction(
         displacement, np.array(c10), np.array(c10 * q / (1 - q))
     )

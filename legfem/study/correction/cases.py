@@ -40,10 +40,15 @@ class Material:
     fibre_extension: float = USUAL_EXTENSION
 
     @property
+    def stiffness(self) -> FloatArray:
+        """C10 and C20 of the deep tissue, (2,), MPa."""
+        return kpa_to_mpa(np.array([self.C10_kPa, self.C20_kPa]))
+
+    @property
     def laws(self) -> dict[str, Hyperelastic]:
         """Law of every region."""
-        second = self.D_per_MPa if self.C20_kPa else float("inf")
-        deep = ReducedPolynomial(kpa_to_mpa(self.C10_kPa), self.D_per_MPa, kpa_to_mpa(self.C20_kPa), second)
+        c10, c20 = map(float, self.stiffness)
+        deep = ReducedPolynomial(c10, self.D_per_MPa, c20, self.D_per_MPa if c20 else float("inf"))
         outer = {
             name: NeoHookean(kpa_to_mpa(stiffness), self.outer_D_per_MPa)
             for name, stiffness in (("superficial", self.superficial_C10_kPa), ("fascia", self.fascia_C10_kPa))
@@ -55,7 +60,7 @@ class Material:
         """What is added to the laws."""
         if self.fibre_ratio == 1.0:
             return ()
-        fibres = Fibres.of_ratio("deep", kpa_to_mpa(self.C10_kPa), self.fibre_ratio)
+        fibres = Fibres.of_ratio("deep", float(self.stiffness[0]), self.fibre_ratio)
         return (replace(fibres, extension=self.fibre_extension * fibres.shear),)
 
 

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from legfem.common.documents import Cells, column_cells, json_types, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
-from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.search import SearchError
 from legfem.legs.correction import DEFINITION, TabulatedCorrection
@@ -42,7 +42,7 @@ _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
 
 @dataclass(frozen=True, eq=False)
 class LegBesideTable:
-    """A leg's own P and the table's at one stiffness (kPa); displacement in mm, all arrays (n,)."""
+    """A leg's own P and the table's at one stiffness (MPa); displacement in mm, all arrays (n,)."""
 
     subject: Subject
     models: LegModels
@@ -79,7 +79,7 @@ def run(
     directory
         Folder of the subject; its recordings aren't read.
     stiffness
-        C10 and C20 of the deep tissue (kPa).
+        C10 and C20 of the deep tissue (MPa).
     depth
         mm.
     out
@@ -99,10 +99,11 @@ def run(
         models = LegModels.of_subject(subject, depth, out / SOLVES, progress=progress, comm=comm)
         found = _solved(subject, models, stiffness, progress)
     cells = _cells(found)
-    title = f"P(d) of {subject.title}, C10 {found.c10:g}, C20 {found.c20:g} kPa"
+    title = f"P(d) of {subject.title}, C10 {mpa_to_kpa(found.c10):g}, C20 {mpa_to_kpa(found.c20):g} kPa"
     print(f"{title}\n{table(*cells)}\n")
     curves = _curves(found)
-    drawn = curves_figure([curves], f"P(d), C10 {found.c10:g} kPa, C20 {found.c20:g} kPa", subject.title, "simulated")
+    stiff = f"C10 {mpa_to_kpa(found.c10):g} kPa, C20 {mpa_to_kpa(found.c20):g} kPa"
+    drawn = curves_figure([curves], f"P(d), {stiff}", subject.title, "simulated")
     figure = save(drawn, out, "leg", svg=True)
     write_document(out / DOCUMENT, _document(found))
     write_atomically(out / web.PAGE, rendered(_page(found, curves, cells)))
@@ -110,7 +111,7 @@ def run(
 
 
 def _solved(subject: Subject, models: LegModels, stiffness: tuple[float, float], progress: Progress) -> LegBesideTable:
-    values = {DEEP_C10: kpa_to_mpa(stiffness[0]), DEEP_C20: kpa_to_mpa(stiffness[1])}
+    values = dict(zip((DEEP_C10, DEEP_C20), stiffness, strict=True))
     progress.stage("the section in plane strain")
     plane = PlaneStrainForward.of_subject(subject, models.depth).solve(values, ())
     if not plane.complete:
@@ -157,8 +158,8 @@ def _document(found: LegBesideTable) -> dict[str, Any]:
             "shape": found.models.leg.source,
             "extruded": found.models.leg.extruded,
             "definition": DEFINITION,
-            "c10_kPa": found.c10,
-            "c20_kPa": found.c20,
+            "c10_kPa": round(mpa_to_kpa(found.c10), 9),
+            "c20_kPa": round(mpa_to_kpa(found.c20), 9),
             "displacement_mm": found.displacement,
             "force_3d_N": outcome.curve(found.displacement),
             "force_2d_N": found.plane(found.displacement),
@@ -197,7 +198,10 @@ def _page(found: LegBesideTable, curves: Curves, cells: Cells) -> web.WebPage:
     depth, leg = float(found.displacement[-1]), found.models.leg
     outcome = found.solved.outcome
     around = f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"
-    stiffness, work = f"{found.c10:g} and {found.c20:g} kPa", f"{outcome.factorisations} factorisations"
+    stiffness, work = (
+        f"{mpa_to_kpa(found.c10):g} and {mpa_to_kpa(found.c20):g} kPa",
+        f"{outcome.factorisations} factorisations",
+    )
     return web.WebPage(
         title="How much do the cylinder's ends change the force on this leg?",
         subject=found.subject.title,

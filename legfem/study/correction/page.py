@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.tri import Triangulation
 
 from legfem.common.documents import Cells, column_cells, row_cells
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.legs.correction import DEFINITION, smooth_ratio
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
@@ -174,7 +174,7 @@ def _draw_curves(axes: Any, case: CorrectionCase, found: Calibrated, lengths: di
     correction = found.correction
     displacement = correction.displacement
     material = case.material
-    P = correction.correction(displacement, np.array(material.C10_kPa), np.array(material.C20_kPa))
+    P = correction.correction(displacement, *material.stiffness)
     spread = 1.96 * correction.standard_deviation(displacement)
     label = f"the correction ({case.cylinder.length:g} mm, 95 %)"
     axes.fill_between(displacement, P - spread, P + spread, color="#DDDDDD", label=label)
@@ -235,7 +235,7 @@ def _at_end(given: Calibration, found: Calibrated) -> tuple[float, float, float]
     """Return depth (mm), P and its standard deviation there, of the reference material."""
     correction, material = found.correction, given.reference.material
     depth = correction.displacement[-1:]
-    P = correction.correction(depth, np.array(material.C10_kPa), np.array(material.C20_kPa))
+    P = correction.correction(depth, *material.stiffness)
     return float(depth[0]), float(P[0]), float(correction.standard_deviation(depth)[0])
 
 
@@ -326,11 +326,10 @@ def _known(given: Calibration, found: Calibrated) -> list[web.Known]:
 def _correction(given: Calibration, found: Calibrated) -> Curves:
     correction, material = found.correction, given.reference.material
     x = correction.displacement
-    C10, C20 = np.array(material.C10_kPa), np.array(material.C20_kPa)
-    P = correction.correction(x, C10, C20)
+    P = correction.correction(x, *material.stiffness)
     lines = [Line(f"C10 {material.C10_kPa:g} kPa, the reference", P, None)]
     for k, c10 in enumerate(c10 for c10 in given.c10_kPa if c10 != material.C10_kPa):
-        at = correction.correction(x, np.array(c10), np.array(0.0))
+        at = correction.correction(x, kpa_to_mpa(np.array(c10)), np.array(0.0))
         lines.append(Line(f"C10 {c10:g} kPa", at, None, COLOURS[k % 7], _DASHES[k % 4]))
     return Curves(
         "correction",

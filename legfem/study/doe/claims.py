@@ -1,26 +1,27 @@
-"""What follows from studies: advice to who wants to test a leg, and the paper's claims."""
+"""What follows from studies: advice to who wants to test a leg, and the paper's claims with their page."""
 
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from legfem.report.estimates import words_of
-from legfem.study.doe.design import OF_THE_GEOMETRY, label_of
+from legfem.common.documents import markdown_table
+from legfem.report import page as web
+from legfem.report.render import bullets, fill, markdown_chapters, table
+from legfem.report.words import ORIGINS
+from legfem.study.doe.design import in_words
+from legfem.study.doe.figures import RESPONSE
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import CoefficientTest
-from legfem.study.doe.tables import TABLE_3
+from legfem.study.doe.tables import TABLE_3, anova_cells, information_blocks, number_chapters, table_3_cells
 
 _UNSEEN = 0.01
 """Share of a metric's variation below which a factor doesn't show."""
-
-
-def in_words(name: str) -> str:
-    """Return a parameter in a sentence, by its full name."""
-    return f"the {label_of(name)}" if name in OF_THE_GEOMETRY else words_of(name)
 
 
 def not_seen(result: StudyResult) -> list[str]:
@@ -295,3 +296,71 @@ def verdict_documents(found: Sequence[Verdict], titles: Sequence[str]) -> list[d
         }
         for verdict in found
     ]
+
+
+def in_brief(results: Sequence[StudyResult]) -> str:
+    """Return what a terminal shows of studies: their analyses of variance beside the paper's, and its claims."""
+    lines = []
+    for result in results:
+        lines.append(f"{result.definition.title}\n{table(*anova_cells(result))}")
+        if beside := table_3_cells(result):
+            lines.append(f"beside the paper's Table 3\n{table(*beside)}")
+    return "\n".join([*lines, *(f"{one.claim}: {one.verdict}" for one in verdicts(results))])
+
+
+def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], command: str) -> str:
+    """Write the page on the claims over all studies of one command.
+
+    Parameters
+    ----------
+    results
+        Of the studies.
+    found
+        The verdicts on all studies.
+    command
+        What wrote the page.
+    """
+    subject = results[0].subject
+    titles = [result.definition.title for result in results]
+    blocks = [
+        "# The paper's design of experiments: its claims",
+        f"Written by `{command}`.",
+        fill(
+            f"Subject {subject.id}, {ORIGINS[subject.origin]}. Forces are simulated in plane "
+            "strain, in N per mm of the cylinder's length. Each claim is put to the studies "
+            f"below: {'; '.join(titles)}. Their own reports have all figures."
+        ),
+        markdown_table(["claim", "verdict"], [[v.claim, v.verdict] for v in found], aligned=True),
+        *(f"![Response surface: {result.definition.title}]({shown(result)})" for result in results),
+        f"## What shows it\n\n{_evidence(found, titles)}",
+    ]
+    for result, title in zip(results, titles, strict=True):
+        told = web.Chapter("What a curve tells of the parameters", information_blocks(result))
+        blocks += [f"# In numbers: {title}", *markdown_chapters([*number_chapters(result), told])]
+    return "\n\n".join(block.rstrip() for block in blocks) + "\n"
+
+
+def shown(result: StudyResult) -> str:
+    """Place, in the page's folder, of a study's figure of the response surface."""
+    return f"figures/{result.definition.source.stem}-{RESPONSE}.svg"
+
+
+def gather_figures(results: Sequence[StudyResult], folders: Sequence[Path], out: Path) -> None:
+    """Copy the studies' figures to where the page, in ``out``, finds them."""
+    for result, folder in zip(results, folders, strict=True):
+        if (drawn := folder / f"{RESPONSE}.svg").exists():
+            (out / shown(result)).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(drawn, out / shown(result))
+
+
+def _evidence(found: Sequence[Verdict], titles: Sequence[str]) -> str:
+    """Claims, what became of each, and what shows it."""
+    blocks = []
+    for verdict in found:
+        lines = [f"**{verdict.claim}**: {verdict.verdict}.", ""]
+        for title, finding in zip(titles, verdict.findings, strict=True):
+            where = f" ({finding.shown_in})" if finding.shown_in else ""
+            text = f"{title + ': ' if len(titles) > 1 else ''}{finding.evidence}{where}"
+            lines.append(bullets([text]))
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks) + "\n"

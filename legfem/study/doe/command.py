@@ -1,4 +1,4 @@
-"""``legfem study doe``: simulates every definition and writes a folder each, with the page on the paper's claims."""
+"""``legfem study doe``: simulates every definition and writes a folder each, with its page, and the page on claims."""
 
 import sys
 import time
@@ -7,28 +7,39 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import progress_on
+from legfem.common.units import FloatArray
 from legfem.data.folder import RESOURCES
 from legfem.jobs.pool import Workers, leading
 from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
+from legfem.report import page as web
+from legfem.report.curves import Curves, Line
 from legfem.report.folder import REPORT, RESULT, ReportFile
-from legfem.report.page import PAGE
-from legfem.report.render import table, write_page
-from legfem.study.doe import tables
-from legfem.study.doe.claims import verdict_documents, verdicts
-from legfem.study.doe.design import Definition, read_definition
+from legfem.report.page import PAGE, Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.report.render import write_page
+from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.study.doe.claims import (
+    claims_page,
+    gather_figures,
+    not_seen,
+    to_know,
+    to_measure,
+    verdict_documents,
+    verdicts,
+)
+from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_half_normal, draw_information, draw_normality, draw_response, draw_sobol
-from legfem.study.doe.page import claims_page, gather_figures, study_web_page
 from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
-from legfem.study.doe.study import StudyResult, simulations_of, study
-from legfem.study.doe.surface import Counting
-from legfem.study.doe.tables import study_document
+from legfem.study.doe.study import MetricAnalysis, StudyResult, simulations_of, study
+from legfem.study.doe.surface import Counting, term_label
+from legfem.study.doe.tables import information_blocks, number_chapters, study_document, versions
 
 
 @dataclass(frozen=True)
@@ -57,7 +68,7 @@ class DoeOptions:
         return " ".join(words)
 
 
-def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> bool:
+def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> list[StudyResult]:
     """Study every definition and write a folder each; under MPI only the first rank writes.
 
     Parameters
@@ -69,12 +80,12 @@ def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> b
 
     Returns
     -------
-    bool
-        Whether any simulation reached its depth; true on other ranks.
+    list of StudyResult
+        Of every definition; empty on other ranks.
     """
     with leading(comm) as first:
         if not first:
-            return True
+            return []
         definitions = [read_definition(path) for path in options.definitions]
         folder = options.subject_dir or SUBJECTS.find(options.subject_id)
         subject = load_subject(folder, need_recordings=False)
@@ -88,7 +99,7 @@ def _write_all(
     definitions: Sequence[Definition],
     subject: Subject,
     workers: Workers[Simulator, Request, Record],
-) -> bool:
+) -> list[StudyResult]:
     # All studies share the simulations: the same point isn't done twice.
     store = Store(options.out / "runs", Record, workers.context.fingerprint())
     alone = len(definitions) == 1
@@ -100,19 +111,14 @@ def _write_all(
             _study(options, definition, subject, workshop, out)
             for definition, out in zip(definitions, folders, strict=True)
         ]
-    for result in results:
-        print(f"{result.definition.title}\n{table(*tables.anova_cells(result))}")
-        if beside := tables.table_3_cells(result):
-            print(f"beside the paper's Table 3\n{table(*beside)}")
-    found = verdicts(results)
-    print("\n".join(f"{verdict.claim}: {verdict.verdict}" for verdict in found))
     if not alone:
+        found = verdicts(results)
         gather_figures(results, folders, options.out)
         write_atomically(options.out / "verdict.md", claims_page(results, found, options.command))
         claims = verdict_documents(found, [result.definition.title for result in results])
         write_document(options.out / "result.json", {"schema": 1, "claims": claims})
         print(f"verdicts: {options.out / 'verdict.md'}")
-    return any(len(result.failed) < len(result.records) for result in results)
+    return results
 
 
 def _study(options: DoeOptions, definition: Definition, subject: Subject, workshop: Workshop, out: Path) -> StudyResult:
@@ -143,3 +149,232 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
         f"report: {out / REPORT}\npage:   {out / PAGE}"
     )
     return result
+
+
+_NOT_TESTED = (
+    "Whether a real leg follows the model: every force here is simulated, in plane strain.",
+    "What the tissues do in time, friction, and other physics that the model leaves out: see legfem plan.",
+    "Values beyond the ranges below.",
+)
+
+
+_NO_METRIC = "No metric could be analysed."
+
+
+_POINTS = 121
+
+
+def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
+    """Return the page of one study.
+
+    Parameters
+    ----------
+    result
+        Of the study.
+    seed
+        Of the emulator's points.
+    command
+        That does it again.
+    """
+    chapters = [
+        web.Chapter("What each factor causes", _effects(result)),
+        web.Chapter("The forces behind it", [_curves(result)]),
+        web.Chapter("The response surface", _surface(result)),
+        *number_chapters(result),
+        web.Chapter("What to measure", [web.Bullets(to_measure(result)), *information_blocks(result)]),
+        web.Chapter("What was tested", _claims(result)),
+        web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+    ]
+    return web.WebPage(
+        title="What does a compression test of this leg show?",
+        subject=f"{result.subject.title}, section of subject {result.subject.id}; {result.definition.title}",
+        origin="simulated",
+        headline=_headline(result),
+        warnings=_warnings(result),
+        known=_known(result),
+        chapters=chapters,
+        repeat=web.Repeat(command, versions(), {"seed": f"{seed}"}),
+        data=f"simulated data (forces of a model; section of the leg: {result.subject.origin})",
+    )
+
+
+def _headline(result: StudyResult) -> web.Headline:
+    if not result.analyses:
+        return web.Headline(
+            "wrong",
+            "No metric could be analysed: too few simulations reached their depth.",
+            [("What to do", "Look at the warnings, narrow the ranges, and run it again.")],
+            "The study gave no answer",
+        )
+    factor, share, metric = result.largest_share()
+    fits = [a.anova.predicted_r_squared for a in result.analyses]
+    unseen = not_seen(result)
+    return web.Headline(
+        "caution" if _warnings(result) else "sound",
+        f"The force of a press {result.definition.depth:g} mm deep depends most on {in_words(factor.name)}, which "
+        f"causes {100 * share:.0f} % of the variation in the {metric.label} over the ranges.",
+        [
+            (
+                "What it does not show",
+                f"It hardly depends on {' and '.join(unseen)}: below 1 % in every window."
+                if unseen
+                else "Every factor causes 1 % or more somewhere.",
+            ),
+            (
+                "How sure",
+                f"The fitted surface predicts {_percents(fits)} of the variance of runs that were not used in the fit "
+                "(R²). The runs are a model's, without noise.",
+            ),
+            ("What must be known before the test", to_know(result)),
+            ("What to do", to_measure(result)[0]),
+        ],
+        "What a test of this leg can show",
+    )
+
+
+def _percents(shares: Sequence[float]) -> str:
+    low, high = (f"{100 * max(share, 0.0):.0f}" for share in (min(shares), max(shares)))
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def _warnings(result: StudyResult) -> list[str]:
+    short = result.stopped_short()
+    lines = [f"{short}."] if short else []
+    lines += [f"{metric.label} isn't analysed: {why}." for metric, why in result.not_analysed]
+    note = result.fascia_note()
+    return [*lines, note] if note else lines
+
+
+def _known(result: StudyResult) -> list[web.Known]:
+    source = result.definition.source.name
+    rows = [
+        web.Known(
+            f.label,
+            f"{f.low:g} to {f.high:g} {f.unit_text}",
+            "assumed",
+            source,
+            remark=f"range of the design, {f.coding}; its centre {f.value(0.0):.4g}",
+        )
+        for f in result.definition.factors
+    ]
+    rows.append(web.Known("depth of the press", f"{result.definition.depth:g} mm", "assumed", source))
+    found = result.information
+    if found is not None:
+        instrument = result.subject.instrument
+        rows += [
+            web.Known(
+                "error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"
+            ),
+            web.Known(
+                "error of a displacement reading",
+                f"{instrument.displacement_sd:.3g} mm (sd)",
+                "prior",
+                "subject.toml, or usual",
+            ),
+        ]
+    return rows
+
+
+def _effects(result: StudyResult) -> list[web.Block]:
+    if not result.analyses:
+        return [web.Prose(_NO_METRIC)]
+    blocks: list[web.Block] = [
+        web.Prose(
+            "Shares of how a metric varies when every factor goes from its low to its high value: "
+            "squares of the coefficients over their sum. Slopes say how hard the leg is to press "
+            "in a window of depth, curvatures how fast that grows."
+        )
+    ]
+    factors = result.definition.factors
+    every = [(analysis.metric.label, *analysis.shares()) for analysis in result.analyses]
+    deepest, main, interactions = every[-1]
+    bars = [LabelledBar(f.label, 100 * main[f.symbol], f"{100 * main[f.symbol]:.1f} %") for f in factors]
+    bars.append(LabelledBar("all interactions", 100 * interactions, f"{100 * interactions:.1f} %"))
+    rows = [[f.label, *(f"{100 * one[f.symbol]:.1f} %" for _, one, _ in every)] for f in factors]
+    rows.append(["all interactions", *(f"{100 * rest:.1f} %" for _, _, rest in every)])
+    return [
+        *blocks,
+        Bars(f"Shares of the {deepest}", ("factor", "share"), bars, greatest=100.0),
+        web.WebTable("Shares of every metric", ["factor", *(name for name, _, _ in every)], rows),
+    ]
+
+
+def _curves(result: StudyResult) -> Curves:
+    depth = result.definition.depth
+    grid = np.linspace(0.0, depth, _POINTS)
+    every = np.array([_on(grid, r.displacement, r.force_per_length) for r in result.records])
+    centre, corners = every[-1], every[:-1]
+    lines = [Line("centre of the ranges", centre, None, DATA_COLOUR)]
+    if result.analyses:
+        factor, _, _ = result.largest_share()
+        k = result.definition.factors.index(factor)
+        for level, word, colour in ((-1, "low", "#E69F00"), (1, "high", "#0072B2")):
+            chosen = corners[result.coded[: len(corners), k] == level]
+            lines.append(Line(f"mean with {factor.label} {word}", chosen.mean(axis=0), None, colour, "dashed"))
+    if np.isfinite(corners).any(axis=1).any():
+        lines += [
+            Line("least of all runs", corners.min(axis=0), None, FAINT, "dotted"),
+            Line("greatest of all runs", corners.max(axis=0), None, FAINT, "dotdash"),
+        ]
+    return Curves(
+        "runs",
+        f"Force per length of the cylinder over its displacement, of {len(result.records)} "
+        "simulations; where one stopped short, the lines over all end.",
+        grid,
+        "displacement (mm)",
+        "force per length (N/mm)",
+        "",
+        lines,
+    )
+
+
+def _on(grid: FloatArray, at: FloatArray, values: FloatArray) -> FloatArray:
+    if len(at) == 0:
+        return np.full(len(grid), np.nan)
+    return np.interp(grid, at, values, right=np.nan)
+
+
+def _surface(result: StudyResult) -> list[web.Block]:
+    if not result.analyses:
+        return [web.Prose(_NO_METRIC)]
+    factors = result.definition.factors
+    numbers = {f.symbol: k for k, f in enumerate(factors)}
+    main, _ = result.analyses[-1].shares()
+    first, second, *_ = sorted(numbers, key=lambda symbol: -main[symbol])
+    return [
+        ResponseSurface(
+            "Map of the fitted surface over two factors. The other factors are where their sliders stand, and the "
+            "cross marks the sliders of these two. Dark is high, light is low.",
+            [
+                SurfaceFactor(
+                    f.label,
+                    (*(f"{f.value(at):.3g} {f.unit_text}" for at in (-1.0, 0.0, 1.0)),),  # type: ignore[arg-type]
+                )
+                for f in factors
+            ],
+            [
+                SurfaceMetric(
+                    a.metric.label,
+                    a.metric.typeset_unit,
+                    {tuple(numbers[s] for s in t.term.split(":") if s in numbers): t.value for t in a.tests},
+                )
+                for a in result.analyses
+            ],
+            ["coefficient of the coded factors", *(a.metric.label for a in result.analyses)],
+            [
+                [term_label(test.term, factors), *(_coefficient(a, k) for a in result.analyses)]
+                for k, test in enumerate(result.analyses[0].tests)
+            ],
+            (numbers[first], numbers[second]),
+        )
+    ]
+
+
+def _coefficient(analysis: MetricAnalysis, number: int) -> str:
+    test = analysis.tests[number]
+    return f"{test.value:+.2e} (t {test.t:+.1f}){'*' if test.significant else ''}"
+
+
+def _claims(result: StudyResult) -> list[web.Block]:
+    rows = [[v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])]
+    return [web.WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)]

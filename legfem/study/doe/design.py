@@ -13,6 +13,7 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, Finite, NotNegative, Positive, checked, read_toml, trouble
 from legfem.common.units import FloatArray
 from legfem.data.folder import RESOURCES
+from legfem.report.estimates import words_of
 
 PAPER, IDENTIFIED = (RESOURCES / "frauziols" / name for name in ("doe.toml", "doe-identified.toml"))
 MOST_FACTORS = 8
@@ -104,6 +105,11 @@ def label_of(name: str) -> str:
     """Name of a parameter as people read it."""
     part, _, what = name.partition(".")
     return f"{part} {what}" if name in OF_THE_GEOMETRY else f"{what} {_TISSUES[part]}"
+
+
+def in_words(name: str) -> str:
+    """Return a parameter in a sentence, by its full name."""
+    return f"the {label_of(name)}" if name in OF_THE_GEOMETRY else words_of(name)
 
 
 def factorial_design(factors: int) -> FloatArray:

@@ -1,4 +1,4 @@
-"""A study's numbers: the cells of its tables, the paper's beside them, and ``result.json``."""
+"""A study's numbers: its tables and their chapters, the paper's beside them, and ``result.json``."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -8,8 +8,9 @@ import numpy as np
 
 from legfem.common.documents import Cells, json_types, row_cells, versions_of
 from legfem.common.units import FloatArray
-from legfem.study.doe.design import Factor, label_of
-from legfem.study.doe.information import IDENTIFIED
+from legfem.report import page as web
+from legfem.study.doe.design import Factor, in_words, label_of
+from legfem.study.doe.information import IDENTIFIED, Information
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import LEVEL, Anova
 
@@ -325,3 +326,101 @@ def _information(result: StudyResult) -> dict[str, Any] | None:
 
 def _by(names: Sequence[str], values: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values, strict=True)}
+
+
+def number_chapters(result: StudyResult) -> list[web.Chapter]:
+    """Return the analysis of variance, the paper's beside it, numerical errors, Sobol indices."""
+    chapters = [web.Chapter("Analysis of variance", _variance(result))]
+    if beside := table_3_cells(result):
+        table = web.WebTable("Paper / legfem", *beside)
+        chapters.append(web.Chapter("Beside the paper's Table 3", [table, web.Prose(TABLE_3_NOTE)]))
+    if numerics := numerics_cells(result):
+        note = (
+            "Errors of the default settings, from a mesh 1.5 times finer with steps of at most 0.5 mm, extrapolated as "
+            "for first order: at the softest corner, the stiffest and the centre. The bound on a coefficient is the "
+            "largest of these relative errors times the mean size of the metric."
+        )
+        table = web.WebTable("Numerical errors, and how much they can change a coefficient", *numerics)
+        chapters.append(web.Chapter("Numerical error of the metrics", [table, web.Prose(note)]))
+    if sobol := sobol_cells(result):
+        note = (
+            "Shares of the variance with the factors uniform in their coded ranges, on an emulator trained on the runs "
+            "above and a Latin hypercube. Its error is at simulations that it has not seen."
+        )
+        table = web.WebTable("First order, total", *sobol)
+        chapters.append(web.Chapter("Sobol indices", [table, web.Prose(note)]))
+    return chapters
+
+
+def _variance(result: StudyResult) -> list[web.Block]:
+    return [
+        web.Bullets(result.run_notes()),
+        web.Prose(f"{UNITS_NOTE} R² predicted is that of runs that were not used in the fit. {_counting(result)}"),
+        web.WebTable("Analysis of variance of each metric", *anova_cells(result)),
+        web.WebTable(
+            "Effects without an error estimate (Lenth), curvature at the centre, normality",
+            *effects_cells(result),
+            folded=True,
+        ),
+        web.Prose(
+            "The runs are deterministic, so the error in the t tests is the surface's lack of fit. Lenth's pseudo "
+            "standard error (PSE) is estimated from the small contrasts; a contrast beyond its simultaneous margin "
+            "is not due to chance (95 % for all together). 'corners - centre' is 0 for a surface without squared "
+            "terms. The column for normality gives the probability in Shapiro and Wilk's test."
+        ),
+    ]
+
+
+def _counting(result: StudyResult) -> str:
+    if result.counting == "coefficients":
+        return (
+            "Degrees of freedom: coefficients less 1, and runs less coefficients, as in the "
+            "paper's Table 3 (15 and 17), not as in its text; --count factors gives the text's."
+        )
+    return (
+        "Degrees of freedom: factors less 1, and runs less factors, as in the paper's text "
+        "(p = 5: 4 and 28). Its Table 3 and statistics use the number of coefficients instead."
+    )
+
+
+def information_blocks(result: StudyResult) -> list[web.Block]:
+    """Return what a curve to each depth tells of the parameters; nothing where it isn't known."""
+    found, cells = result.information, information_cells(result)
+    if found is None or cells is None:
+        return []
+    depth, instrument = result.definition.depth, result.subject.instrument
+    point = ", ".join(f"{label_of(name)} {value:.4g}" for name, value in zip(found.names, found.nominal, strict=True))
+    return [
+        web.WebTable("Smallest possible 95 % half-widths of the parameters, by depth", *cells),
+        web.Prose(
+            "The half-widths are relative to the value. No unbiased estimate can have smaller ones at "
+            f"{point} (MPa, mm), from one trial with one independent reading a mm and errors of "
+            f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). They do not include the "
+            "model's own error. 'Others within their ranges' means that all but C10 and C20 of the deep tissue "
+            "are known before the test, with the ranges above as 95 % intervals of their logarithms. A parameter is "
+            "called determined when it is known within 50 %."
+        ),
+        web.Prose(
+            "Combinations of parameters at full depth (eigenvectors of the information), the best determined first, "
+            "each with its standard deviation:"
+        ),
+        web.Bullets(_eigenvectors(found, depth)),
+        *([web.Bullets(moved)] if (moved := _moved(found, depth)) else []),
+    ]
+
+
+def _eigenvectors(found: Information, depth: float) -> list[str]:
+    lines = []
+    spread, vectors = found.directions(depth)
+    for k, sd in enumerate(spread):
+        parts = " ".join(f"{v:+.2f} ln {label_of(name)}" for v, name in zip(vectors[:, k], found.names, strict=True))
+        lines.append(f"{100 * sd:.2g} % (sd): {parts}" if sd < 1 else f"not determined: {parts}")
+    return lines
+
+
+def _moved(found: Information, depth: float) -> list[str]:
+    return [
+        f"If {in_words(assumed)} is assumed 10 % too high, C10 of the deep tissue changes by {10 * first:+.1f} % and "
+        f"C20 by {10 * second:+.1f} %."
+        for assumed, (first, second) in found.biases(depth).items()
+    ]
