@@ -12,6 +12,7 @@ from making_diagnosed import diagnosed
 from making_pages import stocking as dressed_leg
 from making_results import result
 from making_stocking import COARSEST
+from openpyxl import load_workbook
 from typer.testing import CliRunner
 
 import legfem as lf
@@ -68,7 +69,13 @@ WRONG = {
     "a column twice": ("folder,Age,age\na,3,4\n", "header: column 'age' is there twice"),
     "none there": ("folder\nx\ny\n", "folder: none of 2 folders is there; write paths as seen from"),
     "no date": ("folder,date\na,1/2/26\n", "date, line 2: '1/2/26' is not a date; write 2026-01-31"),
+    "no whole date": ("folder,date\na,2026-01\n", "date, line 2: '2026-01' is not a date; write 2026-01-31"),
     "no rows": ("folder,date\n", "rows: there are none; give a row a folder"),
+    "empty": ("\n\n", "file: is empty; write a header, and a row a folder"),
+    "misspelt": ("foldr,age\na,3\n", "header: there is no column folder or subject; rename 'foldr' folder"),
+    "a cell too many": ("folder,note\na,x\nb,x,y\n", "rows: cells don't match the header (Expected 2 fields in line 3"),
+    "cells too many": ("folder,note\na,x,y\nb,x,y\n", "rows: have more cells than the header; put texts that"),
+    "a column without a name": ("folder,\na,x\n", "header: column 2 has no name; name it, or remove it"),
 }
 
 
@@ -86,7 +93,37 @@ def test_a_folder_that_is_not_there_costs_its_own_row(tmp_path: Path) -> None:
     folders(tmp_path, "P1", "P22", table="folder\nP1\nP2\n")
     first, second = find_members(tmp_path, "identify").every
     assert not first.problem
-    assert second.problem.endswith("line 3: folder 'P2' is not there; did you mean 'P22'?")
+    reason = "line 3: folder 'P2' is not there; did you mean 'P22'?"
+    assert second.problem.endswith(reason)
+    done = CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "out"), "--jobs", "1", "--dry-run"])
+    assert reason in next(line for line in done.stdout.splitlines() if line.startswith("missing"))
+
+
+def test_merged_cells_are_refused(tmp_path: Path) -> None:
+    folders(tmp_path, "a", "b")
+    pd.DataFrame([["Ann", "a"], ["", "b"]], columns=["subject", "folder"]).to_excel(
+        tmp_path / "cohort.xlsx", index=False
+    )
+    book = load_workbook(tmp_path / "cohort.xlsx")
+    book.active.merge_cells("A2:A3")
+    book.save(tmp_path / "cohort.xlsx")
+    with pytest.raises(lf.InputError, match=r"cells A2:A3: are merged; split them, and fill each"):
+        find_members(tmp_path, "identify")
+
+
+def test_names_are_the_same_however_their_accents_are_stored(tmp_path: Path) -> None:
+    composed, apart = "M\u00fcller", "Mu\u0308ller"
+    folders(tmp_path, apart, table=f"folder\n{composed}\n")
+    (one,) = find_members(tmp_path, "identify").every
+    assert not one.problem and one.folder.name == apart and one.name == composed
+
+
+def test_what_may_be_meant_otherwise_is_noted(tmp_path: Path) -> None:
+    folders(tmp_path, "a", "b", table="folder,grop,side,comment\na,patient,links,x\nb,control,R,y\n")
+    assert find_members(tmp_path, "identify").notes == (
+        "cohort.csv has a column grop, which says nothing to legfem: is it group?",
+        "cohort.csv: side is neither left nor right, but links.",
+    )
 
 
 def document(law: str = "both") -> dict:

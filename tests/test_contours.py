@@ -7,12 +7,12 @@ import pytest
 from making import circle, leg, write_contours
 
 from legfem.common.errors import InputError
-from legfem.geometry import (
+from legfem.geometry.contours import read_contours
+from legfem.geometry.section import (
     LegSection,
     fat_thickness,
     girth,
     minimal_fat_thickness,
-    read_contours,
     resample_closed_curve,
     smooth_closed_curve,
 )

@@ -9,9 +9,9 @@ from shapely import Polygon
 from typer.testing import CliRunner
 
 from legfem.common.errors import InputError
-from legfem.geometry import PARTS, fat_thickness, girth, minimal_fat_thickness
 from legfem.geometry.__main__ import app
 from legfem.geometry.motion import CuttingPlane
+from legfem.geometry.section import PARTS, fat_thickness, girth, minimal_fat_thickness
 from legfem.geometry.section_from_outlines import section_from_outlines
 from legfem.imaging.leg_source import LegSource
 from legfem.legs.folder import folder_of_leg

@@ -8,18 +8,7 @@ from typing import Any, overload
 
 from matplotlib.figure import Figure
 
-from legfem.api.loading import (
-    Given,
-    check_finite,
-    check_folder,
-    check_names,
-    check_seed,
-    check_unused,
-    check_whole,
-    folder_of,
-    one_of,
-    wrong,
-)
+from legfem.api import loading
 from legfem.api.results import Result
 from legfem.common.documents import write_document
 from legfem.common.errors import Doubt, InputError, log_doubts
@@ -88,7 +77,7 @@ class DiagnosedLeg(Result):
         """Return the recordings against the model, what it misses, and where."""
         return recording_figure(self.diagnosis, 0, self.subject.title, self.subject.origin)
 
-    def write(self, folder: Given) -> Path:
+    def write(self, folder: loading.Given) -> Path:
         """Write diagnosis.json, report.txt, report.html and the figures; return report.txt's path."""
         keep_another(Path(folder), command_line(), DIAGNOSIS)
         write_document(Path(folder) / DIAGNOSIS, self.document())
@@ -153,7 +142,7 @@ class DiagnosedFolder(Result):
         one, found = self._first
         return recording_figure(found, 0, one.title, one.origin)
 
-    def write(self, folder: Given) -> Path:
+    def write(self, folder: loading.Given) -> Path:
         """Write what the command writes; return the report's path."""
         out = Path(folder)
         if out in self._written:
@@ -184,12 +173,12 @@ def _problem_of(specimens: Sequence[DiagnosedSpecimen]) -> InputError:
 
 @overload
 def diagnose(
-    leg: Subject | SitedLeg | Given,
+    leg: Subject | SitedLeg | loading.Given,
     *,
-    library: Given | None = None,
-    correction: Given | None = None,
+    library: loading.Given | None = None,
+    correction: loading.Given | None = None,
     seed: int = 0,
-    out: Given | None = None,
+    out: loading.Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     site: str = "",
@@ -199,21 +188,21 @@ def diagnose(
 def diagnose(
     leg: SpecimenFolder,
     *,
-    library: Given | None = None,
+    library: loading.Given | None = None,
     seed: int = 0,
-    out: Given | None = None,
+    out: loading.Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     specimens: Sequence[str] = (),
 ) -> DiagnosedFolder: ...
 @overload
 def diagnose(
-    leg: Subject | SitedLeg | SpecimenFolder | Given,
+    leg: Subject | SitedLeg | SpecimenFolder | loading.Given,
     *,
-    library: Given | None = None,
-    correction: Given | None = None,
+    library: loading.Given | None = None,
+    correction: loading.Given | None = None,
     seed: int = 0,
-    out: Given | None = None,
+    out: loading.Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     specimens: Sequence[str] = (),
@@ -221,12 +210,12 @@ def diagnose(
     prior: Sequence[str] = (),
 ) -> DiagnosedLeg | DiagnosedFolder: ...
 def diagnose(
-    leg: Subject | SitedLeg | SpecimenFolder | Given,
+    leg: Subject | SitedLeg | SpecimenFolder | loading.Given,
     *,
-    library: Given | None = None,
-    correction: Given | None = None,
+    library: loading.Given | None = None,
+    correction: loading.Given | None = None,
     seed: int = 0,
-    out: Given | None = None,
+    out: loading.Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     specimens: Sequence[str] = (),
@@ -267,19 +256,21 @@ def diagnose(
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
-    check_seed(seed)
-    check_whole("jobs", jobs, 1)
+    loading.check_seed(seed)
+    loading.check_whole("jobs", jobs, 1)
     responses = library_folder() if library is None else Path(library)
-    check_folder("library", responses)
+    loading.check_folder("library", responses)
     if isinstance(leg, SpecimenFolder):
-        check_unused("specimens", {"site": site != "", "correction": correction is not None, "prior": bool(prior)})
-        check_names("specimens", specimens)
+        loading.check_unused(
+            "specimens", {"site": site != "", "correction": correction is not None, "prior": bool(prior)}
+        )
+        loading.check_names("specimens", specimens)
         with progress_on(quiet=not progress) as shown:
             return _diagnosed_specimens(
                 leg, specimens, responses, jobs, shown, seed, None if out is None else Path(out)
             )
-    check_unused("a leg", {"specimens": bool(specimens)})
-    subject = one_of(leg, site)
+    loading.check_unused("a leg", {"specimens": bool(specimens)})
+    subject = loading.one_of(leg, site)
     if prior:
         subject = replace(subject, stiffness_prior=deep_prior(prior))
     started = time.perf_counter()
@@ -342,7 +333,7 @@ class PlannedTests(Result):
         axes.set(xlim=(0, 100), xlabel="chance to distinguish effects (%), simulated")
         return figure
 
-    def write(self, folder: Given) -> Path:
+    def write(self, folder: loading.Given) -> Path:
         """Write plan.json, report.txt, report.html and tables; return the path of report.txt."""
         out = Path(folder)
         keep_another(out, command_line(), PLAN)
@@ -361,13 +352,13 @@ class PlannedTests(Result):
 
 
 def plan(
-    leg: Subject | Given,
+    leg: Subject | loading.Given,
     *,
     c10: float = 0.8,
     c20: float = 0.0,
     depth: float = 20.0,
     rate: float = 0.5,
-    library: Given | None = None,
+    library: loading.Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     site: str = "",
@@ -399,15 +390,19 @@ def plan(
         With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
     """
     for name, value, unit in (("c10", c10, "kPa"), ("c20", c20, "kPa"), ("depth", depth, "mm"), ("rate", rate, "mm/s")):
-        check_finite(name, value, unit)
-    check_whole("jobs", jobs, 1)
+        loading.check_finite(name, value, unit)
+    loading.check_whole("jobs", jobs, 1)
     folder = library_folder() if library is None else Path(library)
-    check_folder("library", folder)
+    loading.check_folder("library", folder)
     subject = leg
     if isinstance(subject, str | Path):
-        subject = load_subject(folder_of(subject, SUBJECTS), need_recordings=False, need_instrument=False, site=site)
+        subject = load_subject(
+            loading.folder_of(subject, SUBJECTS), need_recordings=False, need_instrument=False, site=site
+        )
     elif not isinstance(subject, Subject):
-        raise wrong("leg", type(subject).__name__, "is not a leg that is indented", "give an id, a folder or a Subject")
+        raise loading.wrong(
+            "leg", type(subject).__name__, "is not a leg that is indented", "give an id, a folder or a Subject"
+        )
     doubts = tuple(doubts_about(subject))
     log_doubts(doubts)
     expected = Expected(kpa_to_mpa(c10), kpa_to_mpa(c20), depth, rate)

@@ -9,20 +9,7 @@ from typing import Any, Literal, Self, get_args
 
 from mpi4py import MPI
 
-from legfem.api.loading import (
-    Given,
-    check_finite,
-    check_folder,
-    check_names,
-    check_one_of,
-    check_seed,
-    check_unused,
-    check_whole,
-    load_leg,
-    of_another_kind,
-    opened,
-    wrong,
-)
+from legfem.api import loading
 from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
@@ -72,24 +59,24 @@ class AskedParameters:
         """
         listed = "a list of full names or of legfem.inverse.parameter.Parameter"
         if not isinstance(identify, list | tuple | None):
-            raise of_another_kind("identify", identify, listed)
+            raise loading.of_another_kind("identify", identify, listed)
         if identify is not None and not identify:
-            raise wrong("identify", "[]", "nothing is left to identify", "name a parameter")
+            raise loading.wrong("identify", "[]", "nothing is left to identify", "name a parameter")
         names, given = list[str](), dict[str, Parameter]()
         for one in identify or ():
             if not isinstance(one, str | Parameter):
-                raise of_another_kind("identify", one, listed)
+                raise loading.of_another_kind("identify", one, listed)
             name = one if isinstance(one, str) else one.name
             if name in names or name in given:
-                raise wrong("identify", name, "is there twice", "give it once")
+                raise loading.wrong("identify", name, "is there twice", "give it once")
             if not isinstance(one, str):
                 given[name] = one
             if isinstance(one, str) or one.role == "identified":
                 names.append(name)
-        check_names("prior", prior)
+        loading.check_names("prior", prior)
         numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
         if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
-            raise of_another_kind(
+            raise loading.of_another_kind(
                 "fix", fix, "values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"
             )
         for name, value in numbers.items():
@@ -97,10 +84,10 @@ class AskedParameters:
             endless = value == math.inf and str(name).endswith(".D2")
             if not isinstance(value, Real) or not (math.isfinite(value) or endless):
                 remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
-                raise wrong("fix", str(name), f"{value!r} is not a value", remedy)
+                raise loading.wrong("fix", str(name), f"{value!r} is not a value", remedy)
             check_held("--fix", f"{name}={value:g}", str(name), float(value))
             if name in names:
-                raise wrong("fix", name, "is to be identified as well", "leave one of them out")
+                raise loading.wrong("fix", name, "is to be identified as well", "leave one of them out")
         return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
 
     @property
@@ -134,7 +121,7 @@ class AskedParameters:
 
 
 def identify(
-    leg: Subject | SitedLeg | SpecimenFolder | Given,
+    leg: Subject | SitedLeg | SpecimenFolder | loading.Given,
     law: LawName | Literal["both"] | None = None,
     *,
     identify: Sequence[Parameter | str] | None = None,
@@ -152,7 +139,7 @@ def identify(
     emulator: bool | None = None,
     settings: IdentificationSettings | None = None,
     mesh: Mesh | None = None,
-    out: Given | None = None,
+    out: loading.Given | None = None,
     jobs: int = 1,
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
@@ -222,23 +209,23 @@ def identify(
         If too few full solves reach the measured depth.
     """
     wanted = AskedParameters.of(identify, prior, fix, c10_bounds, c20_bounds)
-    check_finite("depth", depth)
-    check_whole("jobs", jobs, 1)
+    loading.check_finite("depth", depth)
+    loading.check_whole("jobs", jobs, 1)
     if out is not None:
-        check_folder("out", out)
+        loading.check_folder("out", out)
     if not isinstance(settings, IdentificationSettings | None):
-        raise of_another_kind("settings", settings, "legfem.inverse.settings.IdentificationSettings")
+        raise loading.of_another_kind("settings", settings, "legfem.inverse.settings.IdentificationSettings")
     direct: dict[str, Any] = {"weighting": weighting, "seed": seed, "emulator": emulator}
     stated = {name: value for name, value in direct.items() if value is not None}
     settings = replace(settings or IdentificationSettings(), **stated)
-    check_seed(settings.seed)
-    check_one_of("weighting", settings.weighting, get_args(Weighting))
+    loading.check_seed(settings.seed)
+    loading.check_one_of("weighting", settings.weighting, get_args(Weighting))
     request = SearchRequest(depth=depth, settings=settings, out=None if out is None else Path(out), jobs=jobs)
-    check_names("leave_out", leave_out)
-    check_one_of("model", model, ("2d", "3d"))
+    loading.check_names("leave_out", leave_out)
+    loading.check_one_of("model", model, ("2d", "3d"))
     if not isinstance(correction, str | Path):
-        raise wrong("correction", repr(correction), "is not a correction", "give own, none, auto or a file")
-    given = opened(leg, site)
+        raise loading.wrong("correction", repr(correction), "is not a correction", "give own, none, auto or a file")
+    given = loading.opened(leg, site)
     if isinstance(given, SpecimenFolder):
         legs_alone = {
             "correction": str(correction) != "auto",
@@ -249,10 +236,10 @@ def identify(
             "weighting": weighting is not None,
             "no_emulator": emulator is False,
         }
-        check_unused("specimens", legs_alone)
+        loading.check_unused("specimens", legs_alone)
         return _of_specimens(given, law, wanted, leave_out, request, progress)
-    check_unused("a leg", {"leave_out": bool(leave_out)})
-    check_one_of("law", law, (*LAWS, "both"))
+    loading.check_unused("a leg", {"leave_out": bool(leave_out)})
+    loading.check_one_of("law", law, (*LAWS, "both"))
     return _of_leg(given, law, wanted, request, str(correction), model == "3d", mesh, progress, comm)
 
 
@@ -320,15 +307,15 @@ def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
 
 
 def _wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
-    return wrong("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)
+    return loading.wrong("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)
 
 
 def stocking(
-    leg: StockingLeg | Given,
+    leg: StockingLeg | loading.Given,
     *,
     cells: int = 15_000,
     nelder_mead: bool = False,
-    out: Given | None = None,
+    out: loading.Given | None = None,
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
 ) -> Identification:
@@ -361,7 +348,7 @@ def stocking(
     InputError
         If there is no such leg, or its scans can't be used.
     """
-    known = load_leg(leg) if isinstance(leg, str | Path) else leg
+    known = loading.load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
         raise InputError(
             "leg",
@@ -369,11 +356,11 @@ def stocking(
             "is not a leg that was scanned in a stocking",
             "give an id, a folder, or what load_leg returned",
         )
-    check_whole("cells", cells, 1)
+    loading.check_whole("cells", cells, 1)
     if not 2_000 <= cells <= 5_000_000:
-        raise wrong("cells", cells, "is out of range", "give 2000 to 5000000")
+        raise loading.wrong("cells", cells, "is out of range", "give 2000 to 5000000")
     if out is not None:
-        check_folder("out", out)
+        loading.check_folder("out", out)
     kept = None if out is None else Path(out) / "equilibria"
     ranks = comm or MPI.COMM_SELF
     with progress_on(quiet=not progress or ranks.rank > 0) as told:

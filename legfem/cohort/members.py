@@ -2,8 +2,11 @@
 
 import difflib
 import hashlib
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
+from io import StringIO
 from pathlib import Path
 from typing import Literal
 
@@ -23,6 +26,10 @@ FILES: Mapping[str, tuple[str, ...]] = {
 TABLES = ("cohort.csv", "cohort.xlsx")
 DESIGN = ("subject", "group", "side", "session", "date", "rater", "rig")
 """Columns whose meaning is known, beside ``folder``; ``subject`` is the person."""
+_KNOWN = ("folder", *DESIGN, "age", "sex", "bmi")
+"""Columns that are known however they are capitalised."""
+_LIKE = 0.8
+"""Likeness from which another column's name may be one of these, misspelt."""
 _SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 
 
@@ -126,15 +133,18 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
     cells = _cells(table)
     column = "folder" if "folder" in cells else "subject"
     if column not in cells:
-        raise InputError(table, "header", "there is no column folder or subject", "add a column called folder")
+        near = difflib.get_close_matches("folder", list(cells), n=1, cutoff=_LIKE)
+        remedy = f"rename '{near[0]}' folder" if near else "add a column called folder"
+        raise InputError(table, "header", "there is no column folder or subject", remedy)
     seen: dict[Path, int] = {}
+    spelt = {_composed(name): path for name, path in found.items()}
     members = []
     numbers = {name: numbers for name in cells if (numbers := _as_numbers(cells[name], name)) is not None}
     for place, (line, row) in enumerate(cells.iterrows()):
         given = {name: text for name in cells if name != "folder" and (text := str(row[name]))}
         if not row[column]:
             raise InputError(table, f"{column}, line {line}", "is empty", "name a folder, or remove the row")
-        path = (folder / row[column]).resolve()
+        path = spelt.get(_composed(Path(row[column]).as_posix()), folder / row[column]).resolve()
         if path in seen:
             raise InputError(
                 table, f"{column}, line {line}", f"'{row[column]}' is in line {seen[path]} too", "remove one"
@@ -152,13 +162,32 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
             Member(name, path, given.get("subject", name), known, problem and f"{table}: line {line}: {problem}")
         )
     if all(one.problem for one in members):
+        example = next((f", as {name}" for name in found), "")
         raise InputError(
-            table, column, f"none of {len(members)} folders is there", f"write paths as seen from {folder}"
+            table, column, f"none of {len(members)} folders is there", f"write paths as seen from {folder}{example}"
         )
     left = [name for name, path in found.items() if path.resolve() not in seen]
     shown = ", ".join(left[:5]) + (", …" if len(left) > 5 else "")
     notes = [f"Not in {table.name}, and so left out: {shown} ({len(left)})."] if left else []
-    return Members(folder, tuple(members), table, tuple(notes))
+    return Members(folder, tuple(members), table, (*notes, *_doubts(table, cells, members)))
+
+
+def _composed(name: str) -> str:
+    """Return a name with each accent in one character: file systems and tables differ in that, and it can't be seen."""
+    return unicodedata.normalize("NFC", name)
+
+
+def _doubts(table: Path, cells: pd.DataFrame, members: Sequence[Member]) -> list[str]:
+    """What is read as it stands, and may be meant otherwise."""
+    absent = [name for name in _KNOWN if name not in cells]
+    notes = []
+    for name in cells:
+        near = difflib.get_close_matches(str(name).lower(), absent, n=1, cutoff=_LIKE) if name not in _KNOWN else []
+        notes += [f"{table.name} has a column {name}, which says nothing to legfem: is it {meant}?" for meant in near]
+    sides = {str(one.given.get("side", "")) for one in members} - {"", *_SIDES.values()}
+    if sides:
+        notes.append(f"{table.name}: side is neither left nor right, but {', '.join(sorted(sides))}.")
+    return notes
 
 
 def _problem(path: Path, written: str, found: Mapping[str, Path], files: Sequence[str]) -> str:
@@ -176,21 +205,31 @@ def _cells(table: Path) -> pd.DataFrame:
         raise InputError(table, "file", "not found", "check the path")
     try:
         if table.suffix.lower() == ".xlsx":
+            _check_unmerged(table)
             cells = pd.read_excel(table, dtype=str)
         else:
-            text = read_text(table, "check the path", "save it as CSV text")
+            text = read_text(table, "check the path", "save it as CSV UTF-8")
             first = text.partition("\n")[0]
             mark = next((mark for mark in ";\t" if mark in first), ",")
-            from io import StringIO
-
             cells = pd.read_csv(StringIO(text), sep=mark, dtype=str, skip_blank_lines=False)
     except InputError:
         raise
+    except pd.errors.EmptyDataError:
+        raise InputError(table, "file", "is empty", "write a header, and a row a folder") from None
+    except pd.errors.ParserError as error:
+        said = str(error).strip().removeprefix("Error tokenizing data. C error: ")
+        raise InputError(table, "rows", f"cells don't match the header ({said})", _QUOTE) from None
     except Exception as error:  # whatever a library meets in a damaged file
         said = " ".join(str(error).split())[:120]
         raise InputError(table, "file", f"can't be read ({said})", "save it as CSV or .xlsx again") from None
+    if not isinstance(cells.index, pd.RangeIndex):
+        raise InputError(table, "rows", "have more cells than the header", _QUOTE)
     cells.columns = pd.Index([str(name).strip() for name in cells.columns])
-    lower = [name.lower() if name.lower() in ("folder", *DESIGN, "age", "sex", "bmi") else name for name in cells]
+    for number, name in enumerate(cells, 1):
+        if name.startswith("Unnamed: ") and cells[name].notna().any():
+            raise InputError(table, "header", f"column {number} has no name", "name it, or remove it")
+    cells = cells[[name for name in cells if not name.startswith("Unnamed: ")]]
+    lower = [name.lower() if name.lower() in _KNOWN else name for name in cells]
     if twice := sorted({name for name in lower if lower.count(name) > 1}):
         raise InputError(table, "header", f"column '{twice[0]}' is there twice", "rename one")
     cells.columns = pd.Index(lower)
@@ -200,6 +239,18 @@ def _cells(table: Path) -> pd.DataFrame:
     if cells.empty:
         raise InputError(table, "rows", "there are none", "give a row a folder")
     return cells
+
+
+_QUOTE = "put texts that contain the separator in quotes"
+
+
+def _check_unmerged(table: Path) -> None:
+    """Refuse merged cells, of which all but the first are empty: a leg would be another person's."""
+    from openpyxl import load_workbook
+
+    merged = next(iter(load_workbook(table).worksheets[0].merged_cells.ranges), None)
+    if merged is not None:
+        raise InputError(table, f"cells {merged}", "are merged", "split them, and fill each")
 
 
 def _as_numbers(column: "pd.Series[str]", name: str) -> list[float] | None:
@@ -215,6 +266,6 @@ def _check_date(table: Path, line: int, text: str) -> None:
     if not text:
         return
     try:
-        pd.to_datetime(text, format="ISO8601")
+        datetime.fromisoformat(text)
     except ValueError:
         raise InputError(table, f"date, line {line}", f"'{text}' is not a date", "write 2026-01-31") from None

@@ -52,7 +52,7 @@ class ModelResult:
     measures: Mapping[str, Measure]
     """By key, as in ``result.json``: ``c10_deep``."""
     p_value: float | None = None
-    """Of the fit."""
+    """p-value of the fit."""
     curve: Curve | None = None
 
 
@@ -330,7 +330,10 @@ class ExpectedRun:
 
     def summary(self) -> str:
         """Return a line a member, and time and memory of all."""
-        lines = [f"{state:8} {one.name}" for state, one in zip(self.states, self.members.every, strict=True)]
+        lines = [
+            f"{state:8} {one.name}{one.problem and ': '}{one.problem}"
+            for state, one in zip(self.states, self.members.every, strict=True)
+        ]
         seconds = -(-self.waiting // self.workers) * self.seconds_each
         memory = min(self.workers, self.waiting) * self.peak_mb / 1000
         each = f"{self.seconds_each:.0f} s and {self.peak_mb:.0f} MB each, {self.basis}"

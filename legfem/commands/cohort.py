@@ -6,15 +6,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from legfem.commands.options import Jobs
-from legfem.common.command_line import (
-    AsJson,
-    FiniteNumbers,
-    Quiet,
-    check_out_folder,
-    command_context,
-    end_without_a_solution,
-    parallel_context,
-)
+from legfem.common import command_line
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -23,7 +15,7 @@ def _option(text: str) -> Any:
     return typer.Option(help=text, show_default=False)
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=command_line.FiniteNumbers)
 def cohort(
     folder: Annotated[
         Path, typer.Argument(help="Folder with the members' folders and, if you have one, cohort.csv or .xlsx.")
@@ -70,8 +62,8 @@ def cohort(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would be done, for how long and with how much memory.")
     ] = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    quiet: command_line.Quiet = False,
+    as_json: command_line.AsJson = False,
 ) -> None:
     """Identify or diagnose every leg of a cohort, or compute its stocking, and compare all of them.
 
@@ -83,7 +75,11 @@ def cohort(
     Example: legfem cohort study --law reduced-polynomial --out results/study
     """
     resume = "run the same command again to go on; members that are done are kept"
-    alone = command_context(resume, quiet) if on == "mpi" else parallel_context(jobs, resume, quiet)
+    alone = (
+        command_line.command_context(resume, quiet)
+        if on == "mpi"
+        else command_line.parallel_context(jobs, resume, quiet)
+    )
     with alone as processes:
         from legfem.api.cohorts import DOCUMENT
         from legfem.api.cohorts import cohort as cohort_in_full
@@ -92,7 +88,7 @@ def cohort(
         from legfem.report.cohort import PAGE
 
         place = out or Path("results") / f"cohort-{folder.resolve().name}"
-        check_out_folder(place)
+        command_line.check_out_folder(place)
         found = cohort_in_full(
             folder,
             do=do,
@@ -125,4 +121,4 @@ def cohort(
         if not as_json:
             print(f"page:   {report.with_name(PAGE)}\ntable:  {report.with_name(CSV)}")
         if not any(row.done for row in found.rows):
-            end_without_a_solution("no member could be done")
+            command_line.end_without_a_solution("no member could be done")

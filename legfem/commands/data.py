@@ -62,16 +62,7 @@ def look(
         from legfem.data.plausibility import magnitude_doubts, trial_doubts
         from legfem.data.quality import quality_of
         from legfem.data.recording import OWN_COLUMNS, read_own, recording_of
-        from legfem.report.instrument_file import (
-            LOOK,
-            Looked,
-            channels_toml,
-            draw_look,
-            look_document,
-            look_text,
-            look_web_page,
-            recordings_toml,
-        )
+        from legfem.report import instrument_file
         from legfem.report.page import PAGE, command_line
         from legfem.report.render import rendered
 
@@ -104,7 +95,7 @@ def look(
                     raise InputError(path, "--sheet", f"there is no '{sheet}'", "leave --sheet out to see all tables")
                 proposal = propose(path, sheets, named, sheet)
                 recording = recording_of(path, sheets, proposal.channels)
-                layout = recordings_toml(proposal.channels)
+                layout = instrument_file.recordings_toml(proposal.channels)
             small = float(np.ptp(recording.displacement)) < LEAST_OF_A_LEG_MM
             if small and not specimens:
                 why = f"displacement changes by {np.ptp(recording.displacement):.3g} mm in all: judged as a specimen's"
@@ -112,7 +103,7 @@ def look(
             specimens = specimens or small
             scales = Scales.of_specimen(recording) if specimens else LEG
             read.append((proposal, segment(recording, scales=scales)))
-            tomls[path] = layout + channels_toml(recording.channels)
+            tomls[path] = layout + instrument_file.channels_toml(recording.channels)
         first = files[0]
         other = next((path for path in files if tomls[path] != tomls[first]), None)
         if other is not None:
@@ -124,14 +115,19 @@ def look(
             )
         trials = among_repeats([trial for _, trial in read])
         doubts = tuple(doubt for one in trials for doubt in (*magnitude_doubts(one), *trial_doubts(one)))
-        seen = [Looked(one.recording, how, quality_of(one)) for (how, _), one in zip(read, trials, strict=True)]
+        seen = [
+            instrument_file.Looked(one.recording, how, quality_of(one))
+            for (how, _), one in zip(read, trials, strict=True)
+        ]
         folder.mkdir(parents=True, exist_ok=True)
-        text = "\n".join([*doubt_lines(doubts), *(look_text(*parts) for parts in seen)])
-        pictures = [draw_look(recording, quality, folder) for recording, _, quality in seen]
-        write_atomically(folder / PAGE, rendered(look_web_page(seen, tomls[first], text, command_line())))
+        text = "\n".join([*doubt_lines(doubts), *(instrument_file.look_text(*parts) for parts in seen)])
+        pictures = [instrument_file.draw_look(recording, quality, folder) for recording, _, quality in seen]
+        write_atomically(
+            folder / PAGE, rendered(instrument_file.look_web_page(seen, tomls[first], text, command_line()))
+        )
         write_atomically(folder / "report.txt", text)
         write_atomically(folder / "recordings.toml", tomls[first])
-        path = write_document(folder / LOOK, look_document(seen))
+        path = write_document(folder / instrument_file.LOOK, instrument_file.look_document(seen))
         with brief_output(quiet, as_json) as written:
             written.append(path)
             print(text)

@@ -6,17 +6,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import (
-    AsJson,
-    FiniteNumbers,
-    Quiet,
-    brief_output,
-    check_out_folder,
-    command_context,
-    end_without_a_solution,
-    study_context,
-    usable_cores,
-)
+from legfem.common import command_line
 
 Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
@@ -31,7 +21,7 @@ app = typer.Typer(
 )
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=command_line.FiniteNumbers)
 def convergence(
     subject: Annotated[str, typer.Option(help="Id of one of legfem's own subjects.")] = "3",
     subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")] = None,
@@ -40,17 +30,17 @@ def convergence(
     depth: Annotated[float, typer.Option(min=1.0, max=60.0, help="Depth to press to (mm).")] = 30.0,
     out: Out = None,
     jobs: Jobs = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    quiet: command_line.Quiet = False,
+    as_json: command_line.AsJson = False,
 ) -> None:
     """How far the default settings are from convergence.
 
     Example: legfem study convergence --subject 3
     """
-    with study_context("convergence", out, jobs, quiet=quiet) as (folder, processes):
+    with command_line.study_context("convergence", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import convergence as convergence_command
 
-        with brief_output(quiet, as_json) as written:
+        with command_line.brief_output(quiet, as_json) as written:
             convergence_command.run(subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet)
             written.append(folder / "result.json")
 
@@ -62,7 +52,7 @@ class Weighting(StrEnum):
     COVARIANCE = "covariance"
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=command_line.FiniteNumbers)
 def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the genetic algorithm.")] = 1,
     corrected: Annotated[bool, typer.Option("--corrected", help="Also apply each leg's own 3D correction.")] = False,
@@ -72,17 +62,17 @@ def reproduce(
     cost_maps: Annotated[bool, typer.Option("--cost-maps", help="Also draw the cost over the parameters.")] = False,
     out: Out = None,
     jobs: Jobs = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    quiet: command_line.Quiet = False,
+    as_json: command_line.AsJson = False,
 ) -> None:
     """Tables 4 and 5 of the paper beside ours, from the four reconstructed subjects.
 
     Example: legfem study reproduce
     """
-    with study_context("reproduce", out, jobs, quiet=quiet) as (folder, processes):
+    with command_line.study_context("reproduce", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import reproduce as tables
 
-        with brief_output(quiet, as_json) as written:
+        with command_line.brief_output(quiet, as_json) as written:
             tables.run(seed, folder, processes, corrected, quiet, weighting.value, cost_maps)
             written.append(folder / "result.json")
 
@@ -94,7 +84,7 @@ class CountChoice(StrEnum):
     FACTORS = "factors"
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=command_line.FiniteNumbers)
 def doe(
     factors: Annotated[
         list[Path] | None,
@@ -119,8 +109,8 @@ def doe(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the emulator's points.")] = 1,
     out: Out = None,
     jobs: Jobs = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    quiet: command_line.Quiet = False,
+    as_json: command_line.AsJson = False,
 ) -> None:
     """Which parameters a compression test can see: a factorial design and its analysis.
 
@@ -130,7 +120,7 @@ def doe(
     Example: legfem study doe --subject 3 --factorial-only --out results/doe
     """
     resume = "run the same command again to go on; simulations that are done are kept"
-    with command_context(resume, quiet):
+    with command_line.command_context(resume, quiet):
         from mpi4py import MPI
 
         from legfem.study.doe.claims import in_brief
@@ -138,28 +128,28 @@ def doe(
         from legfem.study.doe.design import IDENTIFIED, PAPER
 
         folder = out or Path("results") / "doe"
-        check_out_folder(folder)
+        command_line.check_out_folder(folder)
         options = DoeOptions(
             tuple(factors or (PAPER, IDENTIFIED)),
             subject,
             subject_dir,
             folder,
-            jobs or usable_cores(),
+            jobs or command_line.usable_cores(),
             seed,
             count.value,
             not factorial_only,
             quiet,
         )
-        with brief_output(quiet, as_json) as written:
+        with command_line.brief_output(quiet, as_json) as written:
             results = run(options, MPI.COMM_WORLD)
             if MPI.COMM_WORLD.rank == 0:
                 print(in_brief(results))
                 written.append(folder / "result.json")
         if results and all(len(result.failed) == len(result.records) for result in results):
-            end_without_a_solution("doe")
+            command_line.end_without_a_solution("doe")
 
 
-@app.command(cls=FiniteNumbers)
+@app.command(cls=command_line.FiniteNumbers)
 def correction(
     subject_dir: Annotated[
         Path | None,
@@ -191,8 +181,8 @@ def correction(
     fields: Annotated[bool, typer.Option("--fields", help="Also write the 3D model's fields for ParaView.")] = False,
     out: Out = None,
     jobs: Jobs = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    quiet: command_line.Quiet = False,
+    as_json: command_line.AsJson = False,
 ) -> None:
     """Calibrate the 3D correction P(d) on the idealised leg, and draw the paper's Fig. 4.
 
@@ -200,7 +190,7 @@ def correction(
 
     Example: legfem study correction, or mpirun -n 4 legfem study correction
     """
-    with command_context("run the same command again to go on; solved models are kept", quiet):
+    with command_line.command_context("run the same command again to go on; solved models are kept", quiet):
         from mpi4py import MPI
 
         from legfem.experiments.indenter_pose import Cylinder
@@ -211,13 +201,13 @@ def correction(
         from legfem.study.correction.cases import CorrectionCase, Material
 
         folder = out or Path("results") / "correction"
-        check_out_folder(folder)
+        command_line.check_out_folder(folder)
         if subject_dir is not None:
             from legfem.common.units import kpa_to_mpa
             from legfem.jobs.pool import leading
             from legfem.study.correction import of_leg
 
-            with leading(MPI.COMM_WORLD) as first, brief_output(quiet, as_json) as written:
+            with leading(MPI.COMM_WORLD) as first, command_line.brief_output(quiet, as_json) as written:
                 if first:
                     stiffness = kpa_to_mpa(c10_kpa), kpa_to_mpa(c20_kpa)
                     of_leg.run(subject_dir, stiffness, depth, folder, quiet, MPI.COMM_WORLD)
@@ -230,9 +220,9 @@ def correction(
             IdealisedLegSettings(mesh=LegMeshSettings().refined(finer)),
             depth,
         )
-        processes = (jobs or usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
+        processes = (jobs or command_line.usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
         asked = correction_command.CorrectionOutputs(trends, legs, fields)
-        with brief_output(quiet, as_json) as written:
+        with command_line.brief_output(quiet, as_json) as written:
             correction_command.run(Calibration(case), asked, folder, processes, quiet)
             if MPI.COMM_WORLD.rank == 0:
                 written.append(folder / correction_command.DOCUMENT)

@@ -16,19 +16,10 @@ from legfem.channels.kinds import files_of
 from legfem.channels.seen import ChannelReader
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.experiments import indentation
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest
 from legfem.experiments.bodies import CylinderOnBlock
 from legfem.experiments.experiment import Solved, as_protocol, cached_in_process
-from legfem.experiments.indentation import (
-    SOFTER,
-    Attempt,
-    IndentationModel,
-    IndentationRequest,
-    IndentationTest,
-    OnStep,
-    RecentSolutions,
-    leg_model,
-)
 from legfem.fem.fields import most_stretched
 from legfem.fem.sliding import SlidingForces
 from legfem.fem.spaces import build_spaces
@@ -134,7 +125,7 @@ class PlaneStrainSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneStrainIndentation(IndentationTest):
+class PlaneStrainIndentation(indentation.IndentationTest):
     """The plane-strain test on one section; solves for any parameters without meshing again.
 
     Parameters
@@ -191,7 +182,7 @@ class PlaneStrainIndentation(IndentationTest):
         """Mechanical model: the sum of its terms."""
         tissues = {name: getattr(self.tissues, name) for name in REGIONS}
         cylinder = RigidCylinder(self.indenter.radius)
-        model = leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
+        model = indentation.leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
         return model.with_terms(self.mechanisms)
 
     @property
@@ -224,9 +215,9 @@ class PlaneStrainIndentation(IndentationTest):
         return moved_section_mesh(meshed, self.moved, self.section, indenter.radius, indenter.aim)
 
     @cached_in_process
-    def replays(self) -> RecentSolutions:
+    def replays(self) -> indentation.RecentSolutions:
         """Solutions whose states are kept."""
-        return RecentSolutions()
+        return indentation.RecentSolutions()
 
     @cached_in_process
     def _finer(self) -> "PlaneStrainIndentation":
@@ -248,21 +239,21 @@ class PlaneStrainIndentation(IndentationTest):
         settings = replace(self.settings, defences=False, **changed)
         return replace(self, settings=settings, meshed=self.section_mesh)
 
-    def attempts(self, placement: LateralPlacement | None = None) -> Iterator[Attempt]:
+    def attempts(self, placement: LateralPlacement | None = None) -> Iterator[indentation.Attempt]:
         """Yield the model, then with more quadrature points, without pressures, with a softer contact, and finer."""
         placement = placement or LateralPlacement()
         placed = self._placed(placement)
         if not self.settings.defences:
-            yield Attempt(placed)
+            yield indentation.Attempt(placed)
             return
-        yield Attempt(placed.relaxing)
+        yield indentation.Attempt(placed.relaxing)
         if self.settings.formulation == "mixed":
-            yield Attempt(self._well_integrated._placed(placement).relaxing, more_points=True)
+            yield indentation.Attempt(self._well_integrated._placed(placement).relaxing, more_points=True)
             # An incompressible body is too stiff without pressures: `_trusted` asks.
             other = self._of_displacements._placed(placement).relaxing
-            yield Attempt(other, without_pressures=True)
-        yield Attempt(placed, SOFTER)
-        yield Attempt(self._finer._placed(placement), SOFTER)
+            yield indentation.Attempt(other, without_pressures=True)
+        yield indentation.Attempt(placed, indentation.SOFTER)
+        yield indentation.Attempt(self._finer._placed(placement), indentation.SOFTER)
 
     def solve(
         self,
@@ -271,7 +262,7 @@ class PlaneStrainIndentation(IndentationTest):
         sensitivities: Sequence[str] = (),
         *,
         depth: float | None = None,
-        on_step: OnStep | None = None,
+        on_step: indentation.OnStep | None = None,
         keep_in: Path | None = None,
         placement: LateralPlacement | None = None,
     ) -> Solved:
@@ -290,7 +281,7 @@ class PlaneStrainIndentation(IndentationTest):
             Also where the end wasn't reached.
         """
         given, attempts = as_protocol(protocol if depth is None else depth), self.attempts(placement)
-        return self._farthest(attempts, IndentationRequest(values, given, sensitivities, on_step, keep_in))
+        return self._farthest(attempts, indentation.IndentationRequest(values, given, sensitivities, on_step, keep_in))
 
     def _trusted(self, made: Iterator[Solved]) -> Iterator[Solved]:
         """Yield attempts; one without pressures counts only if its force agrees with the first attempt's."""
@@ -321,7 +312,7 @@ class PlaneStrainIndentation(IndentationTest):
             text += f", {gap:.0f} mm from the {bone}, onto which what lies above presses it"
         return f"{text}; use less depth, or check how soft it is beside its neighbours"
 
-    def _made(self) -> IndentationModel:
+    def _made(self) -> indentation.IndentationModel:
         meshed, free = self.section_mesh, self._bones_give_way
         spaces = build_spaces(
             *meshed.tagged,
@@ -333,7 +324,7 @@ class PlaneStrainIndentation(IndentationTest):
         degree = self.settings.quadrature_degree
         faces = [SlidingForces(spaces, term) for term in self.model.at("face") if isinstance(term, SlidingFace)]
         system = System(spaces, self.model, meshed.touch, meshed.direction, degree, faces=faces)
-        return IndentationModel(
+        return indentation.IndentationModel(
             system,
             NewtonSolver(system, self.settings.newton),
             self.settings.contact,
@@ -343,7 +334,7 @@ class PlaneStrainIndentation(IndentationTest):
             ChannelReader(system, files_of("2d"), self.sights, TravelLine(meshed.touch, meshed.direction)),
         )
 
-    def _placed(self, placement: LateralPlacement) -> IndentationModel:
+    def _placed(self, placement: LateralPlacement) -> indentation.IndentationModel:
         meshed, indenter = self.section_mesh, self.indenter
         aim = placement.aim(indenter.aim, meshed.direction)
         touch = first_touch(meshed.outline, indenter.radius, aim, meshed.direction)

@@ -8,18 +8,7 @@ from pathlib import Path
 
 from legfem.common.errors import InputError
 from legfem.common.units import MPA_PER_KPA, kpa_to_mpa
-from legfem.inverse.catalogue import (
-    DEEP_C10,
-    DEEP_C20,
-    DEEP_D2,
-    LAWS,
-    LawName,
-    Values,
-    check_held,
-    check_known,
-    parameter_of,
-    unit_of,
-)
+from legfem.inverse import catalogue
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.population import TISSUES, cohort_prior, population_prior
 
@@ -61,7 +50,7 @@ class ParameterTexts:
     c10_bounds: tuple[float, float] | None = None
     c20_bounds: tuple[float, float] | None = None
 
-    def parameters(self, nominal: Values) -> tuple[Parameter, ...]:
+    def parameters(self, nominal: catalogue.Values) -> tuple[Parameter, ...]:
         """Return what is free: what is to be identified, and as nuisances what has a prior only.
 
         Raises
@@ -69,16 +58,16 @@ class ParameterTexts:
         InputError
             For names, numbers or units that can't be.
         """
-        names = dict.fromkeys(self.identify or (DEEP_C10, DEEP_C20))
-        check_known(names, nominal, "--identify")
-        free = {name: parameter_of(name, nominal) for name in names}
+        names = dict.fromkeys(self.identify or (catalogue.DEEP_C10, catalogue.DEEP_C20))
+        catalogue.check_known(names, nominal, "--identify")
+        free = {name: catalogue.parameter_of(name, nominal) for name in names}
         for text in self.priors:
             name, prior = read_prior(text, nominal)
-            own = free.get(name) or replace(parameter_of(name, nominal), role="nuisance")
+            own = free.get(name) or replace(catalogue.parameter_of(name, nominal), role="nuisance")
             free[name] = replace(own, prior=prior)
         for option, name, least, bounds in (
-            ("--c10-bounds", DEEP_C10, 1e-6, self.c10_bounds),
-            ("--c20-bounds", DEEP_C20, 0.0, self.c20_bounds),
+            ("--c10-bounds", catalogue.DEEP_C10, 1e-6, self.c10_bounds),
+            ("--c20-bounds", catalogue.DEEP_C20, 0.0, self.c20_bounds),
         ):
             if bounds is not None and name in free:
                 free[name] = replace(free[name], bounds=_bounds(option, bounds, least))
@@ -90,7 +79,7 @@ class ParameterTexts:
         written = [*self.identify, *self.priors, *self.fixed]
         return {text.partition("=")[0].strip() for text in written}
 
-    def held(self, nominal: Values) -> dict[str, float]:
+    def held(self, nominal: catalogue.Values) -> dict[str, float]:
         """Return what is held, in the model's units.
 
         Raises
@@ -105,8 +94,8 @@ class ParameterTexts:
         return held
 
     def laws(
-        self, asked: str | None, parameters: Sequence[Parameter], given_c20: float | None, held: Values
-    ) -> list[LawName]:
+        self, asked: str | None, parameters: Sequence[Parameter], given_c20: float | None, held: catalogue.Values
+    ) -> list[catalogue.LawName]:
         """Return the laws to identify: ``both``, one, or without a word those of the names.
 
         Parameters
@@ -121,15 +110,15 @@ class ParameterTexts:
             Values that are held.
         """
         if asked is not None and asked != "both":
-            return [name for name in LAWS if name == asked]
+            return [name for name in catalogue.LAWS if name == asked]
         names = {one.name for one in parameters}
-        if asked == "both" or (DEEP_C20 in names and names - {DEEP_C20, DEEP_D2}):
-            return list(LAWS)
-        stiffens = given_c20 is not None or DEEP_C20 in (*names, *held)
+        if asked == "both" or (catalogue.DEEP_C20 in names and names - {catalogue.DEEP_C20, catalogue.DEEP_D2}):
+            return list(catalogue.LAWS)
+        stiffens = given_c20 is not None or catalogue.DEEP_C20 in (*names, *held)
         return ["reduced-polynomial" if stiffens else "neo-hookean"]
 
 
-def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
+def read_prior(text: str, nominal: catalogue.Values) -> tuple[str, Prior]:
     """Return the name and the prior of ``NAME=CENTRE±SD UNIT``, in the model's unit.
 
     Raises
@@ -139,14 +128,14 @@ def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
     """
     name, _, wanted = (part.strip() for part in text.partition("="))
     if wanted == _POPULATION:
-        check_known([name], nominal, "--prior")
+        catalogue.check_known([name], nominal, "--prior")
         if name not in TISSUES:
             raise InputError(
                 "--prior", name, "is not in the population's table", f"there is one of {' and '.join(TISSUES)}"
             )
         return name, population_prior(name)
     if wanted.endswith(".json"):
-        check_known([name], nominal, "--prior")
+        catalogue.check_known([name], nominal, "--prior")
         return name, cohort_prior(name, Path(wanted))
     found = _WRITTEN.fullmatch(text)
     if found is None or found["how"] is None:
@@ -170,15 +159,17 @@ def deep_prior(texts: Sequence[str]) -> Prior:
     InputError
         If it can't be read, or is another's.
     """
-    (name, prior), *others = (read_prior(text, {DEEP_C10: 1.0}) for text in texts)
-    if others or name != DEEP_C10:
-        raise InputError("--prior", ", ".join(texts), "can't be taken by a diagnosis", f"give one of {DEEP_C10}")
+    (name, prior), *others = (read_prior(text, {catalogue.DEEP_C10: 1.0}) for text in texts)
+    if others or name != catalogue.DEEP_C10:
+        raise InputError(
+            "--prior", ", ".join(texts), "can't be taken by a diagnosis", f"give one of {catalogue.DEEP_C10}"
+        )
     if prior.scale != "log" and not 0 < prior.sd < prior.centre:
         raise InputError("--prior", texts[0], "reaches below zero", "give a median and a factor")
     return prior
 
 
-def read_value(text: str, nominal: Values) -> tuple[str, float]:
+def read_value(text: str, nominal: catalogue.Values) -> tuple[str, float]:
     """Return the name and the value of ``NAME=VALUE UNIT``, in the model's unit.
 
     Raises
@@ -191,15 +182,15 @@ def read_value(text: str, nominal: Values) -> tuple[str, float]:
         raise InputError("--fix", text, "can't be read", f"write {_FIX_EXAMPLE}")
     name, factor = _known(found, nominal, "--fix", _FIX_EXAMPLE)
     value = float(found["value"]) * factor
-    check_held("--fix", text, name, value)
+    catalogue.check_held("--fix", text, name, value)
     return name, value
 
 
-def _known(found: re.Match[str], nominal: Values, source: str, example: str) -> tuple[str, float]:
+def _known(found: re.Match[str], nominal: catalogue.Values, source: str, example: str) -> tuple[str, float]:
     """Return the name, and the factor from the unit as written to the model's."""
     name, unit = found["name"], found["unit"]
-    check_known([name], nominal, source)
-    wanted = unit_of(name)
+    catalogue.check_known([name], nominal, source)
+    wanted = catalogue.unit_of(name)
     own, factor = _FACTORS.get(unit or "-", (unit or "-", 1.0))
     if own != wanted:
         others = " or ".join([wanted, *(u for u, (o, _) in _FACTORS.items() if o == wanted)])

@@ -14,16 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from legfem.common.units import FloatArray, readable_unit
-from legfem.inverse.catalogue import (
-    DEEP_C20,
-    IdentifiedLaw,
-    LawName,
-    Values,
-    key_of,
-    short_key_of,
-    unit_suffix,
-    with_units,
-)
+from legfem.inverse import catalogue
 from legfem.inverse.comparison import Comparison, Covariances, ErrorSource, JointComparison, Weighting, total_of
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
 from legfem.inverse.fit import EXACT, Cost, Fit, Goodness, OwnEstimate, r_squared
@@ -48,11 +39,11 @@ class Problem[C: Comparison](Protocol):
         ...
 
     @property
-    def unknowns(self) -> Mapping[LawName, IdentifiedLaw]:
+    def unknowns(self) -> Mapping[catalogue.LawName, catalogue.IdentifiedLaw]:
         """What is free and held in each law."""
         ...
 
-    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> C:
+    def comparison(self, law: catalogue.IdentifiedLaw, near: tuple[catalogue.Values, FloatArray] | None = None) -> C:
         """Predictions beside the readings; with ``near`` shared errors count in the weights about that solve."""
         ...
 
@@ -75,7 +66,9 @@ class Problem[C: Comparison](Protocol):
         ...
 
 
-def fit[C: Comparison](problem: Problem[C], laws: Sequence[LawName], request: SearchRequest) -> list[Fit[Any]]:
+def fit[C: Comparison](
+    problem: Problem[C], laws: Sequence[catalogue.LawName], request: SearchRequest
+) -> list[Fit[Any]]:
     """Fit laws to all tests of a problem together.
 
     Parameters
@@ -99,7 +92,7 @@ def fit[C: Comparison](problem: Problem[C], laws: Sequence[LawName], request: Se
 
 
 def fit_with[C: Comparison](
-    problem: Problem[C], laws: Sequence[LawName], solver: FullSolver, settings: IdentificationSettings
+    problem: Problem[C], laws: Sequence[catalogue.LawName], solver: FullSolver, settings: IdentificationSettings
 ) -> list[Fit[Any]]:
     """`fit` with a solver that is at hand; see there."""
     near = None
@@ -133,7 +126,12 @@ def goodness_of(
 
 
 def optimum_of(
-    found: Found[Any], covariances: Covariances, times: float, goodness: Goodness, assumed: Values, plane: bool
+    found: Found[Any],
+    covariances: Covariances,
+    times: float,
+    goodness: Goodness,
+    assumed: catalogue.Values,
+    plane: bool,
 ) -> tuple[Mapping[str, Estimate], FloatArray]:
     """Estimates and their correlations (p, p) at the optimum.
 
@@ -250,13 +248,13 @@ def _cost_map(search: Search[Any]) -> CostMap | None:
     return CostMap(law.names, across, up, search.emulated().cost(points))
 
 
-def held_values(law: IdentifiedLaw) -> Values:
+def held_values(law: catalogue.IdentifiedLaw) -> catalogue.Values:
     """Numbers that were held, in the model's units; none where a term is absent (C20 of 0, D2 infinite)."""
     return MappingProxyType(
         {
             name: value
             for name, value in {**law.nominal, **law.fixed}.items()
-            if name not in law.names and math.isfinite(value) and (name, value) != (DEEP_C20, 0.0)
+            if name not in law.names and math.isfinite(value) and (name, value) != (catalogue.DEEP_C20, 0.0)
         }
     )
 
@@ -268,13 +266,13 @@ def search_settings(search: Search[Any]) -> dict[str, Any]:
     bounds = {}
     for parameter in law.parameters:
         unit, factor = readable_unit(parameter.unit)
-        bounds[f"{short_key_of(parameter.name)}_bounds_{unit_suffix(unit)}"] = [
+        bounds[f"{catalogue.short_key_of(parameter.name)}_bounds_{catalogue.unit_suffix(unit)}"] = [
             factor * end for end in parameter.bounds
         ]
     return {
-        **with_units(held_values(law)),
+        **catalogue.with_units(held_values(law)),
         **bounds,
-        "priors": {key_of(one.name): prior_document(one) for one in law.parameters if one.prior},
+        "priors": {catalogue.key_of(one.name): prior_document(one) for one in law.parameters if one.prior},
         "emulator": settings.emulator,
         "most_solves": settings.most_solves,
         "genetic": asdict(minimiser)

@@ -13,18 +13,7 @@ from legfem.channels import Sight
 from legfem.common.errors import InputError
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
-from legfem.inverse.catalogue import (
-    DEEP_C10,
-    DEEP_C20,
-    DEEP_D2,
-    DEEP_RATIO,
-    IdentifiedLaw,
-    LawName,
-    Values,
-    check_known,
-    parameter_of,
-    within_prior,
-)
+from legfem.inverse import catalogue
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.readings import INSTRUMENT
@@ -93,12 +82,12 @@ class PlaneStrainForward:
         _ = self.experiment.pressing
 
     @property
-    def nominal(self) -> Values:
+    def nominal(self) -> catalogue.Values:
         """The tissues' values, and those of further mechanisms (MPa, 1/MPa)."""
         further = {k: v for term in self.mechanisms for k, v in term.parameters.items()}
         return {**values_of(self.tissues), **further}
 
-    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
+    def solve(self, values: catalogue.Values, sensitivities: Sequence[str]) -> Outcome:
         """Solve in full."""
         from legfem.experiments.indentation import SolutionStates
 
@@ -146,21 +135,21 @@ def values_of(tissues: "Tissues") -> dict[str, float]:
     }
 
 
-_OF_POLYNOMIAL_ONLY = (DEEP_C20, DEEP_D2)
+_OF_POLYNOMIAL_ONLY = (catalogue.DEEP_C20, catalogue.DEEP_D2)
 
 
-def default_parameters(nominal: Values) -> tuple[Parameter, ...]:
+def default_parameters(nominal: catalogue.Values) -> tuple[Parameter, ...]:
     """Return C10 and C20 of the deep tissue; a law takes what it has."""
-    return tuple(parameter_of(name, nominal) for name in (DEEP_C10, DEEP_C20))
+    return tuple(catalogue.parameter_of(name, nominal) for name in (catalogue.DEEP_C10, catalogue.DEEP_C20))
 
 
 def law_of(
-    name: LawName,
+    name: catalogue.LawName,
     subject: Subject,
-    nominal: Values,
+    nominal: catalogue.Values,
     parameters: Sequence[Parameter] | None = None,
-    fixed: Values | None = None,
-) -> IdentifiedLaw:
+    fixed: catalogue.Values | None = None,
+) -> catalogue.IdentifiedLaw:
     """Return a law with what the subject's folder assumes.
 
     Parameters
@@ -186,11 +175,11 @@ def law_of(
     given = default_parameters(nominal) if parameters is None else parameters
     held = dict(fixed or {})
     given = _with_what_is_known(given, subject, nominal)
-    check_known([one.name for one in given], nominal, "--identify")
-    check_known(list(held), nominal, "--fix")
+    catalogue.check_known([one.name for one in given], nominal, "--identify")
+    catalogue.check_known(list(held), nominal, "--fix")
     without = _OF_POLYNOMIAL_ONLY if name == "neo-hookean" else ()
     free = tuple(
-        within_prior(one)
+        catalogue.within_prior(one)
         for one in sorted(given, key=lambda one: one.name in INSTRUMENT)
         if one.role != "fixed" and one.name not in (*without, *held)
     )
@@ -198,10 +187,10 @@ def law_of(
         raise InputError("--identify", name, "nothing is left to identify", "name a parameter")
     deep = subject.tissues["deep"]
     if name == "neo-hookean":
-        own = {DEEP_C10: deep.C10, DEEP_C20: 0.0, DEEP_D2: math.inf}
+        own = {catalogue.DEEP_C10: deep.C10, catalogue.DEEP_C20: 0.0, catalogue.DEEP_D2: math.inf}
         held = {key: value for key, value in held.items() if key not in without}
     else:
-        own = {DEEP_C10: deep.C10, DEEP_C20: deep.C20, DEEP_D2: deep.D2 or math.inf}
+        own = {catalogue.DEEP_C10: deep.C10, catalogue.DEEP_C20: deep.C20, catalogue.DEEP_D2: deep.D2 or math.inf}
     names = {one.name for one in free}
     for key, value in own.items():
         if key in names or key in held:
@@ -214,28 +203,28 @@ def law_of(
                 f"add --identify {key}, or --fix '{key}=VALUE kPa'",
             )
         held[key] = value
-    return IdentifiedLaw(name, free, held, nominal)
+    return catalogue.IdentifiedLaw(name, free, held, nominal)
 
 
-def _with_what_is_known(given: Sequence[Parameter], subject: Subject, nominal: Values) -> list[Parameter]:
+def _with_what_is_known(given: Sequence[Parameter], subject: Subject, nominal: catalogue.Values) -> list[Parameter]:
     """Return parameters with what was measured of them, and what was measured of others."""
     known = {one.name: one for one in given}
     priors, fibres = elastography_priors(subject.elastography), subject.fibres
-    if DEEP_RATIO in nominal and fibres is not None and fibres.sd:
-        priors[DEEP_RATIO] = Prior(fibres.value, fibres.sd, "linear", fibres.source)
+    if catalogue.DEEP_RATIO in nominal and fibres is not None and fibres.sd:
+        priors[catalogue.DEEP_RATIO] = Prior(fibres.value, fibres.sd, "linear", fibres.source)
     for name, prior in priors.items():
-        own = known.get(name) or replace(parameter_of(name, nominal), role="nuisance")
+        own = known.get(name) or replace(catalogue.parameter_of(name, nominal), role="nuisance")
         known[name] = replace(own, prior=own.prior or prior)
     return list(known.values())
 
 
 def laws_of(
     subject: Subject,
-    names: Sequence[LawName],
-    nominal: Values,
+    names: Sequence[catalogue.LawName],
+    nominal: catalogue.Values,
     parameters: Sequence[Parameter] | None = None,
-    fixed: Values | None = None,
-) -> dict[LawName, IdentifiedLaw]:
+    fixed: catalogue.Values | None = None,
+) -> dict[catalogue.LawName, catalogue.IdentifiedLaw]:
     """Return the laws asked for, and the neo-Hookean one if it is the limit of another.
 
     Raises
@@ -244,7 +233,7 @@ def laws_of(
         For a name that the model hasn't, or a stiffness that is neither free nor given.
     """
     laws = {name: law_of(name, subject, nominal, parameters, fixed) for name in names}
-    stiffening = any(law.index(DEEP_C20) is not None for law in laws.values())
+    stiffening = any(law.index(catalogue.DEEP_C20) is not None for law in laws.values())
     if stiffening and "neo-hookean" not in laws:
         with suppress(InputError):
             laws["neo-hookean"] = law_of("neo-hookean", subject, nominal, parameters, fixed)

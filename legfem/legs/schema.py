@@ -8,29 +8,18 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from legfem.common import input_files
 from legfem.common.errors import InputError
-from legfem.common.input_files import (
-    FileTable,
-    Finite,
-    NotNegative,
-    PlainName,
-    Positive,
-    Text,
-    Title,
-    checked,
-    read_toml,
-    trouble,
-)
 from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import RESOURCES, AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.legs.subject import ElastographyEntry, StatedRatio, check_once
 
-Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Vector = Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
 
 
-class IndenterEntry(FileTable):
+class IndenterEntry(input_files.FileTable):
     """``[indenter]``."""
 
     # Below 1 mm it is most likely metres or centimetres.
@@ -40,9 +29,9 @@ class IndenterEntry(FileTable):
     """Length of the cylinder along its axis; a ball and a punch have none."""
     shape: IndenterShape = "cylinder"
     """A punch is a cylinder that is pressed with its flat end."""
-    axis_deg: Finite | None = None
+    axis_deg: input_files.Finite | None = None
     """Angle by which the cylinder is turned about its travel: 0 lies along the leg, 90 across it."""
-    aim_mm: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+    aim_mm: Annotated[list[input_files.Finite], Field(min_length=2, max_length=2)] | None = None
     """x and y of a point on the line of travel, in the section's plane."""
     direction_deg: Annotated[float, Field(ge=-360.0, le=360.0, allow_inf_nan=False)] | None = None
     """Direction of travel in the section's plane, counter-clockwise from +x: 90 is towards +y."""
@@ -54,18 +43,18 @@ class IndenterEntry(FileTable):
     axis: Vector | None = None
     """Direction of the cylinder's axis in the scan; without it, square to the travel and as near to z as that
     allows."""
-    landmarks: Text | None = None
+    landmarks: input_files.Text | None = None
     """CSV file of points in the coordinates of the indenter's pose and in the scan's, where the two differ."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> "IndenterEntry":
         if self.shape == "cylinder" and self.length_mm is None:
-            raise trouble("length_mm", "missing", "give the cylinder's length")
+            raise input_files.trouble("length_mm", "missing", "give the cylinder's length")
         for key in ("axis_deg", "axis"):
             if self.shape != "cylinder" and getattr(self, key) is not None:
-                raise trouble(key, f"has no effect for a {self.shape}", "leave it out")
+                raise input_files.trouble(key, f"has no effect for a {self.shape}", "leave it out")
         if self.axis is not None and self.axis_deg is not None:
-            raise trouble("axis_deg", "is given beside axis", "give one of them")
+            raise input_files.trouble("axis_deg", "is given beside axis", "give one of them")
         return self
 
     @property
@@ -80,19 +69,19 @@ class IndenterEntry(FileTable):
         for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
             if (getattr(self, flat) is None) == (getattr(self, spatial) is None):
                 what = "missing" if getattr(self, flat) is None else f"given beside {spatial}"
-                raise trouble(flat, what, f"give {flat} in the section's plane, or {spatial} in the scan")
+                raise input_files.trouble(flat, what, f"give {flat} in the section's plane, or {spatial} in the scan")
         if (self.position_mm is None) != (self.direction is None):
-            raise trouble(
+            raise input_files.trouble(
                 "direction",
                 "position_mm and direction belong together",
                 "give both in the scan, or aim_mm and direction_deg in the section's plane",
             )
         for key in ("axis", "landmarks"):
             if getattr(self, key) is not None and self.position_mm is None:
-                raise trouble(key, "is of use with position_mm alone", "leave it out")
+                raise input_files.trouble(key, "is of use with position_mm alone", "leave it out")
         for key in ("direction", "axis"):
             if getattr(self, key) is not None and not any(getattr(self, key)):
-                raise trouble(key, "has no length", "give a vector")
+                raise input_files.trouble(key, "has no length", "give a vector")
         return self
 
 
@@ -109,13 +98,13 @@ class SectionEntry(ShapeEntry):
         **ShapeEntry.sources,
         "girth_mm": "girth_mm with fat_mm (a typical calf of that size)",
     }
-    fascia_thickness_mm: Positive
+    fascia_thickness_mm: input_files.Positive
     """Thickness of the fascia around the muscle; 0.6 mm is usual."""
     girth_mm: Annotated[float, Field(ge=200.0, le=600.0, allow_inf_nan=False)] | None = None
     """Girth of the calf where it is pressed, by a tape; no outlines are needed then."""
     fat_mm: Annotated[float, Field(ge=2.0, le=60.0, allow_inf_nan=False)] | None = None
     """Thickness of skin and fat under the indenter, by ultrasound or half a skinfold."""
-    level_mm: Finite | None = None
+    level_mm: input_files.Finite | None = None
     """Height in the scan at which the section is cut, square to z; without it, the section goes through the
     indenter's position."""
     length_mm: Annotated[float, Field(gt=0, le=1000.0, allow_inf_nan=False)] | None = None
@@ -125,22 +114,22 @@ class SectionEntry(ShapeEntry):
     def _both_sizes(self) -> "SectionEntry":
         if (self.girth_mm is None) != (self.fat_mm is None):
             missing = "fat_mm" if self.fat_mm is None else "girth_mm"
-            raise trouble(missing, "missing", "a typical calf takes both girth_mm and fat_mm")
+            raise input_files.trouble(missing, "missing", "a typical calf takes both girth_mm and fat_mm")
         return self
 
 
-class TissueEntry(FileTable):
+class TissueEntry(input_files.FileTable):
     """What ``[tissues.deep]``, ``[tissues.superficial]`` and ``[tissues.fascia]`` share."""
 
     law: Literal["neo-hookean", "reduced-polynomial"]
     """A neo-Hookean tissue has C10 alone; a reduced polynomial has C20 too, and stiffens."""
-    C10_kPa: Positive | None = None
+    C10_kPa: input_files.Positive | None = None
     """Half the shear modulus; leave the muscle's empty, it is what is identified."""
-    C20_kPa: NotNegative | None = None
+    C20_kPa: input_files.NotNegative | None = None
     """How much the tissue stiffens as it is deformed; of the reduced polynomial only."""
-    D1_per_MPa: Positive
+    D1_per_MPa: input_files.Positive
     """Compressibility: the bulk modulus is 2 / D1."""
-    D2_per_MPa: Positive | None = None
+    D2_per_MPa: input_files.Positive | None = None
     """Compressibility at large changes of volume; of the reduced polynomial only."""
 
     @model_validator(mode="after")
@@ -148,7 +137,7 @@ class TissueEntry(FileTable):
         if self.law == "neo-hookean":
             for key in ("C20_kPa", "D2_per_MPa"):
                 if getattr(self, key) is not None:
-                    raise trouble(
+                    raise input_files.trouble(
                         key,
                         "the neo-Hookean law has no such parameter",
                         f'remove {key} or set law = "reduced-polynomial"',
@@ -162,9 +151,9 @@ class GivenTissueEntry(TissueEntry):
     @model_validator(mode="after")
     def _stiffness_is_given(self) -> "GivenTissueEntry":
         if self.C10_kPa is None:
-            raise trouble("C10_kPa", "missing", "give it; only the deep tissue is identified")
+            raise input_files.trouble("C10_kPa", "missing", "give it; only the deep tissue is identified")
         if self.law == "reduced-polynomial" and self.C20_kPa is None:
-            raise trouble("C20_kPa", "missing", "give it; only the deep tissue is identified")
+            raise input_files.trouble("C20_kPa", "missing", "give it; only the deep tissue is identified")
         return self
 
 
@@ -173,17 +162,17 @@ class DeepTissueEntry(TissueEntry):
 
     fibre_ratio: StatedRatio | None = None
     """Shear modulus along the leg over that across it; without it, the muscle is alike in all directions."""
-    fibre_ratio_sd: Positive | None = None
+    fibre_ratio_sd: input_files.Positive | None = None
     """Standard deviation of fibre_ratio."""
 
     @model_validator(mode="after")
     def _error_of_something(self) -> "DeepTissueEntry":
         if self.fibre_ratio_sd is not None and self.fibre_ratio is None:
-            raise trouble("fibre_ratio_sd", "is given without fibre_ratio", "give the ratio too")
+            raise input_files.trouble("fibre_ratio_sd", "is given without fibre_ratio", "give the ratio too")
         return self
 
 
-class TissuesEntry(FileTable):
+class TissuesEntry(input_files.FileTable):
     """``[tissues]``."""
 
     deep: DeepTissueEntry
@@ -191,24 +180,24 @@ class TissuesEntry(FileTable):
     fascia: GivenTissueEntry
 
 
-class MeasuredEntry(FileTable):
+class MeasuredEntry(input_files.FileTable):
     """One of ``[[measured]]``: how strong an effect is, by another instrument than the indenter."""
 
-    effect: Text
+    effect: input_files.Text
     """Name of a mechanism, as diagnoses have it."""
-    value: Finite
+    value: input_files.Finite
     """Its strength, in its own unit."""
-    sd: Positive
+    sd: input_files.Positive
     """Of that, likewise."""
-    source: Text = "measured"
+    source: input_files.Text = "measured"
 
 
-class SubjectFile(FileTable):
+class SubjectFile(input_files.FileTable):
     """``subject.toml`` as it is written, in the file's units."""
 
-    id: PlainName
+    id: input_files.PlainName
     """Short name by which results are called: letters, digits, dots, dashes."""
-    title: Title
+    title: input_files.Title
     """What reports are headed with."""
     origin: Literal["measured", "reconstructed", "simulated"]
     """Where the data come from; reports of simulated or reconstructed data say so."""
@@ -222,7 +211,7 @@ class SubjectFile(FileTable):
     elastography: list[ElastographyEntry] = Field(default_factory=list)
     measured: list[MeasuredEntry] = Field(default_factory=list)
     channels: ChannelsEntry = ChannelsEntry()  # type: ignore[valid-type]
-    confirmed: list[Text] = Field(default_factory=list)
+    confirmed: list[input_files.Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 
     @property
@@ -236,7 +225,7 @@ class SubjectFile(FileTable):
         effects = [entry.effect for entry in self.measured]
         for number, effect in enumerate(effects):
             if effect in effects[:number]:
-                raise trouble(
+                raise input_files.trouble(
                     f"measured.{number}.effect",
                     f"{effect} is given twice",
                     "give the mean of the measurements, with its standard deviation",
@@ -254,7 +243,7 @@ class SubjectFile(FileTable):
             return content
         for key in ("aim_mm", "direction_deg", "position_mm", "direction"):
             if key in indenter:
-                raise trouble(
+                raise input_files.trouble(
                     f"indenter.{key}",
                     "is given beside section.girth_mm",
                     "leave it out: a typical calf is pressed from behind, towards its middle",
@@ -265,15 +254,15 @@ class SubjectFile(FileTable):
     def _one_plane(self) -> "SubjectFile":
         level, position = self.section.level_mm, self.indenter.position_mm
         if level is not None and position is not None:
-            raise trouble(
+            raise input_files.trouble(
                 "section.level_mm",
                 "is given beside indenter.position_mm",
                 "the position says where to cut: leave level_mm out",
             )
         if "labels" in self.model_fields_set and self.section.scan is None:
-            raise trouble("labels", "are given without a scan", "give the scan, or leave them out")
+            raise input_files.trouble("labels", "are given without a scan", "give the scan, or leave them out")
         if not self.is_cut and self.section.contours is None and self.section.girth_mm is None:
-            raise trouble(
+            raise input_files.trouble(
                 "section.level_mm",
                 "missing: nothing says where to cut the scan",
                 "give it, or position_mm and direction of the indenter",
@@ -286,11 +275,11 @@ RECORDINGS = "recordings"
 _OWN = ("section", "indenter")
 
 
-class SiteEntry(FileTable):
+class SiteEntry(input_files.FileTable):
     """One of ``[[site]]``: what it has in place of what the file gives for all."""
 
-    name: PlainName
-    recordings: Text | None = None
+    name: input_files.PlainName
+    recordings: input_files.Text | None = None
     """Folder within the leg's; ``recordings/NAME`` without it."""
     section: dict[str, Any] = Field(default_factory=dict)
     indenter: dict[str, Any] = Field(default_factory=dict)
@@ -329,7 +318,7 @@ def site_names(toml: Path) -> tuple[str, ...]:
     InputError
         If the file can't be read, or its sites are wrong.
     """
-    return tuple(site.name for site in _sites(toml, read_toml(toml, HOLDER)))
+    return tuple(site.name for site in _sites(toml, input_files.read_toml(toml, HOLDER)))
 
 
 def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
@@ -341,12 +330,12 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
         For what `legfem.common.input_files.parse_toml` raises one; if the leg has sites and none is
         named, or none of that name.
     """
-    content = with_lab(toml, read_toml(toml, HOLDER), ("indenter", "instrument", "accuracy", "recordings"))
+    content = with_lab(toml, input_files.read_toml(toml, HOLDER), ("indenter", "instrument", "accuracy", "recordings"))
     sites = {entry.name: entry for entry in _sites(toml, content)}
     if not sites:
         if site:
             raise InputError("--site", site, f"{toml} has no [[site]]", "leave it out")
-        return SubjectEntry(checked(toml, content, SubjectFile), RECORDINGS)
+        return SubjectEntry(input_files.checked(toml, content, SubjectFile), RECORDINGS)
     names = ", ".join(sites)
     if not site:
         raise InputError(
@@ -365,7 +354,7 @@ def _sites(toml: Path, content: Mapping[str, Any]) -> Sequence[SiteEntry]:
         return ()
     if not isinstance(content["site"], list):
         raise InputError(toml, "site", "is one table", "write [[site]] above each of the sites")
-    sites = checked(toml, content, _SitesFile).site
+    sites = input_files.checked(toml, content, _SitesFile).site
     for what, values in (
         ("name", [site.name for site in sites]),
         ("recordings", [PurePath(site.folder).as_posix() for site in sites]),
@@ -400,7 +389,7 @@ def _entry(toml: Path, content: Mapping[str, Any], site: SiteEntry) -> SubjectEn
         if isinstance(content.get(key), str):
             own[key] = f"{content[key]}{joint}{site.name}"
     try:
-        given = checked(toml, own, SubjectFile)
+        given = input_files.checked(toml, own, SubjectFile)
     except InputError as error:
         field = f"site {site.name}, {error.field}"
         raise InputError(error.source, field, error.problem, error.remedy) from None

@@ -14,14 +14,8 @@ from legfem.data.noise import slowest_error
 from legfem.data.phases import LOADING
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.section import layer_thicknesses
+from legfem.inverse import errors
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
-from legfem.inverse.errors import (
-    errors_of_places,
-    misplaced_covariance,
-    model_covariance,
-    reading_covariance,
-    shared_errors,
-)
 from legfem.inverse.readings import Channel
 from legfem.legs.nuisances import accuracy_of_shape
 from legfem.legs.plausible_recordings import loading_depths
@@ -77,7 +71,7 @@ class SiteChannel:
     @cached_property
     def numerical(self) -> FloatArray:
         """Covariance (k, k) of the model's own error, about the measured change."""
-        return model_covariance(self.readings, float(np.abs(self.slope * self.depth).max()))
+        return errors.model_covariance(self.readings, float(np.abs(self.slope * self.depth).max()))
 
 
 def site_channels(subject: Subject, curve: LoadingCurve, model: str = "2d") -> tuple[SiteChannel, ...]:
@@ -143,14 +137,14 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
         max(trial.loading.speed for trial in pressed),
         max(float(trial.recording.time[-1]) - trial.touched for trial in pressed),
     )
-    own = reading_covariance(readings, slope, slowest, [sorted({int(k) for k in readings.trial})])
+    own = errors.reading_covariance(readings, slope, slowest, [sorted({int(k) for k in readings.trial})])
     force = np.interp(readings.displacement, curve.displacement, curve.force, left=0.0)
-    of_places = errors_of_places(readings, level)
-    shared = shared_errors(readings, level, force) | of_places
+    of_places = errors.errors_of_places(readings, level)
+    shared = errors.shared_errors(readings, level, force) | of_places
     alike = [np.outer(effect, effect) for effect in shared.values()]
     # Where contact is put, in each trial by itself and in all.
     contact = curve.noise.shift_sd**2 * np.equal.outer(readings.trial, readings.trial) + curve.noise.common_shift_sd**2
-    instrument = own + misplaced_covariance(readings, of_places) + sum(alike) + contact * np.outer(slope, slope)
+    instrument = own + errors.misplaced_covariance(readings, of_places) + sum(alike) + contact * np.outer(slope, slope)
     # An outline that is off makes a layer thicker in proportion all along the test.
     share = np.abs(level) / at_rest if at_rest else np.zeros(len(level))
     both = np.sqrt(2) * accuracy_of_shape(subject).contour_sd * share

@@ -18,14 +18,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import first_touch
 from legfem.geometry.section import BONES, ClosedCurve, LegSection, across, smooth_closed_curve
-from legfem.meshing.gmsh_mesh import (
-    MeshQuality,
-    element_quality,
-    generate,
-    gmsh_model,
-    mesh_from_gmsh,
-    raise_everywhere,
-)
+from legfem.meshing import gmsh_mesh
 from legfem.meshing.grid import TaggedMesh
 
 Outline = Literal["skin", "fascia", "tibia", "fibula"]
@@ -179,7 +172,7 @@ class SectionMesh(TaggedMesh):
     """Unit vector of travel, (2,)."""
     outline: FloatArray
     """Corners of the skin, (n, 2), mm."""
-    quality: MeshQuality
+    quality: gmsh_mesh.MeshQuality
 
 
 def mesh_section(
@@ -219,16 +212,16 @@ def mesh_section(
     settings = settings or SectionMeshSettings()
     skin = smooth_closed_curve(section.skin)
     reached = _skin_within_reach(skin, radius, aim, direction)
-    with gmsh_model("section") as model:
+    with gmsh_mesh.gmsh_model("section") as model:
         outline: FloatArray | None = None
         quality = error = None
         if comm.rank == 0:
             try:
                 outline = _build(model, section, skin, cKDTree(reached), settings, bones, split)
-                quality = element_quality(model, REGIONS)
+                quality = gmsh_mesh.element_quality(model, REGIONS)
             except InputError as found:
                 error = found
-        raise_everywhere(comm, error)
+        gmsh_mesh.raise_everywhere(comm, error)
         outline, quality = comm.bcast((outline, quality), root=0)
         touch = first_touch(outline, radius, aim, direction)
         if quality.worst <= 0.02:
@@ -238,7 +231,7 @@ def mesh_section(
                 f"cannot be meshed soundly (worst element quality {quality.worst:.2g})",
                 "check the contours there for kinks or near contacts, or ask for a finer mesh",
             )
-        mesh, cell_tags, facet_tags = mesh_from_gmsh(model, comm, gdim=2)
+        mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=2)
     return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, outline, quality)
 
 
@@ -359,5 +352,5 @@ def _build(
     field.setString(graded, "F", f"min({contact} + {growth}*F{distance}, {settings.far_size})")
     field.setAsBackgroundMesh(graded)
     gmsh.option.setNumber("Mesh.Algorithm", 6)
-    generate(model, 2)
+    gmsh_mesh.generate(model, 2)
     return corners

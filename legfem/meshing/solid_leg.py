@@ -22,14 +22,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, check_shape
 from legfem.geometry.leg_surface import PartSurface
-from legfem.meshing.gmsh_mesh import (
-    MeshQuality,
-    element_quality,
-    generate,
-    gmsh_model,
-    mesh_from_gmsh,
-    raise_everywhere,
-)
+from legfem.meshing import gmsh_mesh
 from legfem.meshing.grid import Support
 from legfem.meshing.leg_sizes import SizeField, SolidMeshSettings, TissueGrid, bilinear, meshed_part, size_field
 from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
@@ -111,7 +104,7 @@ def _tube(
     on_tube = surface(turns[:, None], levels[None, :])
     grid = sizes(on_tube.reshape(-1, 3)).reshape(on_tube.shape[:2])
     size = bilinear(grid, (0.0, low), (around * turns[1], float(levels[1] - levels[0])))
-    with gmsh_model("tube") as model:
+    with gmsh_mesh.gmsh_model("tube") as model:
         flat, triangles = _unrolled(model, around, low, high, size)
     points = surface(np.minimum(flat[:, 0] / around, 1.0), flat[:, 1])
     rings = [
@@ -134,7 +127,7 @@ def _unrolled(
     model.mesh.setPeriodic(1, [sides[1]], [sides[0]], shift)
     model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
     gmsh.option.setNumber("Mesh.Algorithm", 6)
-    generate(model, 2)
+    gmsh_mesh.generate(model, 2)
     points, triangles = _triangles(model)
     return points[:, :2], triangles
 
@@ -148,7 +141,7 @@ def _end_face(outer: FloatArray, inner: list[FloatArray], sizes: SizeField) -> t
     grid = sizes(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)])).reshape(x.shape)
     steps = float(nodes[0][1] - nodes[0][0]), float(nodes[1][1] - nodes[1][0])
     size = bilinear(grid, (float(low[0]), float(low[1])), steps)
-    with gmsh_model("end") as model:
+    with gmsh_mesh.gmsh_model("end") as model:
         geometry, loops = model.geo, []
         for ring in (outer, *inner):
             points = [geometry.addPoint(*xyz) for xyz in ring]
@@ -160,7 +153,7 @@ def _end_face(outer: FloatArray, inner: list[FloatArray], sizes: SizeField) -> t
         geometry.synchronize()
         model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
         gmsh.option.setNumber("Mesh.Algorithm", 6)
-        generate(model, 2)
+        gmsh_mesh.generate(model, 2)
         return _triangles(model)
 
 
@@ -220,23 +213,23 @@ def mesh_solid_leg(
             shell = mesh_shell(shape, size_field(shape, settings, spacing=3.0), settings.enclosing)
         except InputError as found:
             error = found
-    raise_everywhere(comm, error)
-    with gmsh_model("leg") as model:
+    gmsh_mesh.raise_everywhere(comm, error)
+    with gmsh_mesh.gmsh_model("leg") as model:
         quality = None
         if comm.rank == 0:
             assert shell is not None
             error = _fill(model, shape, shell, settings)
             if error is None:
-                quality = element_quality(model, SOLID_REGIONS, dimension=3)
+                quality = gmsh_mesh.element_quality(model, SOLID_REGIONS, dimension=3)
                 error = _unsound(quality)
-        raise_everywhere(comm, error)
-        mesh, cell_tags, facet_tags = mesh_from_gmsh(model, comm, gdim=3)
+        gmsh_mesh.raise_everywhere(comm, error)
+        mesh, cell_tags, facet_tags = gmsh_mesh.mesh_from_gmsh(model, comm, gdim=3)
     quality = comm.bcast(quality, root=0)
     supports = (Support(BONE, (0, 1, 2)),)
     return LegMesh(mesh, cell_tags, facet_tags, SOLID_REGIONS, supports, 1, quality)
 
 
-def _unsound(quality: MeshQuality) -> InputError | None:
+def _unsound(quality: gmsh_mesh.MeshQuality) -> InputError | None:
     if quality.worst > WORST_QUALITY:
         return None
     return InputError(
@@ -262,7 +255,7 @@ def _fill(model: Any, shape: LegShape, shell: Shell, settings: SolidMeshSettings
     model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: sizes(x, y, z))
     gmsh.option.setNumber("Mesh.Algorithm3D", 1)
     try:
-        generate(model, 3)
+        gmsh_mesh.generate(model, 3)
     except InputError as error:
         return error
     except Exception as error:  # gmsh raises nothing more specific

@@ -15,19 +15,11 @@ from legfem.legs.diagnosis import doubts_of
 from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject, elastography_priors
 from legfem.report import diagnosis_numbers as tables
-from legfem.report import estimates
+from legfem.report import diagnosis_sentences, estimates
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_numbers import known_of
-from legfem.report.diagnosis_sentences import (
-    TITLE,
-    headline,
-    hidden_sentence,
-    next_experiments,
-    to_do,
-    verdict_sentence,
-)
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import still_section
@@ -45,7 +37,7 @@ def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
     plan
         What was reckoned, each with its chance, the best first.
     """
-    wanted = [capital(line) for line in next_experiments(found)]
+    wanted = [capital(line) for line in diagnosis_sentences.next_experiments(found)]
     if plan:
         planned = [capital(line) for line in plan]
         left = [line for line in wanted if not any(line in one for one in planned)]
@@ -61,7 +53,7 @@ def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
         how = _to_state(found)
         return [*blocks, how] if how.rows else blocks
     if not wanted:
-        return [web.Prose(to_do(found, plan))]
+        return [web.Prose(diagnosis_sentences.to_do(found, plan))]
     why = {"ambiguous": "To distinguish the candidates:", "named": "To confirm the cause that was found:"}
     before = [web.Prose(why[found.verdict])] if found.verdict in why else []
     return [*before, web.Bullets(wanted)]
@@ -123,10 +115,10 @@ def diagnosis_web_page(
     if isinstance(subject, Subject):
         chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
     return web.WebPage(
-        title=TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
+        title=diagnosis_sentences.TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
         subject=subject.title,
         origin=subject.origin,
-        headline=headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
+        headline=diagnosis_sentences.headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
         warnings=[*doubt_lines(doubts_of(found, subject)), *waves_say(found, subject), *_warnings(found)],
         warned=" for the person who recorded and described the test",
         known=known_of(found, subject),
@@ -212,7 +204,7 @@ _DIFFER = 0.01
 
 def _physics(found: Diagnosis) -> list[web.Block]:
     blocks: list[web.Block] = [
-        web.Prose(f"Verdict: {found.verdict.upper()}. {verdict_sentence(found)}"),
+        web.Prose(f"Verdict: {found.verdict.upper()}. {diagnosis_sentences.verdict_sentence(found)}"),
         web.Prose(_looks(found)),
         web.WebTable("How probable each explanation is", *tables.explanation_cells(found)),
     ]
@@ -277,7 +269,7 @@ def _hidden(found: Diagnosis) -> list[web.Block]:
         web.Prose(
             f"{how} The following could change C10 by more than {limit} without being detected, the largest first:"
         ),
-        web.Bullets([hidden_sentence(found, *one) for one in found.hidden]),
+        web.Bullets([diagnosis_sentences.hidden_sentence(found, *one) for one in found.hidden]),
         table,
     ]
 

@@ -16,17 +16,7 @@ from legfem.inverse.location import Signature
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.stations import Stations
 from legfem.inverse.verdict import ADEQUATE, Diagnosis
-from legfem.report.diagnosis_curves import (
-    BASE_COLOUR,
-    BASE_NAME,
-    CONTRADICTED_COLOUR,
-    REPAIRED_COLOUR,
-    SUITING_COLOUR,
-    determined,
-    plain,
-    shown_models,
-    statement_name,
-)
+from legfem.report import diagnosis_curves
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 from legfem.report.words import number, probability
 
@@ -56,7 +46,7 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
             fontsize=8,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
         )
-    axes.set_yticks(range(len(every)), [statement_name(one) for one in every])
+    axes.set_yticks(range(len(every)), [diagnosis_curves.statement_name(one) for one in every])
     axes.set_ylim(len(every) - 0.4, -0.7)
     axes.set_xlim(0.0, 1.18)
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
@@ -68,19 +58,19 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
 
 
 _MEANING = {
-    REPAIRED_COLOUR: "reported",
-    CONTRADICTED_COLOUR: "less probable",
-    BASE_COLOUR: "nothing detectable",
-    SUITING_COLOUR: "something that legfem doesn't know",
+    diagnosis_curves.REPAIRED_COLOUR: "reported",
+    diagnosis_curves.CONTRADICTED_COLOUR: "less probable",
+    diagnosis_curves.BASE_COLOUR: "nothing detectable",
+    diagnosis_curves.SUITING_COLOUR: "something that legfem doesn't know",
 }
 
 
 def _colour(one: Statement, reported: bool) -> str:
     if one.nothing_shows:
-        return BASE_COLOUR
+        return diagnosis_curves.BASE_COLOUR
     if one.unnamed:
-        return SUITING_COLOUR
-    return REPAIRED_COLOUR if reported else CONTRADICTED_COLOUR
+        return diagnosis_curves.SUITING_COLOUR
+    return diagnosis_curves.REPAIRED_COLOUR if reported else diagnosis_curves.CONTRADICTED_COLOUR
 
 
 ROWS = 4
@@ -98,9 +88,9 @@ class EstimateRow:
 @styled
 def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     """Return the deep tissue's parameters in every model and the mechanisms' own, with a title."""
-    models = shown_models(found)[: ROWS - 1]
-    rows = [EstimateRow(BASE_NAME, found.base, BASE_COLOUR)]
-    rows += [EstimateRow(m.name, m.model, REPAIRED_COLOUR if m.suits else FAINT) for m in models]
+    models = diagnosis_curves.shown_models(found)[: ROWS - 1]
+    rows = [EstimateRow(diagnosis_curves.BASE_NAME, found.base, diagnosis_curves.BASE_COLOUR)]
+    rows += [EstimateRow(m.name, m.model, diagnosis_curves.REPAIRED_COLOUR if m.suits else FAINT) for m in models]
     stiffness = found.base.fit.stiffness
     panels: list[tuple[str, str, list[EstimateRow], float | None]]
     panels = [(f"{symbol_of(name)} of the deep tissue (kPa)", name, rows, None) for name in stiffness]
@@ -109,7 +99,7 @@ def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
             name = f"{mechanism.name}.{p.name}"
             mine = [row for row in rows if name in row.explanation.fit.free]
             unit = "" if p.unit == "-" else f" ({p.unit})"
-            what = f"{plain(mechanism.name)}: {p.name.replace('_', ' ')}{unit}"
+            what = f"{diagnosis_curves.plain(mechanism.name)}: {p.name.replace('_', ' ')}{unit}"
             if mine:
                 panels.append((what, name, mine, null_of(p) if k == 0 else None))
     columns = len(stiffness)
@@ -136,7 +126,7 @@ def _draw_estimates(axes: Axes, name: str, rows: list[EstimateRow], null: float 
     for k, row in enumerate(rows):
         value = row.explanation.shown(name).value
         ends.append(value)
-        seen = determined(row.explanation, name)
+        seen = diagnosis_curves.determined(row.explanation, name)
         if seen:
             low, high = row.explanation.shown(name).ci95
             axes.plot([low, high], [k, k], color=row.colour, linewidth=2.2, solid_capstyle="butt")
@@ -160,7 +150,7 @@ def _draw_estimates(axes: Axes, name: str, rows: list[EstimateRow], null: float 
     if null is not None:
         axes.axvline(null, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
     if len(rows) > 1 and not rows[0].explanation.fit.mechanisms:
-        axes.axvline(rows[0].explanation.value(name), color=BASE_COLOUR, linewidth=0.8, linestyle=":")
+        axes.axvline(rows[0].explanation.value(name), color=diagnosis_curves.BASE_COLOUR, linewidth=0.8, linestyle=":")
     span = max(ends) - min(ends) or abs(max(ends)) or 1.0
     axes.set_xlim(min(ends) - 0.25 * span, max(ends) + 0.25 * span)
     several = len(rows) > 1 or not rows[0].explanation.fit.mechanisms
@@ -209,7 +199,7 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
                 panel(
                     grid[row, column],
                     "ABCDEFGH"[row],
-                    f"{plain(name)}{' (reported)' if reported else ''}: {chance}"
+                    f"{diagnosis_curves.plain(name)}{' (reported)' if reported else ''}: {chance}"
                     + ("" if share is None else f", matches {100 * share:.0f} % of the misfit"),
                 )
         grid[row, 0].set_ylabel("base model −\nrecorded (N)")
@@ -224,7 +214,7 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     hides = f"{' and '.join(map(symbol_of, stiffness))} take{'s' if len(stiffness) == 1 else ''}"
     looks = f"less what {hides} up, scaled to the misfit"
     kinds = [
-        (REPAIRED_COLOUR, f"signature of a reported mechanism, {looks}"),
+        (diagnosis_curves.REPAIRED_COLOUR, f"signature of a reported mechanism, {looks}"),
         (OTHER_COLOUR, f"signature of a mechanism that is not reported, {looks}"),
     ]
     some = [any(n in m.names for m in found.models) for n in names]
@@ -285,7 +275,7 @@ def _draw_signature(axes: Axes, found: Diagnosis, number: int, scaled: FloatArra
     axes.axhline(0.0, color=DATA_COLOUR, linewidth=0.5)
     axes.plot(x, missed.T, ".", color=FAINT, markersize=2.5)
     axes.plot(x, missed.mean(axis=0), color=DATA_COLOUR, linewidth=0.9)
-    colour = REPAIRED_COLOUR if reported else OTHER_COLOUR
+    colour = diagnosis_curves.REPAIRED_COLOUR if reported else OTHER_COLOUR
     axes.plot(x, shape.T, color=colour, linewidth=1.0, alpha=0.7)
     axes.plot(x, shape.mean(axis=0), color=colour, linewidth=2.2, alpha=0.85)
 
@@ -297,7 +287,7 @@ def _mark_phases(axes: Axes, stations: Stations) -> None:
     for segment in np.unique(stations.segment):
         here = np.flatnonzero(stations.segment == segment)
         if segment > 0:
-            axes.axvline(here[0] - 0.5, color=CONTRADICTED_COLOUR, linewidth=0.8)
+            axes.axvline(here[0] - 0.5, color=diagnosis_curves.CONTRADICTED_COLOUR, linewidth=0.8)
         if stations.phase[here[0]] == HOLD:
             middle = int(here[len(here) // 2])
             since = stations.time[middle] - stations.protocol.time[segment]

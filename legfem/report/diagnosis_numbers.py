@@ -11,17 +11,7 @@ from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.subject import MeasuredEffect, Subject
-from legfem.report.diagnosis_curves import (
-    BASE_NAME,
-    Place,
-    determined,
-    model_name,
-    places_of,
-    plain,
-    relative_change,
-    shown_models,
-    statement_name,
-)
+from legfem.report import diagnosis_curves
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
 from legfem.report.page import Known, Provenance
@@ -38,10 +28,10 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     rows = []
     wrong = _WRONG if found.withheld else ""
     for name in found.base.fit.stiffness:
-        shown = [(found.base, BASE_NAME)]
-        shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in shown_models(found)]
+        shown = [(found.base, diagnosis_curves.BASE_NAME)]
+        shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in diagnosis_curves.shown_models(found)]
         for model, which in shown:
-            change = relative_change(found.base.value(name), model.value(name))
+            change = diagnosis_curves.relative_change(found.base.value(name), model.value(name))
             shown_c10 = model.shown(name)
             error = (shown_c10.ci95[1] - shown_c10.ci95[0]) / 4
             moduli = moduli_text(shown_c10.value, error) if model is found.base and name == DEEP_C10 else ""
@@ -64,10 +54,13 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
             for k, p in enumerate(mechanism.parameters):
                 full = f"{mechanism.name}.{p.name}"
                 unit = "" if p.unit == "-" else f" {p.unit}"
-                remark = [flag(model, full, null_of(p) if k == 0 else None), f"model with {model_name(model)}"]
+                remark = [
+                    flag(model, full, null_of(p) if k == 0 else None),
+                    f"model with {diagnosis_curves.model_name(model)}",
+                ]
                 rows.append(
                     Known(
-                        f"{plain(mechanism.name)}: {p.statement or plain(p.name)}",
+                        f"{diagnosis_curves.plain(mechanism.name)}: {p.statement or diagnosis_curves.plain(p.name)}",
                         estimate(model, full) + unit,
                         "estimated",
                         recordings,
@@ -107,7 +100,7 @@ def _measured(one: MeasuredEffect, origin: Origin) -> Known:
     strength = mechanism_named(one.effect).parameters[0]
     unit = "" if strength.unit == "-" else f" {strength.unit}"
     return Known(
-        f"{plain(one.effect)}, measured by itself: {strength.statement}",
+        f"{diagnosis_curves.plain(one.effect)}, measured by itself: {strength.statement}",
         f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)",
         origin,
         one.source,
@@ -144,7 +137,10 @@ OVER_ALL = "over all explanations"
 
 def phase_cells(found: Diagnosis) -> Cells:
     """Return what the base model and the first explanation leave in each phase."""
-    shown = [(BASE_NAME, found.weighted_base), *((f"with {model_name(m)}", m) for m in found.models[:1])]
+    shown = [
+        (diagnosis_curves.BASE_NAME, found.weighted_base),
+        *((f"with {diagnosis_curves.model_name(m)}", m) for m in found.models[:1]),
+    ]
     rows = [
         [which, check.phase, f"{check.left:.3f}", f"{check.errors:.3f}", short_probability(check.p_value)]
         for which, model in shown
@@ -165,7 +161,7 @@ def occurrence_cells(found: Diagnosis) -> Cells:
         unit = "" if first.unit == "-" else f" {first.unit}"
         rows.append(
             [
-                plain(one.mechanism),
+                diagnosis_curves.plain(one.mechanism),
                 f"{first.name.replace('_', ' ')} {low:.3g} to {high:.3g}{unit}",
                 f"{mechanism.expected:g}",
                 (own.source if own is not None else "") or "judgement",
@@ -185,12 +181,12 @@ def occurrence_cells(found: Diagnosis) -> Cells:
 
 def places_left_out(found: Diagnosis) -> int:
     """Return how many smaller places `places_cells` leaves out."""
-    return max(len(places_of(found)) - PLACES_SHOWN, 0)
+    return max(len(diagnosis_curves.places_of(found)) - PLACES_SHOWN, 0)
 
 
 def places_cells(found: Diagnosis) -> Cells:
     """Return where the base model is wrong, by how much, against the noise; the gravest ones."""
-    places = places_of(found)
+    places = diagnosis_curves.places_of(found)
     kept = sorted(places, key=lambda place: -place.weight)[:PLACES_SHOWN]
     rows = [
         [
@@ -209,7 +205,7 @@ def places_cells(found: Diagnosis) -> Cells:
     return header, rows
 
 
-def trials_of(found: Diagnosis, place: Place) -> str:
+def trials_of(found: Diagnosis, place: diagnosis_curves.Place) -> str:
     """Return the trials of a place, briefly."""
     observed = found.observed
     alike = observed.trials_of(place.protocol)
@@ -225,10 +221,17 @@ def evidence_cells(found: Diagnosis) -> Cells:
     """Return how probable each reported explanation is, and what it leaves."""
     base = found.weighted_base
     rows = [
-        [BASE_NAME, percent(found.explained.adequacy), "-", "-", f"{found.base_held_out.rmse:.3f}", "-"],
+        [
+            diagnosis_curves.BASE_NAME,
+            percent(found.explained.adequacy),
+            "-",
+            "-",
+            f"{found.base_held_out.rmse:.3f}",
+            "-",
+        ],
         *(
             [
-                f"with {model_name(model)}",
+                f"with {diagnosis_curves.model_name(model)}",
                 percent(model.probability),
                 f"{model.posterior.log_evidence - base.posterior.log_evidence:.1f}",
                 percent(explained_share(found, model)) + (" (in part)" if model.in_part else ""),
@@ -244,7 +247,9 @@ def evidence_cells(found: Diagnosis) -> Cells:
 
 def explanation_cells(found: Diagnosis) -> Cells:
     """Return the eight most probable things that may have been left out; nothing that shows, too."""
-    rows = [[statement_name(one), percent(one.probability)] for one in found.explained.statements()[:8]]
+    rows = [
+        [diagnosis_curves.statement_name(one), percent(one.probability)] for one in found.explained.statements()[:8]
+    ]
     return ["left out", "probability"], rows
 
 
@@ -257,7 +262,7 @@ def limit_cells(found: Diagnosis) -> Cells:
         stiffness = limit.stiffness.get(DEEP_C10)
         rows.append(
             [
-                plain(limit.name),
+                diagnosis_curves.plain(limit.name),
                 f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{unit}",
                 ends.get((limit.open_low, limit.open_high), "no"),
                 "-" if stiffness is None else f"{mpa_to_kpa(stiffness[0]):.3g} to {mpa_to_kpa(stiffness[1]):.3g}",
@@ -283,7 +288,7 @@ def estimate(model: Explanation, name: str) -> str:
 
 def interval(model: Explanation, name: str) -> str:
     """Return a parameter's 95 % interval."""
-    if not determined(model, name):
+    if not diagnosis_curves.determined(model, name):
         return "not narrowed by this test"
     return _between(model.shown(name).ci95)
 
@@ -304,7 +309,7 @@ def flag(model: Explanation, name: str, null: float | None) -> str:
     """Return a warning on a parameter, or nothing."""
     if name in model.fit.at_bound:
         return "AT THE BOUND of its search"
-    if not determined(model, name):
+    if not diagnosis_curves.determined(model, name):
         return "NOT DETERMINED by these recordings"
     low, high = model.interval(name)
     if null is not None and low <= null <= high:
@@ -316,7 +321,7 @@ def score_cells(found: Diagnosis) -> Cells:
     """Return the score tests of the base model, the strongest first."""
     rows = [
         [
-            plain(score.name),
+            diagnosis_curves.plain(score.name),
             short_probability(score.p_value),
             f"{100 * score.concealed:.1f} %" + (" (nearly all)" if score.concealed > 0.95 else ""),
         ]

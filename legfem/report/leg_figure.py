@@ -24,17 +24,7 @@ from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.legs.plausibility import room_before
 from legfem.legs.subject import Subject
 from legfem.meshing.section import REGIONS
-from legfem.report.style import (
-    BONE_COLOUR,
-    FAINT,
-    REGION_COLOURS,
-    REGION_NAMES,
-    TOOL_COLOUR,
-    new_figure,
-    panel,
-    styled,
-    title,
-)
+from legfem.report import style
 from legfem.stockings.leg import StockingLeg
 
 # A second-order cell as linear triangles, and its edges, in the order of DOLFINx' nodes.
@@ -104,7 +94,7 @@ class DrawnSection:
         return np.array([at[cell, list(edge)] for cell, edge in drawn])
 
 
-@styled
+@style.styled
 def leg_figure(
     fields: LegFields, section: LegSection, radius: float, depth: float, force: float, subject: str, origin: str
 ) -> Figure:
@@ -124,17 +114,17 @@ def leg_figure(
         Named in the title.
     """
     drawn = DrawnSection.of(fields)
-    figure = new_figure(13.5, 4.9)
-    title(figure, "Section of the leg before and after indentation (model)", subject, origin)
+    figure = style.new_figure(13.5, 4.9)
+    style.title(figure, "Section of the leg before and after indentation (model)", subject, origin)
     before, after, near = figure.subplots(1, 3)
     _draw_mesh(before, drawn, section)
-    panel(before, "A", f"undeformed, with its mesh ({len(drawn.region)} cells)")
-    panel(after, "B", f"pressed in by {depth:g} mm: {force:.2f} N")
-    panel(near, "C", "the same near the indenter")
+    style.panel(before, "A", f"undeformed, with its mesh ({len(drawn.region)} cells)")
+    style.panel(after, "B", f"pressed in by {depth:g} mm: {force:.2f} N")
+    style.panel(near, "C", "the same near the indenter")
     x, y = fields.indenter_centre
     for axes in (after, near):
         image = _draw_pressure(axes, drawn, section)
-        axes.add_patch(Circle((x, y), radius, facecolor=TOOL_COLOUR, edgecolor="black", zorder=4))
+        axes.add_patch(Circle((x, y), radius, facecolor=style.TOOL_COLOUR, edgecolor="black", zorder=4))
         axes.annotate("indenter", (x, y), ha="center", va="center", zorder=5)
     bar = figure.colorbar(image, ax=near, extend="both", shrink=0.8, pad=0.02)
     bar.set_label("hydrostatic pressure (kPa),\npositive in compression")
@@ -163,15 +153,16 @@ def _draw_mesh(axes: Axes, drawn: DrawnSection, section: LegSection) -> None:
     for name, tag in REGIONS.items():
         axes.add_collection(
             PolyCollection(
-                cells[drawn.region == tag], facecolor=REGION_COLOURS[name], edgecolor="#00000055", linewidth=0.25
+                cells[drawn.region == tag], facecolor=style.REGION_COLOURS[name], edgecolor="#00000055", linewidth=0.25
             )
         )
     _draw_bones(axes, section)
     axes.add_collection(LineCollection(list(drawn.interfaces(False)), colors="black", linewidths=0.6))
     handles: list[Any] = [
-        Patch(facecolor=REGION_COLOURS[name], edgecolor="#555555", label=REGION_NAMES[name]) for name in REGIONS
+        Patch(facecolor=style.REGION_COLOURS[name], edgecolor="#555555", label=style.REGION_NAMES[name])
+        for name in REGIONS
     ]
-    handles.append(Patch(facecolor=BONE_COLOUR, edgecolor="black", label="bone (fixed)"))
+    handles.append(Patch(facecolor=style.BONE_COLOUR, edgecolor="black", label="bone (fixed)"))
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2)
 
 
@@ -205,16 +196,16 @@ def _draw_pressure(axes: Axes, drawn: DrawnSection, section: LegSection) -> Any:
 def _draw_bones(axes: Axes, section: LegSection) -> None:
     for name in ("tibia", "fibula"):
         contour = section.contour(name)
-        axes.fill(*contour.T, facecolor=BONE_COLOUR, edgecolor="black", linewidth=0.8, zorder=3)
+        axes.fill(*contour.T, facecolor=style.BONE_COLOUR, edgecolor="black", linewidth=0.8, zorder=3)
         label = axes.annotate(name, contour.mean(axis=0), ha="center", va="center", fontsize=8)
-        label.set_path_effects([outline.withStroke(linewidth=2, foreground=BONE_COLOUR)])
+        label.set_path_effects([outline.withStroke(linewidth=2, foreground=style.BONE_COLOUR)])
         label.set_zorder(4)
 
 
 SECTION_SHOWS = "the section that was given or cut, with the cylinder at first touch and its travel"
 
 
-@styled
+@style.styled
 def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = None) -> Figure:
     """Return the section with the cylinder where it first touches, and its line of travel.
 
@@ -226,21 +217,27 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
         Outlines by part as the scan has them (mm), before they were given room.
     """
     section, indenter = subject.section, subject.indenter
-    figure = new_figure(6.4, 6.9)
-    title(figure, "Section of the leg and the cylinder at first touch", subject.title, subject.origin)
+    figure = style.new_figure(6.4, 6.9)
+    style.title(figure, "Section of the leg and the cylinder at first touch", subject.title, subject.origin)
     axes = figure.subplots()
     fascia = section.polygon("fascia")
     inner = np.asarray(fascia.buffer(-section.fascia_thickness).exterior.coords)
     for name, ring in (("superficial", section.skin), ("fascia", section.fascia), ("deep", inner)):
-        axes.fill(*ring.T, facecolor=REGION_COLOURS[name], edgecolor="black", linewidth=0.6, label=REGION_NAMES[name])
+        axes.fill(
+            *ring.T,
+            facecolor=style.REGION_COLOURS[name],
+            edgecolor="black",
+            linewidth=0.6,
+            label=style.REGION_NAMES[name],
+        )
     for bone in ("tibia", "fibula"):
         contour = section.contour(bone)
-        axes.fill(*contour.T, facecolor=BONE_COLOUR, edgecolor="black", linewidth=0.8)
+        axes.fill(*contour.T, facecolor=style.BONE_COLOUR, edgecolor="black", linewidth=0.8)
         axes.annotate(bone, contour.mean(axis=0), ha="center", va="center", fontsize=8)
     for number, scan in enumerate((scanned or {}).values()):
         axes.plot(
             *np.asarray(scan.exterior.coords).T,
-            color=FAINT,
+            color=style.FAINT,
             linestyle="--",
             linewidth=1.0,
             label="as scanned" if number == 0 else None,
@@ -268,7 +265,7 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
 
 def _tool(indenter: Indenter, middle: FloatArray) -> Patch:
     """Return what of an indenter is seen in the section, its face a radius ahead of its middle."""
-    colours = {"facecolor": TOOL_COLOUR, "edgecolor": "black"}
+    colours = {"facecolor": style.TOOL_COLOUR, "edgecolor": "black"}
     if indenter.lies_along or indenter.shape == "ball":
         return Circle(tuple(middle), indenter.radius, **colours)
     ahead, beside = indenter.direction, np.array([-1.0, 1.0]) * indenter.direction[::-1]
@@ -281,14 +278,14 @@ def _tool(indenter: Indenter, middle: FloatArray) -> Patch:
     return Outline(outline, closed=True, **colours)
 
 
-@styled
+@style.styled
 def slices_figure(leg: StockingLeg) -> Figure:
     """Return outlines at three of the heights that are compared, bare and in the stocking."""
     levels = leg.slices[:: len(leg.slices) // 2]
-    figure = new_figure(7.4, 4.0)
+    figure = style.new_figure(7.4, 4.0)
     figure.suptitle(f"Bare and in its stocking: {leg.origin} data", x=0.01, ha="left")
     every = figure.subplots(1, len(levels), sharex=True, sharey=True)
-    shapes = [("bare", leg.bare, FAINT)]
+    shapes = [("bare", leg.bare, style.FAINT)]
     if leg.compressed is not None:
         shapes.append(("in the stocking", leg.compressed, "#0072B2"))
     for name, shape, colour in shapes:

@@ -17,27 +17,9 @@ from markupsafe import Markup
 from legfem.common.documents import legfem_build, literal
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.fit import Fit
+from legfem.report import page as web
 from legfem.report.curves import Curves, SortableTable
 from legfem.report.folder import REPORT, ReportFile
-from legfem.report.page import (
-    PAGE,
-    PROVENANCE,
-    TESTED,
-    TONES,
-    Bars,
-    Block,
-    Bullets,
-    Chapter,
-    Known,
-    PressedSection,
-    Prose,
-    ResponseSurface,
-    TurnedLeg,
-    Verbatim,
-    WebPage,
-    WebTable,
-    listed,
-)
 from legfem.report.words import ORIGINS
 
 if TYPE_CHECKING:
@@ -69,7 +51,7 @@ _SHORT = 30
 """Characters of a number, or of a name beside it, at most."""
 
 
-def plain_page(page: WebPage, files: Sequence[ReportFile]) -> str:
+def plain_page(page: web.WebPage, files: Sequence[ReportFile]) -> str:
     """Return the text of ``report.txt``: all that a page says, and what else was written."""
     blocks = [
         *_opening(page, underlined=True),
@@ -81,7 +63,7 @@ def plain_page(page: WebPage, files: Sequence[ReportFile]) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def brief(page: WebPage, chapters: Sequence[str] = (TESTED,)) -> str:
+def brief(page: web.WebPage, chapters: Sequence[str] = (web.TESTED,)) -> str:
     """Return what a page says first, its estimates and some chapters, for the terminal."""
     found = [one for one in page.known if one.provenance in ("estimated", "prior")]
     told = [_chapter(one) for one in page.chapters if one.title in chapters]
@@ -92,7 +74,7 @@ def _headline(name: str) -> str:
     return f"{name}\n{'-' * len(name)}\n"
 
 
-def _opening(page: WebPage, underlined: bool) -> list[str]:
+def _opening(page: web.WebPage, underlined: bool) -> list[str]:
     line = "\n" + "=" * min(len(page.title), WIDTH) if underlined else ""
     data = page.data or ORIGINS[page.origin]
     what, _, explanation = data.partition(" (")
@@ -101,13 +83,13 @@ def _opening(page: WebPage, underlined: bool) -> list[str]:
     return [
         f"{page.title}{line}\n{page.subject}",
         f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
-        fill(f"{(given.heading or TONES[given.tone]).upper().rstrip('.')}. {given.sentence}"),
+        fill(f"{(given.heading or web.TONES[given.tone]).upper().rstrip('.')}. {given.sentence}"),
         bullets(answers),
         *([f"Warnings{page.warned}:\n{bullets(page.warnings)}"] if page.warnings else []),
     ]
 
 
-def _numbers(known: Sequence[Known]) -> str:
+def _numbers(known: Sequence[web.Known]) -> str:
     """Return numbers a line each, and what the words for their origin mean."""
     lines = []
     for one in known:
@@ -116,25 +98,25 @@ def _numbers(known: Sequence[Known]) -> str:
         remark = f"; {one.remark}" if one.remark else ""
         lines.append(f"{one.name}: {number}; {one.provenance}, {one.source}{remark}")
     used = dict.fromkeys(one.provenance for one in known)
-    legend = "; ".join(f"{name}: {PROVENANCE[name]}" for name in used)
+    legend = "; ".join(f"{name}: {web.PROVENANCE[name]}" for name in used)
     return f"{bullets(lines)}\n\n{fill(f'({legend}.)')}" if lines else ""
 
 
-def _chapter(chapter: Chapter) -> str:
+def _chapter(chapter: web.Chapter) -> str:
     return "\n\n".join(text for block in chapter.blocks if (text := _block_as_text(block)))
 
 
-def _block_as_text(block: Block) -> str:
+def _block_as_text(block: web.Block) -> str:
     match block:
-        case Prose():
+        case web.Prose():
             return fill(block.text)
-        case Bullets():
+        case web.Bullets():
             return bullets(block.items)
-        case WebTable() | SortableTable() | Bars():
+        case web.WebTable() | SortableTable() | web.Bars():
             return f"{fill(block.caption)}:\n{table(block.header, block.rows)}"
-        case ResponseSurface():
+        case web.ResponseSurface():
             return f"{fill(block.header[0].capitalize())}:\n{table(block.header, block.rows)}"
-        case Verbatim():
+        case web.Verbatim():
             return f"{block.title}:\n{block.text.rstrip()}"
     return ""  # What is to be looked at stands in the page for a browser, and in the figures.
 
@@ -156,7 +138,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     )
 
 
-def _repeat(page: WebPage) -> str:
+def _repeat(page: web.WebPage) -> str:
     given = page.repeat
     versions = ", ".join(f"{name} {version}" for name, version in given.versions.items())
     numbers = ", ".join(f"{name} {value}" for name, value in given.numbers.items())
@@ -173,13 +155,13 @@ MARKDOWN = "report.md"
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>|#~])")
 
 
-def markdown_page(page: WebPage) -> str:
+def markdown_page(page: web.WebPage) -> str:
     """All that a page says, as Markdown (CommonMark with GitHub's tables)."""
     given = page.headline
     parts = [
         f"# {_text(page.title)}",
         f"{_text(page.subject)}. **{_text(page.data or ORIGINS[page.origin])}**",
-        f"**{_text((given.heading or TONES[given.tone]).rstrip('.'))}.** {_text(given.sentence)}",
+        f"**{_text((given.heading or web.TONES[given.tone]).rstrip('.'))}.** {_text(given.sentence)}",
         _bullets([f"{question}: {answer}" for question, answer in given.answers]),
     ]
     if page.warnings:
@@ -190,7 +172,7 @@ def markdown_page(page: WebPage) -> str:
         parts += [
             "## Numbers",
             _table(["number", "value", "95 % interval", "how it is known", "from what", "remark"], rows),
-            _bullets([f"{name}: {PROVENANCE[name]}" for name in used]),
+            _bullets([f"{name}: {web.PROVENANCE[name]}" for name in used]),
         ]
     parts += markdown_chapters(page.chapters)
     versions = ", ".join(f"{name} {version}" for name, version in page.repeat.versions.items())
@@ -198,7 +180,7 @@ def markdown_page(page: WebPage) -> str:
     return "\n\n".join([*parts, "## How to repeat it", *command, _text(versions)]) + "\n"
 
 
-def markdown_chapters(chapters: Sequence[Chapter]) -> list[str]:
+def markdown_chapters(chapters: Sequence[web.Chapter]) -> list[str]:
     """Headings and blocks of the chapters that have anything to be read."""
     parts = []
     for chapter in chapters:
@@ -207,16 +189,24 @@ def markdown_chapters(chapters: Sequence[Chapter]) -> list[str]:
     return parts
 
 
-def _block_as_markdown(block: Block) -> str:
+def _block_as_markdown(block: web.Block) -> str:
     """A block; nothing of one that is only to be looked at."""
     match block:
-        case Prose():
+        case web.Prose():
             return _text(block.text)
-        case Bullets():
+        case web.Bullets():
             return _bullets(block.items)
-        case WebTable() | SortableTable() | Bars() | Curves() | PressedSection() | TurnedLeg() | ResponseSurface():
+        case (
+            web.WebTable()
+            | SortableTable()
+            | web.Bars()
+            | Curves()
+            | web.PressedSection()
+            | web.TurnedLeg()
+            | web.ResponseSurface()
+        ):
             return f"{_text(block.caption)}\n\n{_table(block.header, block.rows)}"
-        case Verbatim():
+        case web.Verbatim():
             return f"{_text(block.title)}:\n\n{_code(block.text)}"
     return ""
 
@@ -252,7 +242,7 @@ def embed(data: Any) -> Markup:
     return htmlsafe_json_dumps(data, allow_nan=False)
 
 
-def rendered(page: WebPage) -> str:
+def rendered(page: web.WebPage) -> str:
     """Return a page as HTML that loads nothing."""
     environment = Environment(
         loader=PackageLoader("legfem", "resources/web"),
@@ -266,9 +256,9 @@ def rendered(page: WebPage) -> str:
     kinds = {block.kind for block in blocks}
     return environment.get_template("report.html").render(
         page=page,
-        tone=page.headline.heading or TONES[page.headline.tone],
+        tone=page.headline.heading or web.TONES[page.headline.tone],
         data=page.data or ORIGINS[page.origin],
-        provenances=PROVENANCE,
+        provenances=web.PROVENANCE,
         scripts=list(dict.fromkeys(name for kind in _SCRIPTS if kind in kinds for name in _SCRIPTS[kind])),
         legfem=legfem_build(),
     )
@@ -304,7 +294,7 @@ def estimates_frame(fits: Sequence[Fit[Any]]) -> "pd.DataFrame":
     return pd.DataFrame(rows, columns=["law", "parameter", "value", "low", "high", "unit", "identifiability"])
 
 
-def write_tables(page: WebPage, folder: Path, estimates: "pd.DataFrame | None" = None) -> ReportFile:
+def write_tables(page: web.WebPage, folder: Path, estimates: "pd.DataFrame | None" = None) -> ReportFile:
     """Write a page's numbers as CSV and as a workbook.
 
     Parameters
@@ -337,12 +327,12 @@ def _frame(rows: Iterable[Mapping[str, Any]]) -> "pd.DataFrame":
     return pd.DataFrame([{name: literal(value) for name, value in row.items()} for row in rows])
 
 
-PAGE_FILES = (REPORT, PAGE, MARKDOWN, CSV, WORKBOOK)
+PAGE_FILES = (REPORT, web.PAGE, MARKDOWN, CSV, WORKBOOK)
 """Files that `write_page` writes."""
 
 
 def write_page(
-    page: WebPage, folder: Path, explore: str, files: Sequence[ReportFile], estimates: "pd.DataFrame | None" = None
+    page: web.WebPage, folder: Path, explore: str, files: Sequence[ReportFile], estimates: "pd.DataFrame | None" = None
 ) -> None:
     """Write ``report.html``, ``report.txt``, ``report.md``, ``numbers.csv`` and ``numbers.xlsx``.
 
@@ -359,9 +349,9 @@ def write_page(
     estimates
         A row a parameter; the page's known numbers without it.
     """
-    (folder / PAGE).write_text(rendered(page), encoding="utf-8")
+    (folder / web.PAGE).write_text(rendered(page), encoding="utf-8")
     (folder / MARKDOWN).write_text(markdown_page(page), encoding="utf-8")
     tables = write_tables(page, folder, estimates)
     markdown = ReportFile([Path(MARKDOWN)], "the same as Markdown")
-    every = [listed(explore), markdown, *files, tables]
+    every = [web.listed(explore), markdown, *files, tables]
     (folder / REPORT).write_text(plain_page(page, every), encoding="utf-8")

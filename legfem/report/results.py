@@ -19,17 +19,10 @@ from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report import diagnosis_document
 from legfem.report import diagnosis_numbers as tables
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import model_name, recording_figure
-from legfem.report.diagnosis_document import (
-    SCHEMA,
-    Recorded,
-    diagnosed_parameters,
-    document,
-    parameter_rows,
-    summary_of_law,
-)
 from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
 from legfem.report.estimates import preferred
 from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_another, made_in_place, write_fields
@@ -154,7 +147,7 @@ _RESULT = ReportFile([Path("diagnosis.json")], NUMBERS)
 
 
 def write_diagnosis_report(
-    diagnosis: Diagnosis, subject: Recorded, out: Path, plan: Sequence[str] = (), command: str = ""
+    diagnosis: Diagnosis, subject: diagnosis_document.Recorded, out: Path, plan: Sequence[str] = (), command: str = ""
 ) -> Path:
     """Write report.txt, report.html and the figures of a diagnosis; return report.txt's path.
 
@@ -176,7 +169,9 @@ def write_diagnosis_report(
         entries = _figures(diagnosis, subject, folder)
         pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
         page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
-        write_page(page, folder, "curves", [*entries, _RESULT], pd.DataFrame(parameter_rows(diagnosis)))
+        write_page(
+            page, folder, "curves", [*entries, _RESULT], pd.DataFrame(diagnosis_document.parameter_rows(diagnosis))
+        )
     return out / REPORT
 
 
@@ -195,7 +190,7 @@ def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
     return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")
 
 
-def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFile]:
+def _figures(found: Diagnosis, subject: diagnosis_document.Recorded, folder: Path) -> list[ReportFile]:
     whose = subject.title, subject.origin
     entries = []
     if isinstance(subject, Subject):
@@ -258,7 +253,7 @@ def write_specimen_diagnoses(
         made.append(one)
         if one.diagnosis is not None:
             where = out if alone else out / _folder_name(one.id)
-            content = document(one.diagnosis, one, seed, one.seconds)
+            content = diagnosis_document.document(one.diagnosis, one, seed, one.seconds)
             content["recordings_not_used"] = _not_used(one, folder)
             keep_another(where, command, DOCUMENT)
             write_document(where / DOCUMENT, content)
@@ -273,7 +268,7 @@ def write_specimen_diagnoses(
         out / DOCUMENT,
         json_types(
             {
-                "schema": SCHEMA,
+                "schema": diagnosis_document.SCHEMA,
                 "kind": "specimens",
                 "subject": folder.id,
                 "title": folder.title,
@@ -307,8 +302,8 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
         "specimen": one.id,
         "verdict": found.verdict,
         "explanations": [{"mechanisms": list(model.names), "probability": model.probability} for model in found.models],
-        "laws": summary_of_law(found),
-        "parameters_of_base_model": diagnosed_parameters(found.estimates_of(found.base, False)),
+        "laws": diagnosis_document.summary_of_law(found),
+        "parameters_of_base_model": diagnosis_document.diagnosed_parameters(found.estimates_of(found.base, False)),
         "recordings_not_used": [asdict(each) for each in one.left_out],
     }
 

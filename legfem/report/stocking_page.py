@@ -5,31 +5,8 @@ import numpy as np
 from legfem.common.errors import doubt_lines
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
+from legfem.report import stocking_pressures, stocking_stiffness
 from legfem.report.estimates import modulus_rows
-from legfem.report.stocking_pressures import (
-    ALONG,
-    ORIGINS,
-    PRESSURES,
-    both_units,
-    dressed_leg,
-    level_blocks,
-    low_in_fat,
-    place_in_fat,
-    pressure_blocks,
-    sensor_rows,
-    sentence_at_ankle,
-    share_of,
-    tension_text,
-    vein_interval,
-)
-from legfem.report.stocking_stiffness import (
-    STIFFNESS,
-    discrepancy_blocks,
-    discrepancy_verdict,
-    stiffness_blocks,
-    stiffness_interval,
-    verdict_sentence,
-)
 from legfem.report.words import moduli_text
 from legfem.stockings.assessment import TISSUES
 from legfem.stockings.details import StockingDetails, StockingFit
@@ -50,7 +27,7 @@ def known_of(fit: StockingFit) -> list[web.Known]:
                 f"{c10:.3g} kPa",
                 "estimated",
                 "both scans",
-                stiffness_interval(known.ci95),
+                stocking_stiffness.stiffness_interval(known.ci95),
                 f"{known.identifiability}{bound}; {moduli_text(c10, c10 * known.relative_half_width / 2)}",
             )
         )
@@ -88,7 +65,7 @@ def known_of(fit: StockingFit) -> list[web.Known]:
             "leg.toml, or legfem's usual",
         )
     )
-    if (text := tension_text(details)) is not None:
+    if (text := stocking_pressures.tension_text(details)) is not None:
         rows.append(
             web.Known(
                 "tension of the fabric, relative to what was given",
@@ -99,7 +76,7 @@ def known_of(fit: StockingFit) -> list[web.Known]:
         )
     rows += [
         web.Known(f"pressure on the skin at the sensor {name!r}", text, data, "leg.toml")
-        for name, text in sensor_rows(details)
+        for name, text in stocking_pressures.sensor_rows(details)
     ]
     rows += modulus_rows(leg.elastography, leg.origin)
     if leg.registration is not None:
@@ -122,7 +99,7 @@ def _pressures(details: StockingDetails) -> list[web.Known]:
     rows = [
         web.Known(
             f"pressure at the {vein.name} vein",
-            both_units(pressure),
+            stocking_pressures.both_units(pressure),
             "computed",
             "the model in equilibrium with its stocking",
             f"{low:.1f} to {high:.1f} mmHg" if np.isfinite(high) else "",
@@ -130,25 +107,27 @@ def _pressures(details: StockingDetails) -> list[web.Known]:
         )
         for k, (vein, pressure) in enumerate(zip(details.leg.veins, found.at_veins, strict=True))
         if np.isfinite(pressure)
-        for low, high in [vein_interval(details, k)]
+        for low, high in [stocking_pressures.vein_interval(details, k)]
     ]
     source = "the model in equilibrium with its stocking"
     return [
         web.Known(
             "pressure on the skin, mean",
-            both_units(found.mean_interface),
+            stocking_pressures.both_units(found.mean_interface),
             "computed",
             "Laplace's law on the dressed leg",
         ),
         *rows,
         web.Known(
             "pressure in the fat, greatest",
-            both_units(found.greatest_in_fat),
+            stocking_pressures.both_units(found.greatest_in_fat),
             "computed",
             source,
-            remark=low_in_fat(details),
+            remark=stocking_pressures.low_in_fat(details),
         ),
-        web.Known("pressure in the muscle, mean", both_units(found.mean_in_muscle), "computed", source),
+        web.Known(
+            "pressure in the muscle, mean", stocking_pressures.both_units(found.mean_in_muscle), "computed", source
+        ),
     ]
 
 
@@ -204,15 +183,17 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
     differ = details.discrepancy
     chapters = []
     if details.pressures is not None and details.moved is not None:
-        chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(details, details.moved)]))
+        chapters.append(
+            web.Chapter("The leg, bare and dressed", [stocking_pressures.dressed_leg(details, details.moved)])
+        )
     if details.equilibrium.state.report.complete:
-        chapters.append(web.Chapter(ALONG, level_blocks(details)))
+        chapters.append(web.Chapter(stocking_pressures.ALONG, stocking_pressures.level_blocks(details)))
     chapters += [
-        web.Chapter(PRESSURES, pressure_blocks(details)),
-        web.Chapter(STIFFNESS, stiffness_blocks(fit)),
+        web.Chapter(stocking_pressures.PRESSURES, stocking_pressures.pressure_blocks(details)),
+        web.Chapter(stocking_stiffness.STIFFNESS, stocking_stiffness.stiffness_blocks(fit)),
         web.Chapter(
             "Where model and scan differ",
-            [web.Prose(_wrong(details))] if differ is None else discrepancy_blocks(differ),
+            [web.Prose(_wrong(details))] if differ is None else stocking_stiffness.discrepancy_blocks(differ),
         ),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
         web.Chapter("What to do next", [web.Bullets(_next(fit))]),
@@ -228,7 +209,7 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
         known=known_of(fit),
         chapters=chapters,
         repeat=web.Repeat(command, fit.versions),
-        data=ORIGINS[leg.origin],
+        data=stocking_pressures.ORIGINS[leg.origin],
     )
 
 
@@ -287,7 +268,7 @@ def _sentence(details: StockingDetails) -> str:
     found = details.pressures
     if found is None:
         return "The leg in its stocking could not be computed: there are no pressures inside it."
-    ankle = sentence_at_ankle(details)
+    ankle = stocking_pressures.sentence_at_ankle(details)
     text = f"{ankle} " if ankle else ""
     text += f"The stocking presses on the skin with {mpa_to_mmhg(found.mean_interface):.0f} mmHg on average"
     at_veins = [p for p in found.at_veins if np.isfinite(p)]
@@ -297,7 +278,7 @@ def _sentence(details: StockingDetails) -> str:
     span = low if low == high else f"{low} to {high}"
     return (
         f"{text}; at the deep veins the pressure is {span} mmHg "
-        f"({share_of(at_veins, found.mean_interface)} of the mean on the skin)."
+        f"({stocking_pressures.share_of(at_veins, found.mean_interface)} of the mean on the skin)."
     )
 
 
@@ -310,16 +291,16 @@ def _wrong(details: StockingDetails) -> str:
         )
     if details.discrepancy.verdict == "consistent":
         return "None: model and scan differ by no more than the errors of contours, registration and pressure."
-    return discrepancy_verdict(details.discrepancy)
+    return stocking_stiffness.discrepancy_verdict(details.discrepancy)
 
 
 def _sure(fit: StockingFit) -> str:
     details = fit.details
-    parts = [verdict_sentence(known) for known in fit.estimates.values()]
+    parts = [stocking_stiffness.verdict_sentence(known) for known in fit.estimates.values()]
     if details.leg.known and details.pressures is not None:
         parts.append("The pressures are those of the stiffness that was given.")
     veins = range(len(details.leg.veins)) if details.pressures is not None else ()
-    ends = [vein_interval(details, k) for k in veins]
+    ends = [stocking_pressures.vein_interval(details, k) for k in veins]
     spreads = [high - low for low, high in ends if np.isfinite(high)]
     if spreads:
         parts.append(
@@ -333,10 +314,11 @@ def _comfort(details: StockingDetails) -> str:
     found = details.pressures
     if found is None:
         return "Unknown."
-    where = place_in_fat(details.leg.bare, found.greatest_in_fat_at)
+    where = stocking_pressures.place_in_fat(details.leg.bare, found.greatest_in_fat_at)
     return (
         "The greatest pressure in the fat, where the pain receptors are, is "
-        f"{both_units(found.greatest_in_fat)}, {where}. It is {low_in_fat(details)}."
+        f"{stocking_pressures.both_units(found.greatest_in_fat)}, {where}. "
+        f"It is {stocking_pressures.low_in_fat(details)}."
     )
 
 

@@ -6,21 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
-from legfem.inverse.catalogue import (
-    DEEP_C10,
-    DEEP_C20,
-    LAWS,
-    RATIO,
-    RATIO_BOUNDS,
-    UNITS,
-    IdentifiedLaw,
-    LawName,
-    Values,
-    check_known,
-    is_ratio,
-    parameter_of,
-    within_prior,
-)
+from legfem.inverse import catalogue
 from legfem.inverse.fibre_ratio import USUAL_RATIO, ratio_of
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import ParameterTexts, read_prior
@@ -36,7 +22,7 @@ REFERENCE_MPA = 0.01
 """Stiffness C10 at which a test is solved before anything is known."""
 BULK_RATIO = 1000.0
 """Bulk over shear modulus of what is called incompressible."""
-KINDS: dict[LawName, type[Hyperelastic]] = {
+KINDS: dict[catalogue.LawName, type[Hyperelastic]] = {
     "neo-hookean": NeoHookean,
     "reduced-polynomial": ReducedPolynomial,
     "yeoh": Yeoh,
@@ -51,7 +37,7 @@ def bulk_ratio(poisson_ratio: float | None) -> float:
     return 2 * (1 + poisson_ratio) / (3 * (1 - 2 * poisson_ratio))
 
 
-def specimen_law(name: LawName, c10: float, poisson_ratio: float | None) -> Hyperelastic:
+def specimen_law(name: catalogue.LawName, c10: float, poisson_ratio: float | None) -> Hyperelastic:
     """Return a law at a stiffness C10 (MPa), without stiffening."""
     ratio = bulk_ratio(poisson_ratio)
     kind = KINDS[name]
@@ -78,7 +64,7 @@ class SpecimenTissue:
     """
 
     name: str = ONE
-    law: LawName | None = None
+    law: catalogue.LawName | None = None
     poisson_ratio: float | None = None
     stated: Mapping[str, float] = field(default_factory=dict)
     fibrous: bool = False
@@ -86,14 +72,14 @@ class SpecimenTissue:
     @property
     def fibre_ratio(self) -> float:
         """Shear modulus along the fibres over that across: as stated, or a usual one."""
-        return self.stated.get(RATIO, USUAL_RATIO)
+        return self.stated.get(catalogue.RATIO, USUAL_RATIO)
 
     @property
     def bulk_ratio(self) -> float:
         """Bulk over shear modulus at small strain."""
         return bulk_ratio(self.poisson_ratio)
 
-    def of_law(self, name: LawName) -> "SpecimenTissue":
+    def of_law(self, name: catalogue.LawName) -> "SpecimenTissue":
         """Return the tissue with the law that is asked for, unless it has its own."""
         return self if self.law else replace(self, law=name)
 
@@ -116,13 +102,13 @@ def tissues_of(given: SpecimenFile) -> tuple[SpecimenTissue, ...]:
 
 
 def _with_fibres(tissue: SpecimenTissue, fibres: FibresEntry) -> SpecimenTissue:
-    known = {} if fibres.ratio is None else {RATIO: fibres.ratio}
+    known = {} if fibres.ratio is None else {catalogue.RATIO: fibres.ratio}
     return replace(tissue, stated={**tissue.stated, **known}, fibrous=True)
 
 
 def _layer(entry: LayerEntry, poisson_ratio: float | None) -> SpecimenTissue:
     stated = {"C10": entry.C10_kPa, "C20": entry.C20_kPa}
-    law: LawName | None = entry.law
+    law: catalogue.LawName | None = entry.law
     if law is None and stated["C20"] is not None:
         law = "reduced-polynomial"
     elif law is None and stated["C10"] is not None:
@@ -137,7 +123,7 @@ def begin_at(tissues: Sequence[SpecimenTissue], usual: float) -> float:
     return math.exp(sum(stated) / len(stated)) if stated else usual
 
 
-_FREE: dict[LawName, tuple[str, ...]] = {
+_FREE: dict[catalogue.LawName, tuple[str, ...]] = {
     "neo-hookean": ("C10",),
     "reduced-polynomial": ("C10", "C20"),
     "yeoh": ("C10", "C20", "C30"),
@@ -151,7 +137,7 @@ _STATEMENTS = {
     "exponent": "exponent of the stiffening",
     "D1": "compressibility",
     "D2": "compressibility at large changes of volume",
-    RATIO: "shear modulus along the fibres over that across",
+    catalogue.RATIO: "shear modulus along the fibres over that across",
 }
 # About the stiffness that the recordings ask for at small strain: bounds, and where to look first.
 _FAR, _FAR_OF_LAYERS, _RELATIVE = 100.0, 300.0, 8.0
@@ -165,10 +151,10 @@ class ParameterRequest:
     """To identify; the law's own without them."""
     priors: Mapping[str, Prior] = field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    fixed: Values = field(default_factory=dict)
+    fixed: catalogue.Values = field(default_factory=dict)
 
 
-def laws_named(name: str | None) -> tuple[LawName, ...]:
+def laws_named(name: str | None) -> tuple[catalogue.LawName, ...]:
     """Return the laws of a name; the two of legs for ``both`` or none.
 
     Raises
@@ -177,7 +163,7 @@ def laws_named(name: str | None) -> tuple[LawName, ...]:
         If there is no such law.
     """
     if name in (None, "both"):
-        return LAWS
+        return catalogue.LAWS
     found = tuple(law for law in KINDS if law == name)
     if not found:
         raise InputError("law", str(name), "unknown law", f"give one of {', '.join(KINDS)}, both")
@@ -195,10 +181,10 @@ def request_of_texts(texts: ParameterTexts, tissues: Sequence[SpecimenTissue]) -
     known = dict[str, float]()
     for law in KINDS:
         known |= known_values([replace(one.of_law(law), stated={}) for one in tissues], 1.0)
-    given = {DEEP_C10: texts.c10_bounds, DEEP_C20: texts.c20_bounds}
+    given = {catalogue.DEEP_C10: texts.c10_bounds, catalogue.DEEP_C20: texts.c20_bounds}
     bounds = dict[str, tuple[float, float]]()
     if any(given.values()):
-        if DEEP_C10 not in known:
+        if catalogue.DEEP_C10 not in known:
             raise InputError(
                 "--c10-bounds",
                 ", ".join(one.name for one in tissues),
@@ -209,7 +195,7 @@ def request_of_texts(texts: ParameterTexts, tissues: Sequence[SpecimenTissue]) -
         bounds = {name: checked[name] for name, limits in given.items() if limits is not None}
     held = texts.held(known)
     for name, value in held.items():
-        if is_ratio(name) and value < RATIO_BOUNDS[0]:
+        if catalogue.is_ratio(name) and value < catalogue.RATIO_BOUNDS[0]:
             raise InputError("--fix", name, f"{value:g} is less along the fibres than across", "give at least 1")
     return ParameterRequest(tuple(texts.identify), dict(read_prior(text, known) for text in texts.priors), bounds, held)
 
@@ -227,15 +213,15 @@ def free_names(tissues: Sequence[SpecimenTissue], relaxes: bool) -> tuple[str, .
     own = (
         f"{one.name}.{key}"
         for one in tissues
-        for key in (*_FREE[one.law or "neo-hookean"], *([RATIO] if one.fibrous else []))
+        for key in (*_FREE[one.law or "neo-hookean"], *([catalogue.RATIO] if one.fibrous else []))
         if key not in one.stated
     )
     return (*own, *(RELAXATION if relaxes else ()))
 
 
 def identified_law(
-    name: LawName, tissues: Sequence[SpecimenTissue], c10: float, relaxes: bool, asked: ParameterRequest
-) -> IdentifiedLaw:
+    name: catalogue.LawName, tissues: Sequence[SpecimenTissue], c10: float, relaxes: bool, asked: ParameterRequest
+) -> catalogue.IdentifiedLaw:
     """Return what is free and held in a law.
 
     A compressibility D1 that is neither is left out: it follows from C10 and Poisson's ratio.
@@ -261,8 +247,8 @@ def identified_law(
     tissues = [one.of_law(name) for one in tissues]
     known = known_values(tissues, c10)
     every = {f"{one.name}.{key}" for one in tissues for keys in _FREE.values() for key in keys}
-    check_known([n for n in (*asked.names, *asked.priors) if n not in every], known, "--identify")
-    check_known([n for n in asked.fixed if n not in every], known, "--fix")
+    catalogue.check_known([n for n in (*asked.names, *asked.priors) if n not in every], known, "--identify")
+    catalogue.check_known([n for n in asked.fixed if n not in every], known, "--fix")
     names = asked.names or free_names(tissues, relaxes)
     wanted = dict.fromkeys((*names, *asked.priors))
     nuisances = set(asked.priors) - set(names)
@@ -278,7 +264,7 @@ def identified_law(
             prior=asked.priors.get(one, parameter.prior if one in RELAXATION else None),
             role="nuisance" if one in nuisances else "identified",
         )
-        free.append(within_prior(parameter))
+        free.append(catalogue.within_prior(parameter))
     if not free:
         raise InputError("--identify", name, "nothing is left to identify", "name a parameter")
     tied = {f"{one.name}.D1" for one in tissues} - set(asked.fixed)
@@ -290,41 +276,41 @@ def identified_law(
     held = {key: value for key, value in held.items() if key not in wanted or key in asked.fixed}
     if not relaxes:
         held = {key: value for key, value in held.items() if key not in RELAXATION}
-    beside = len(tissues) > 1 or any(is_ratio(one.name) for one in free)
+    beside = len(tissues) > 1 or any(catalogue.is_ratio(one.name) for one in free)
     usual = {
         key: within
         for one in tissues
         for key, within in _usual(one.name, known, relaxes, beside).items()
         if key not in asked.priors
     }
-    return IdentifiedLaw(name, tuple(free), held, known, usual)
+    return catalogue.IdentifiedLaw(name, tuple(free), held, known, usual)
 
 
-def _parameter(name: str, known: Values, far: float) -> Parameter:
+def _parameter(name: str, known: catalogue.Values, far: float) -> Parameter:
     """Return a parameter with bounds about the stiffness that the recordings ask for."""
     for one in relaxation_parameters():
         if one.name == name:
             return one
     if name in INSTRUMENT:
-        return parameter_of(name, known)
+        return catalogue.parameter_of(name, known)
     tissue, _, key = name.rpartition(".")
     of = "" if tissue == ONE else f" of the {tissue}"
-    c10, statement, unit = known[f"{tissue}.C10"], _STATEMENTS[key] + of, UNITS.get(key, "-")
+    c10, statement, unit = known[f"{tissue}.C10"], _STATEMENTS[key] + of, catalogue.UNITS.get(key, "-")
     if key == "C10":
         return Parameter(name, unit, (c10 / far, c10 * far), scale="log", statement=statement)
     if key == "C20":
         return Parameter(name, unit, (0.0, c10 * far), scale="log", statement=statement)
     if key in ("C30", "stiffening"):
         return Parameter(name, unit, (0.0, c10 * _RELATIVE), statement=statement)
-    if key == RATIO:
-        return Parameter(name, unit, RATIO_BOUNDS, scale="log", statement=statement)
+    if key == catalogue.RATIO:
+        return Parameter(name, unit, catalogue.RATIO_BOUNDS, scale="log", statement=statement)
     if key == "exponent":
         return Parameter(name, unit, (0.1, 20.0), scale="log", statement=statement)
     centre = known[name] if math.isfinite(known[name]) else known[f"{tissue}.D1"]
     return Parameter(name, unit, (centre / far, centre * far), scale="log", statement=statement)
 
 
-def _usual(tissue: str, known: Values, relaxes: bool, beside: bool) -> dict[str, tuple[float, float]]:
+def _usual(tissue: str, known: catalogue.Values, relaxes: bool, beside: bool) -> dict[str, tuple[float, float]]:
     """Return where to look first: of a force that relaxes, the lasting part is less.
 
     Where other layers or fibres bear a part that isn't known, it is less or more.
@@ -337,6 +323,6 @@ def _usual(tissue: str, known: Values, relaxes: bool, beside: bool) -> dict[str,
         "C30": (0.0, 2 * c10),
         "stiffening": (0.0, 2 * c10),
         "exponent": (0.5, 4.0),
-        RATIO: (1.0, 4.0),
+        catalogue.RATIO: (1.0, 4.0),
     }
     return {f"{tissue}.{key}": within for key, within in found.items()}

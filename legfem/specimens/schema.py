@@ -5,17 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, create_model, model_validator
 
-from legfem.common.input_files import (
-    FileTable,
-    NotNegative,
-    PlainName,
-    Positive,
-    Text,
-    Title,
-    checked,
-    read_toml,
-    trouble,
-)
+from legfem.common import input_files
 from legfem.data.folder import InstrumentEntry, with_lab
 from legfem.inverse.catalogue import LawName
 from legfem.specimens.kind import Direction, SpecimenKind, SpecimenRecordingsEntry
@@ -28,30 +18,34 @@ FibreRatio = Annotated[float, Field(ge=1, le=20, allow_inf_nan=False)]
 
 
 SIZES: tuple[str, ...] = tuple(dict.fromkeys(key for kind in kinds().values() for key in kind.own))
-"""Of the body, which specimens of one folder may have their own of."""
+"""Keys of the body's sizes, of which specimens of one folder may have their own."""
 
 
-class _Named(FileTable):
+class _Named(input_files.FileTable):
     """What every folder begins with."""
 
-    id: PlainName
+    id: input_files.PlainName
     """Short name by which results are called: letters, digits, dots, dashes."""
-    title: Title
+    title: input_files.Title
     """What reports are headed with."""
     origin: Literal["measured", "reconstructed", "simulated"]
     """Where the data come from; reports of simulated or reconstructed data say so."""
 
 
 if TYPE_CHECKING:
-    _Sizes = FileTable
-    _SizeErrors = FileTable
+    _Sizes = input_files.FileTable
+    _SizeErrors = input_files.FileTable
     _Tests = _Named
 else:
     # Every kind of test gives its own keys.
-    _Sizes = create_model("_Sizes", __base__=FileTable, **{key: (Positive | None, None) for key in SIZES})
+    _Sizes = create_model(
+        "_Sizes", __base__=input_files.FileTable, **{key: (input_files.Positive | None, None) for key in SIZES}
+    )
     _errors = {key: Field(default=None, description=f"Standard deviation of {key}.") for key in SIZES}
     _SizeErrors = create_model(
-        "_SizeErrors", __base__=FileTable, **{key: (NotNegative | None, field) for key, field in _errors.items()}
+        "_SizeErrors",
+        __base__=input_files.FileTable,
+        **{key: (input_files.NotNegative | None, field) for key, field in _errors.items()},
     )
     _tables = {name: (kind.entry | None, None) for name, kind in kinds().items()}
     _Tests = create_model("_Tests", __base__=_Named, **_tables)
@@ -60,10 +54,10 @@ else:
 class SpecimenEntry(_Sizes):
     """``[[specimen]]``: one of several, with its own sizes and recordings."""
 
-    name: PlainName
-    recordings: Annotated[list[Text], Field(min_length=1)]
+    name: input_files.PlainName
+    recordings: Annotated[list[input_files.Text], Field(min_length=1)]
     """Files in the folder; ``*`` stands for anything."""
-    layers_mm: Annotated[list[Positive], Field(min_length=2)] | None = None
+    layers_mm: Annotated[list[input_files.Positive], Field(min_length=2)] | None = None
     """Thicknesses of the layers, in their order."""
     fibres: Direction | None = None
     """Its own direction of the fibres, in place of that of ``[fibres]``."""
@@ -72,23 +66,23 @@ class SpecimenEntry(_Sizes):
 class SizesAccuracy(_SizeErrors):
     """``[accuracy]``, optional: standard deviations of the specimens' sizes, each by its key or all alike."""
 
-    sizes_percent: NotNegative | None = None
+    sizes_percent: input_files.NotNegative | None = None
     """Standard deviation of all sizes that have none of their own; without it, 1 % of measured specimens and 0.1 % of
     others."""
 
 
-class LayerEntry(FileTable):
+class LayerEntry(input_files.FileTable):
     """``[[layers]]``, from what presses to the base: tissues on each other, bonded."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
     """By which its numbers are called: ``fat.C10``."""
-    thickness_mm: Positive | None = None
+    thickness_mm: input_files.Positive | None = None
     """Specimens may have their own, as ``layers_mm``."""
     law: LawName | None = None
     """The one that is asked for without it."""
-    C10_kPa: Positive | None = None
+    C10_kPa: input_files.Positive | None = None
     """Stated; looked for without it."""
-    C20_kPa: NotNegative | None = None
+    C20_kPa: input_files.NotNegative | None = None
     """The same; none where only C10 is stated."""
     poisson_ratio: PoissonRatio | None = None
     """That of ``[tissue]`` without it."""
@@ -96,22 +90,22 @@ class LayerEntry(FileTable):
     @model_validator(mode="after")
     def _has_what_is_stated(self) -> "LayerEntry":
         if self.C20_kPa is not None and self.law not in (None, "reduced-polynomial"):
-            raise trouble("C20_kPa", f"the {self.law} law isn't held by it", "remove one of them")
+            raise input_files.trouble("C20_kPa", f"the {self.law} law isn't held by it", "remove one of them")
         return self
 
 
-class FibresEntry(FileTable):
+class FibresEntry(input_files.FileTable):
     """``[fibres]``: the tissue is stiffer along its fibres than across, as muscle is."""
 
     direction: Direction | None = None
     """Direction of the fibres: along the load, across it, or along the cylinder; specimens may have their own."""
     ratio: FibreRatio | None = None
     """Shear modulus along the fibres over that across them; identified without it."""
-    layer: Text | None = None
+    layer: input_files.Text | None = None
     """Name of the layer that has the fibres."""
 
 
-class TissueOptions(FileTable):
+class TissueOptions(input_files.FileTable):
     """``[tissue]``, optional: what isn't looked for."""
 
     poisson_ratio: PoissonRatio | None = None
@@ -138,7 +132,7 @@ class SpecimenFile(_Tests):
     accuracy: SizesAccuracy = SizesAccuracy()
     instrument: InstrumentEntry | None = None
     recordings: SpecimenRecordingsEntry = SpecimenRecordingsEntry()
-    confirmed: list[Text] = Field(default_factory=list)
+    confirmed: list[input_files.Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 
     @model_validator(mode="after")
@@ -147,7 +141,7 @@ class SpecimenFile(_Tests):
         if len(given) != 1:
             names = ", ".join(f"[{name}]" for name in self.alternatives)
             problem = "no test is given" if not given else f"{len(given)} tests are given"
-            raise trouble("test", problem, f"give one of the tables {names}")
+            raise input_files.trouble("test", problem, f"give one of the tables {names}")
         return self
 
     @model_validator(mode="after")
@@ -155,23 +149,25 @@ class SpecimenFile(_Tests):
         if self.recordings.table is not None:
             if not self.kind.cube:
                 able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.cube)
-                raise trouble("recordings.table", f"is for the tests {able}", "remove it, or the test")
+                raise input_files.trouble("recordings.table", f"is for the tests {able}", "remove it, or the test")
             if self.tissue.relaxes:
-                raise trouble("tissue.relaxes", "a table has no time to relax in", "remove it, or give recordings")
+                raise input_files.trouble(
+                    "tissue.relaxes", "a table has no time to relax in", "remove it, or give recordings"
+                )
         return self
 
     @model_validator(mode="after")
     def _several_layers(self) -> Self:
         names = [layer.name for layer in self.layers]
         if len(names) == 1:
-            raise trouble("layers", "there is one", "give several, or none and a thickness_mm")
+            raise input_files.trouble("layers", "there is one", "give several, or none and a thickness_mm")
         for name in names:
             if names.count(name) > 1 or name in _TAKEN:
                 problem = "is the name of something else" if name in _TAKEN else "stands twice"
-                raise trouble("layers.name", f"{name!r} {problem}", "give another")
+                raise input_files.trouble("layers.name", f"{name!r} {problem}", "give another")
         if names and not self.kind.layered:
             able = ", ".join(f"[{one.table}]" for one in kinds().values() if one.layered)
-            raise trouble("layers", f"are for the tests {able}", "remove them, or the test")
+            raise input_files.trouble("layers", f"are for the tests {able}", "remove them, or the test")
         return self
 
     @model_validator(mode="after")
@@ -180,12 +176,14 @@ class SpecimenFile(_Tests):
         given = self.fibres
         if given is None:
             if any(one.fibres is not None for one in self.specimen):
-                raise trouble("specimen.fibres", "are given without [fibres]", "add that table, or remove it")
+                raise input_files.trouble(
+                    "specimen.fibres", "are given without [fibres]", "add that table, or remove it"
+                )
         elif names and given.layer not in names:
             what = "is missing" if given.layer is None else f"{given.layer!r} is not a layer"
-            raise trouble("fibres.layer", what, f"give one of {', '.join(names)}")
+            raise input_files.trouble("fibres.layer", what, f"give one of {', '.join(names)}")
         elif given.layer is not None and not names:
-            raise trouble("fibres.layer", "there are no layers", "remove it")
+            raise input_files.trouble("fibres.layer", "there are no layers", "remove it")
         return self
 
     @property
@@ -194,13 +192,13 @@ class SpecimenFile(_Tests):
         return next(kind for name, kind in kinds().items() if getattr(self, name) is not None)
 
     @property
-    def test(self) -> FileTable:
+    def test(self) -> input_files.FileTable:
         """Its table."""
-        found: FileTable = getattr(self, self.kind.table)
+        found: input_files.FileTable = getattr(self, self.kind.table)
         return found
 
 
 def parse_specimen_file(path: Path) -> SpecimenFile:
     """Read and check ``specimen.toml``; see `legfem.common.input_files.parse_toml`."""
-    content = with_lab(path, read_toml(path, "a specimen folder"), ("instrument", "recordings"))
-    return checked(path, content, SpecimenFile)
+    content = with_lab(path, input_files.read_toml(path, "a specimen folder"), ("instrument", "recordings"))
+    return input_files.checked(path, content, SpecimenFile)

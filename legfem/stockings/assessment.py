@@ -23,17 +23,9 @@ from legfem.inverse.problem import prior_document
 from legfem.inverse.readings import Channel, Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
 from legfem.legs.notices import disagreement
+from legfem.stockings import estimates
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
-from legfem.stockings.estimates import (
-    MISSED_BEYOND,
-    StiffnessFit,
-    expected_rms,
-    model_misses,
-    starts_agree,
-    stiffness_correlations,
-    stiffness_estimates,
-)
 from legfem.stockings.leg import ComparedSensor
 from legfem.stockings.scan_fit import BOUNDS, by_name, stiffness_priors
 
@@ -64,8 +56,8 @@ def assessed(details: StockingDetails, settings: Mapping[str, Any], wall_s: floa
         kind=KIND,
         subject=Identity(leg.id, leg.title, leg.origin),
         law=LAW,
-        estimates=MappingProxyType({} if best is None else stiffness_estimates(best, leg.accuracy, priors)),
-        correlations=np.zeros((0, 0)) if best is None else stiffness_correlations(best),
+        estimates=MappingProxyType({} if best is None else estimates.stiffness_estimates(best, leg.accuracy, priors)),
+        correlations=np.zeros((0, 0)) if best is None else estimates.stiffness_correlations(best),
         values=MappingProxyType({**held, **(details.parameters if best is None else by_name(best.parameters))}),
         assumed=MappingProxyType({**held, **given}),
         goodness=UNTESTED if best is None else Goodness.of(best.objective, best.residuals - len(PARAMETERS)),
@@ -88,7 +80,7 @@ def assessed(details: StockingDetails, settings: Mapping[str, Any], wall_s: floa
     return replace(fit, warnings=stocking_notices(fit))
 
 
-def _channels(best: StiffnessFit, details: StockingDetails) -> Iterator[ChannelFit]:
+def _channels(best: estimates.StiffnessFit, details: StockingDetails) -> Iterator[ChannelFit]:
     """Yield the contours' movement, measured and of the model, skin first; then the sensors' pressures."""
     misfit, leg = details.misfit, details.leg
     assert misfit is not None
@@ -108,7 +100,7 @@ def _channels(best: StiffnessFit, details: StockingDetails) -> Iterator[ChannelF
         yield ChannelFit(Channel(_PRESSURE, "MPa", height, "height_mm", read, sd), read + sd * best.sensed)
 
 
-def _scans(best: StiffnessFit, details: StockingDetails, priors: Priors) -> TestFit:
+def _scans(best: estimates.StiffnessFit, details: StockingDetails, priors: Priors) -> TestFit:
     """Both scans beside the fit."""
     channels = tuple(_channels(best, details))
     departures = priors.residual(best.parameters)
@@ -116,7 +108,7 @@ def _scans(best: StiffnessFit, details: StockingDetails, priors: Priors) -> Test
     return TestFit(MeasuredTest("both scans", Data(tuple(one.channel for one in channels))), channels, goodness)
 
 
-def _cost(best: StiffnessFit | None, details: StockingDetails) -> Cost:
+def _cost(best: estimates.StiffnessFit | None, details: StockingDetails) -> Cost:
     """Plain sum of squared distances that are left."""
     of_contours = [] if best is None else list(_channels(best, details))[: len(CONTOURS)]
     left = np.concatenate([np.zeros(0), *(one.residual for one in of_contours)])
@@ -246,7 +238,7 @@ def _of_the_searches(details: StockingDetails) -> Iterator[str]:
             yield f"{name} from {start} met a state that could not be computed ({report.reason})."
         elif not search.converged:
             yield f"{name} from {start} ended before it had settled."
-    if not starts_agree(details.weighted):
+    if not estimates.starts_agree(details.weighted):
         yield "The starts did not all lead to the same stiffness: the one that fits the scan best counts."
 
 
@@ -254,10 +246,10 @@ def _of_the_stiffness(fit: StockingFit) -> Iterator[str]:
     best, accuracy = fit.details.best, fit.details.leg.accuracy
     if best is None:
         return
-    if model_misses(best, accuracy):
+    if estimates.model_misses(best, accuracy):
         yield (
             f"The model misses the scan: its contours are {best.rms:.2f} mm off (root mean "
-            f"square), more than {MISSED_BEYOND:g} times the {expected_rms(accuracy):.2f} mm that "
+            f"square), more than {estimates.MISSED_BEYOND:g} times the {estimates.expected_rms(accuracy):.2f} mm that "
             "errors of the contours cause. The intervals of the stiffness are then too narrow: check the "
             "contours."
         )

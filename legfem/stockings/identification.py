@@ -28,6 +28,7 @@ from legfem.geometry.slices import SliceSet
 from legfem.inverse.least_squares import GaussNewtonSettings, damped_gauss_newton
 from legfem.inverse.parameter import Domain, Priors
 from legfem.meshing.leg_sizes import SolidMeshSettings, settings_for_cells
+from legfem.stockings import scan_fit
 from legfem.stockings.assessment import assessed
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.details import StockingDetails, StockingFit
@@ -43,15 +44,6 @@ from legfem.stockings.pressures import (
     section_pressures,
     tissue_pressures,
     vein_pressure_sd,
-)
-from legfem.stockings.scan_fit import (
-    BOUNDS,
-    ProfiledFit,
-    ScanComparison,
-    by_name,
-    compare_with_scan,
-    fit_nuisances,
-    stiffness_priors,
 )
 
 START = kpa_to_mpa(np.array([3.0, 3.0]))
@@ -123,7 +115,7 @@ class StiffnessSearch:
         sensors: SensorArray | None = None,
         priors: Priors | None = None,
     ) -> None:
-        self._priors = priors or stiffness_priors()
+        self._priors = priors or scan_fit.stiffness_priors()
         self._box = Domain(self._priors.parameters)
         self._solver, self._misfit, self._sensors = solver, misfit, sensors
         self._settings = settings or SearchSettings()
@@ -131,7 +123,7 @@ class StiffnessSearch:
         self._last: Equilibrium | None = None
         self._sampled: dict[tuple[float, ...], Equilibrium] = {}
         self.nuisances = NuisanceSlopes(solver, misfit, sensors)
-        self._compared: list[ScanComparison] = []
+        self._compared: list[scan_fit.ScanComparison] = []
 
     def nelder_mead(self) -> StiffnessFit:
         """Search as the paper does, from 3 kPa in both tissues."""
@@ -145,7 +137,7 @@ class StiffnessSearch:
         def cost(log_parameters: FloatArray) -> float:
             nonlocal best, least, found
             parameters = np.exp(log_parameters)
-            if not (parameters > BOUNDS[0]).all() or not (parameters < BOUNDS[1]).all():
+            if not (parameters > scan_fit.BOUNDS[0]).all() or not (parameters < scan_fit.BOUNDS[1]).all():
                 return np.inf
             here = self._solve(parameters)
             if not here.state.report.complete:
@@ -193,11 +185,11 @@ class StiffnessSearch:
         def emulate() -> MisfitEmulator:
             return MisfitEmulator(self._compared, self._misfit, self.nuisances, sensor_sd, self._priors)
 
-        def compare(parameters: FloatArray) -> ScanComparison | None:
+        def compare(parameters: FloatArray) -> scan_fit.ScanComparison | None:
             found = self._solve(parameters, differentiate=True)
             return self._compare(parameters, found) if found.state.report.complete else None
 
-        intervals = profile_intervals(best.parameters, best.log_covariance, BOUNDS, emulate, compare)
+        intervals = profile_intervals(best.parameters, best.log_covariance, scan_fit.BOUNDS, emulate, compare)
         return replace(best, profile95=intervals)
 
     def _from(self, start: FloatArray) -> StiffnessFit:
@@ -207,16 +199,16 @@ class StiffnessSearch:
         if sampled is None:
             first = self._solve(start, differentiate=True)
         else:
-            first = self._solver.restore(sampled, by_name(start))
+            first = self._solver.restore(sampled, scan_fit.by_name(start))
         if not first.state.report.complete or not self.nuisances.samples:
             return self._failed("weighted", start, before, first)
 
-        def evaluate(logs: FloatArray) -> ProfiledFit | None:
+        def evaluate(logs: FloatArray) -> scan_fit.ProfiledFit | None:
             parameters = self._box.inside(np.exp(logs))
             found = self._solve(parameters, differentiate=True)
             return self._profile(parameters, found) if found.state.report.complete else None
 
-        bounds = np.tile(np.log(BOUNDS), (len(start), 1))
+        bounds = np.tile(np.log(scan_fit.BOUNDS), (len(start), 1))
         stop = GaussNewtonSettings(settings.tolerance, settings.least_gain, settings.max_steps, longest=1.0)
         _, best, converged = damped_gauss_newton(evaluate, np.log(start), self._profile(start, first), bounds, stop)
         return StiffnessFit(
@@ -236,12 +228,12 @@ class StiffnessSearch:
             np.linalg.pinv(best.jacobian.T @ best.jacobian),
         )
 
-    def _profile(self, parameters: FloatArray, equilibrium: Equilibrium) -> ProfiledFit:
+    def _profile(self, parameters: FloatArray, equilibrium: Equilibrium) -> scan_fit.ProfiledFit:
         found = self._compare(parameters, equilibrium)
-        return fit_nuisances(found, self._misfit, self.nuisances, self._sensors, self._priors)
+        return scan_fit.fit_nuisances(found, self._misfit, self.nuisances, self._sensors, self._priors)
 
-    def _compare(self, parameters: FloatArray, equilibrium: Equilibrium) -> ScanComparison:
-        found = compare_with_scan(self._solver, self._misfit, parameters, equilibrium, self._sensors)
+    def _compare(self, parameters: FloatArray, equilibrium: Equilibrium) -> scan_fit.ScanComparison:
+        found = scan_fit.compare_with_scan(self._solver, self._misfit, parameters, equilibrium, self._sensors)
         self._compared.append(found)
         return found
 
@@ -249,7 +241,7 @@ class StiffnessSearch:
         return StiffnessFit(method, start, start, False, self._solver.states - before, np.inf, np.zeros(0), found)
 
     def _solve(self, parameters: FloatArray, differentiate: bool = False) -> Equilibrium:
-        found = self._solver.solve(by_name(parameters), PARAMETERS if differentiate else (), self._last)
+        found = self._solver.solve(scan_fit.by_name(parameters), PARAMETERS if differentiate else (), self._last)
         complete = found.state.report.complete
         if self._on_solve is not None:
             muscle, fat = mpa_to_kpa(parameters)
@@ -316,7 +308,7 @@ def identify_in_stocking(
             SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
         )
         used = sensors if leg.sensors else None
-        priors = stiffness_priors(leg.elastography)
+        priors = scan_fit.stiffness_priors(leg.elastography)
         search = StiffnessSearch(solver, misfit, settings.search, progress.advance, used, priors)
         progress.stage("identification, weighted")
         searches = search.weighted()
@@ -334,7 +326,7 @@ def identify_in_stocking(
         tension = None
         covariance: FloatArray | None = np.diag([0.0, 0.0, leg.accuracy.tension_sd**2])
     else:
-        parameters, tension = by_name(identified.parameters), identified.tension
+        parameters, tension = scan_fit.by_name(identified.parameters), identified.tension
         covariance = identified.log_covariance if tension is None else tension.log_covariance
     progress.stage("the leg in equilibrium with its stocking")
     error = 0.0 if tension is None else tension.value

@@ -5,39 +5,29 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from legfem.common.input_files import (
-    FileTable,
-    Finite,
-    NotNegative,
-    PlainName,
-    Positive,
-    Text,
-    Title,
-    parse_toml,
-    trouble,
-)
+from legfem.common import input_files
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
 from legfem.legs.subject import ElastographyEntry, check_once
 from legfem.stockings.leg import KINDS
 
 
-class LevelsEntry(FileTable):
+class LevelsEntry(input_files.FileTable):
     """``[stocking.levels_mm]``: heights in the scan; B and C are looked for by the girth without them."""
 
-    B: Finite | None = None
+    B: input_files.Finite | None = None
     """Height of the ankle at its least girth."""
-    B1: Finite | None = None
+    B1: input_files.Finite | None = None
     """Height at which the Achilles tendon passes into the calf's muscle."""
-    C: Finite | None = None
+    C: input_files.Finite | None = None
     """Height of the calf at its greatest girth."""
-    D: Finite | None = None
+    D: input_files.Finite | None = None
     """Height just below the knee."""
 
 
-Share = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+Share = Annotated[list[input_files.Positive], Field(min_length=2, max_length=2)]
 
 
-class SharesEntry(FileTable):
+class SharesEntry(input_files.FileTable):
     """``[stocking.limits_percent]``: least and greatest pressure over that at B."""
 
     B1: Share | None = None
@@ -48,16 +38,16 @@ class SharesEntry(FileTable):
     """Least and greatest pressure at D, in percent of that at B."""
 
 
-class StockingEntry(FileTable):
+class StockingEntry(input_files.FileTable):
     """``[stocking]``: a compression class, or the fabric's unstretched perimeter."""
 
     compression_class: Literal["1", "2", "3", "4"] | None = None
     """Class whose mean pressure at the ankle the stocking is given; or its unstretched perimeter is stated below."""
-    stiffness_N_per_mm: Positive = 0.3
+    stiffness_N_per_mm: input_files.Positive = 0.3
     """Tension of the fabric per width over its strain."""
     unstretched_mm: Annotated[float, Field(ge=20.0, le=2000.0)] | None = None
     """Perimeter of the unstretched stocking, the same at all heights."""
-    unstretched: Text | None = None
+    unstretched: input_files.Text | None = None
     """CSV file of level_mm,perimeter_mm: the unstretched perimeter at each height."""
     intended_class: Literal["A", "1", "2", "3", "4"] | None = None
     """Class whose limits the pressure at B is compared with; without it, compression_class."""
@@ -71,7 +61,7 @@ class StockingEntry(FileTable):
         sizes = ("compression_class", "unstretched_mm", "unstretched")
         given = [name for name in sizes if getattr(self, name) is not None]
         if len(given) != 1:
-            raise trouble(
+            raise input_files.trouble(
                 "compression_class",
                 f"{len(given)} sizes of the stocking are given",
                 f"give one of {', '.join(sizes)} (a CSV file with level_mm,perimeter_mm)",
@@ -79,55 +69,55 @@ class StockingEntry(FileTable):
         return self
 
 
-class OutlineAccuracyEntry(FileTable):
+class OutlineAccuracyEntry(input_files.FileTable):
     """``[accuracy]`` of the outlines."""
 
-    contour_sd_mm: Positive = 0.2
+    contour_sd_mm: input_files.Positive = 0.2
     """Standard deviation of the scans' outlines."""
-    correlation_mm: Positive = 8.0
+    correlation_mm: input_files.Positive = 8.0
     """Distance along the skin over which errors of the outlines are alike."""
-    pressure_relative_sd: Positive = 0.01
+    pressure_relative_sd: input_files.Positive = 0.01
     """Standard deviation of the stocking's pressure over an eighth of the girth, as a share of it."""
-    tension_relative_sd: NotNegative = 0.0
+    tension_relative_sd: input_files.NotNegative = 0.0
     """Standard deviation of the fabric's tension as a share of it, one value for the whole leg; 0 takes the tension
     as exact."""
 
 
-class TissueStiffness(FileTable):
+class TissueStiffness(input_files.FileTable):
     """``[tissues.deep]`` or ``[tissues.superficial]``: C10 is known, or identified."""
 
-    C10_kPa: Positive | None = None
+    C10_kPa: input_files.Positive | None = None
     """Half the shear modulus, where it is known; identified without it."""
-    D1_per_MPa: Positive = 2.0
+    D1_per_MPa: input_files.Positive = 2.0
     """Compressibility: the bulk modulus is 2 / D1."""
 
 
-class StockingTissues(FileTable):
+class StockingTissues(input_files.FileTable):
     """``[tissues]``."""
 
     deep: TissueStiffness = TissueStiffness()
     superficial: TissueStiffness = TissueStiffness()
 
 
-class SegmentEntry(FileTable):
+class SegmentEntry(input_files.FileTable):
     """``[segment]``: the part of the leg that is modelled (mm), and what its ends do."""
 
-    from_mm: Finite | None = None
+    from_mm: input_files.Finite | None = None
     """Height in the scan from which on the leg is modelled."""
-    to_mm: Finite | None = None
+    to_mm: input_files.Finite | None = None
     """Height in the scan up to which the leg is modelled."""
     ends: Literal["held", "free"] = "held"
     """Whether the leg's cut ends are held in place, or free."""
 
 
-class VeinEntry(FileTable):
+class VeinEntry(input_files.FileTable):
     """One of ``[[veins]]``: a name, and its position in the bare leg (mm)."""
 
-    name: Text
-    position_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)]
+    name: input_files.Text
+    position_mm: Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
 
 
-class PostureEntry(FileTable):
+class PostureEntry(input_files.FileTable):
     """``[posture]``, optional: what the veins hold, to set beside the tissue's pressure."""
 
     heart_mm: Annotated[float, Field(gt=0, le=2500, allow_inf_nan=False)]
@@ -136,15 +126,15 @@ class PostureEntry(FileTable):
     """Pressure in the leg's veins, lying."""
 
 
-class SensorEntry(FileTable):
+class SensorEntry(input_files.FileTable):
     """One of ``[[sensor]]``: a pressure measured between stocking and skin."""
 
-    name: Text
-    position_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)]
+    name: input_files.Text
+    position_mm: Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
     """Place on the bare leg's skin."""
     pressure_mmHg: Annotated[float, Field(gt=0, le=300, allow_inf_nan=False)]
     instrument: Literal["PicoPress", "Kikuhime"] | None = None
-    sd_mmHg: Positive | None = None
+    sd_mmHg: input_files.Positive | None = None
     diameter_mm: Annotated[float, Field(ge=1, le=120, allow_inf_nan=False)] | None = None
     """Diameter of the face; the instrument's, or 30 mm, without it."""
 
@@ -152,16 +142,16 @@ class SensorEntry(FileTable):
     def _one_error(self) -> "SensorEntry":
         if (self.instrument is None) == (self.sd_mmHg is None):
             what = "missing" if self.sd_mmHg is None else "given beside instrument"
-            raise trouble("sd_mmHg", what, f"give its standard deviation, or one of {', '.join(KINDS)}")
+            raise input_files.trouble("sd_mmHg", what, f"give its standard deviation, or one of {', '.join(KINDS)}")
         return self
 
 
-class LegFile(FileTable):
+class LegFile(input_files.FileTable):
     """``leg.toml`` as it is written, in the file's units."""
 
-    id: PlainName
+    id: input_files.PlainName
     """Short name by which results are called: letters, digits, dots, dashes."""
-    title: Title
+    title: input_files.Title
     """What reports are headed with."""
     origin: Literal["measured", "simulated"]
     """Where the data come from; reports of simulated data say so."""
@@ -181,13 +171,13 @@ class LegFile(FileTable):
     def _stiffness_is_known_or_shown(self) -> "LegFile":
         known = [t.C10_kPa for t in (self.tissues.deep, self.tissues.superficial)]
         if self.compressed is None and None in known:
-            raise trouble(
+            raise input_files.trouble(
                 "compressed",
                 "missing, and the tissues' C10_kPa aren't given either",
                 "give the leg scanned in its stocking, or C10_kPa of both tissues",
             )
         if self.elastography and None not in known:
-            raise trouble(
+            raise input_files.trouble(
                 "elastography",
                 "is given beside C10_kPa of both tissues, which are taken as they are",
                 "leave C10_kPa out, so that it is a prior of what is identified",
@@ -198,7 +188,7 @@ class LegFile(FileTable):
     def _waves_across(self) -> "LegFile":
         for number, entry in enumerate(self.elastography):
             if entry.tissue == "deep" and entry.plane == "along":
-                raise trouble(
+                raise input_files.trouble(
                     f"elastography.{number}.plane",
                     "along the leg isn't used: muscle in a stocking is squeezed across it",
                     "leave it out, and give the modulus across the leg",
@@ -209,4 +199,4 @@ class LegFile(FileTable):
 
 def parse_leg_file(path: Path) -> LegFile:
     """Read and check ``leg.toml``; see `legfem.common.input_files.parse_toml`."""
-    return parse_toml(path, LegFile, "the folder of a leg in a stocking")
+    return input_files.parse_toml(path, LegFile, "the folder of a leg in a stocking")
