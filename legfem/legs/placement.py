@@ -247,7 +247,7 @@ def _to_scan(directory: Path, toml: Path, indenter: IndenterEntry) -> tuple[Rigi
 
 
 LENGTH = 120.0
-"""Of the leg that is modelled (mm), as that of the tabulated correction's idealised legs."""
+"""Length of the leg that is modelled, mm: that of the tabulated correction's idealised legs."""
 _LEVELS = 5
 _BEYOND = 10.0
 """Past the ends (mm) a scan is read, so that they are smooth, and square to a tilted cylinder."""
