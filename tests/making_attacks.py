@@ -14,7 +14,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -280,7 +280,8 @@ def _answer(asked: dict[str, Any]) -> dict[str, Any]:
 
     words, folder = asked["words"], asked["folder"]
     try:
-        with _until_work_begins():
+        # A preview solves nothing, and says what it reads.
+        with nullcontext() if "preview" in words else _until_work_begins():
             if asked["how"] == "command":
                 run = CliRunner().invoke(command(words[0]), words[1:])
                 if isinstance(run.exception, SystemExit) or run.exception is None:

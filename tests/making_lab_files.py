@@ -161,6 +161,10 @@ PAGES: dict[str, tuple[str, str]] = {
     "GB 18030": ("gb18030", _commas("时间,位移,力\n秒,毫米,牛")),
     "EUC-KR": ("cp949", _commas("시간(s),변위(mm),하중(N)")),
     "Windows-1251": ("cp1251", _semicolons("Время, с;Перемещение, мм;Сила, Н")),
+    "EUC-JP": ("euc_jp", _commas("時間[秒],変位[mm],荷重[N]")),
+    "Big5": ("big5", _commas("時間(秒),位移(毫米),力(牛頓)")),
+    "KOI8-R": ("koi8-r", _semicolons("Время, с;Перемещение, мм;Нагрузка, Н")),
+    "kilograms in Russian": ("cp1251", _semicolons("Время, с;Деформация, мм;Усилие, кгс", T, D, F / GRAVITY)),
     "Windows-1250": ("cp1250", _semicolons("Czas [s];Przemieszczenie [mm];Siła [N]")),
     "Mac OS Roman": ("mac_roman", _semicolons("Prüfzeit (s);Weg (mm);Kraft (N)")),
 }

@@ -110,10 +110,26 @@ def _dion() -> str:
     return f"{names}C_1_Déplacement[mm]\n" + rows(*columns, delimiter=";", form="%.8f")
 
 
+def _toa5() -> str:
+    """As a Campbell logger writes it: a unit of time that is none, and a row of what each reading is."""
+    names = '"TOA5","CR1000"\n"TIMESTAMP","RECORD","Force","Disp"\n"TS","RN","N","mm"\n"","","Smp","Smp"\n'
+    times = (f"2024-03-05 {clock}" for clock in clocks())
+    return names + "".join(f'"{t}",{k},{f:.5f},{d:.5f}\n' for k, (t, f, d) in enumerate(zip(times, F, D, strict=True)))
+
+
+def _flagged() -> str:
+    samples = (f"{t:.3f},0,{d:.5f},0,{f:.5f},1" for t, d, f in zip(T, D, F, strict=True))
+    return "Time (s),,Position (mm),,Force (N),\n" + "\n".join(samples) + "\n"
+
+
+_RESULTS = ",Maximum load [N],Extension at max [mm],Modulus [MPa]\n" + "".join(f"{k},18,20,0.01\n" for k in range(9))
+_CALIBRATION = "Point,Counts,Reference (N)\n1,0,0\n2,100,1\n3,200,2\n4,300,3\n\n"
+
+
 _FULL_WIDTH = {ord(c): 0xFEE0 + ord(c) for c in "0123456789."}
 
 
-G = 9.80665
+G, POUND = 9.80665, 4.4482216152605
 
 
 ODD = {
@@ -142,7 +158,7 @@ ODD = {
     "Trapezium": _commas('"1 _ 1","","",\n"Time","Force","Stroke",\n"sec","N","mm",', T, F, D, end=","),
     "Exponent": _tabs("Gel1\n\nForce\tDistance\tTime\ng\tmm\tsec", 1e3 * F / G, D, T),
     "kilograms": _commas("Time (s),Position (mm),Load (kg)", T, D, F / G, form="%.8f"),
-    "pounds": _commas("Time (s),Position (in),Load (lbs)", T, D / 25.4, F / 4.4482216152605, form="%.8f"),
+    "pounds": _commas("Time (s),Position (in),Load (lbs)", T, D / 25.4, F / POUND, form="%.8f"),
     "centinewtons": _semicolons("Zeit [s];Weg [mm];Kraft [cN]", T, D, 100 * F),
     "decanewtons": _commas("Temps (s);Déplacement (mm);Effort (daN)", T, D, F / 10, delimiter=";", form="%.7f"),
     "Mach-1": _mach1(),
@@ -198,6 +214,28 @@ ODD = {
     ),
     "names in quotes after spaces": '"Time [s]", "Position [mm]", "Force [N]"\n' + rows(T, D, F, delimiter=", "),
     "microseconds unsaid": _commas("timestamp,Position (mm),Force (N)", 1e6 * T, D, F),
+    "results above of as many columns": _commas(f"Results\n{_RESULTS}\nTime,Extension,Load\n(s),(mm),(N)"),
+    "a calibration above": _commas(f"{_CALIBRATION}Time (s),Position (mm),Force (N)"),
+    "a table below": _commas("Time (s),Position (mm),Force (N)") + f"\n{_RESULTS}",
+    "Igor": "IGOR\nWAVES/D time_s, pos_mm, force_N\nBEGIN\n"
+    + "".join(f"\t{line}\n" for line in rows(T, D, F, delimiter="\t").splitlines())
+    + "END\n",
+    "names between semicolons, numbers between tabs": _tabs("Zeit (s);Weg (mm);Kraft (N)"),
+    "names between spaces, numbers between commas": _commas("time_s displacement_mm force_N"),
+    "flags without names": _flagged(),
+    "a logger's units": _toa5(),
+    "a peak beside": _commas("Load (N),Peak load (N),Travel (mm),Time (s)", F, np.maximum.accumulate(F), D, T),
+    "a list of channels": _commas("1,Time,s\n2,Position,mm\n3,Force,N\nDATA"),
+    "a weight in Portuguese": _semicolons("Tempo (s);Posição (mm);Peso (g)", T, D, 1e3 * F / G),
+    "pounds with a point": _commas("Time (sec.),Position (in.),Load (lb.)", T, D / 25.4, F / POUND, form="%.7f"),
+    "AcqKnowledge without times": _tabs(
+        f"gel.acq\n100 msec/sample\n2 channels\nForce\nN\nTravel\nmm\nCH1\tCH2\n{len(T)}\t{len(T)}", F, D
+    ),
+    "a sampling rate": _commas("Recorder,X2\nSampling rate,10 Hz\n\nForce (N),Position (mm)", F, D),
+    "a sampling interval": _semicolons("Abtastintervall;0,1 s\n\nKraft [N];Weg [mm]", F, D),
+    "a sampling rate of counted samples": _commas(
+        "Sampling frequency (Hz): 10\nSample,Force (N),Position (mm)", np.arange(len(T)), F, D
+    ),
     "rows written twice": _commas("Time (s),Position (mm),Force (N)", *(np.repeat(c, 2) for c in (T, D, F))),
     "a step's own time": _commas("Segment,Time (s),Step time (s),Position (mm),Force (N)", T // 10, T, T % 10, D, F),
 }

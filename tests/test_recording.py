@@ -72,7 +72,6 @@ def test_unusable_trials_are_explained(tmp_path, change, field, words):
         ("displacement_mm", "displacement", "header", "'displacement' where"),
         ("force_N", "force_kg2", "header", "'force_kg2' where 'force_N'"),
         ("time_s", "t", "header", "'time_s' is missing"),
-        ("time_s,displacement_mm,force_N", "time_s;displacement_mm;force_N", "header", "commas"),
         ("0.100,0.0400", "0,100,0,0400", "line 3", "decimal"),
         ("0.100,0.0400", '0.100,"0,0400"', "displacement_mm, line 3", "decimal comma"),
         ("0.100,0.0400", "0.100,NaN", "displacement_mm, line 3", "not a finite number"),

@@ -17,7 +17,8 @@ from legfem.imaging.same_leg import check_scans_differ
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking
-from legfem.stockings.leg import StockingLeg
+from legfem.stockings.leg import Posture, StockingLeg
+from legfem.stockings.levels import MakersLevels
 from legfem.stockings.loading import LEAST_LENGTH_MM, doubts_about_leg, load_leg
 from studies.legs.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
@@ -107,6 +108,24 @@ def _table(low: float, high: float) -> Change:
     return change
 
 
+def _wide_at_one_level(leg: StockingLeg) -> StockingLeg:
+    around = leg.stocking.unstretched.copy()
+    around[3] *= 4.0
+    return replace(leg, stocking=Stocking(0.3, leg.stocking.levels, around))
+
+
+def _accuracy(**numbers: float) -> Change:
+    return lambda leg: replace(leg, accuracy=ContourAccuracy(**numbers))
+
+
+def _heart(above: float) -> Change:
+    return lambda leg: replace(leg, posture=Posture(float(leg.bare.levels[-1]) + above))
+
+
+def _makers(height: float) -> Change:
+    return lambda leg: replace(leg, makers=MakersLevels(heights={"D": height}))
+
+
 @pytest.mark.parametrize(
     ("change", "field", "words"),
     [
@@ -122,6 +141,12 @@ def _table(low: float, high: float) -> Change:
         (_fabric(2.8, 0.1), "stocking", "a stretch of the fabric of 180 %"),
         (_fabric(1.03, 5.0), "stocking", "a stretch of the fabric of 3 %"),
         (_fabric(1.5, 2.0), "stocking.stiffness_N_per_mm", "a mean pressure"),
+        (_wide_at_one_level, "stocking.unstretched", "the fabric is wider than the leg at"),
+        (_accuracy(sd=5.0), "accuracy.contour_sd_mm", "an error of outlines of 5 mm"),
+        (_accuracy(tension_sd=0.8), "accuracy.tension_relative_sd", "a relative error of 0.8"),
+        (_accuracy(correlation=100.0), "accuracy.correlation_mm", "err alike of 100 mm"),
+        (_heart(200.0), "posture.heart_mm", "a heart's height above the leg's upper end of 200 mm"),
+        (_makers(900.0), "stocking.levels_mm.D", "900 mm is not in the part that is modelled"),
     ],
 )
 def test_what_is_unlikely_is_doubted(leg, change, field, words):
@@ -142,6 +167,13 @@ def test_what_is_unlikely_is_doubted(leg, change, field, words):
         (_fabric(0.95), "unstretched", "is wider than the leg"),
         (_fabric(4.5), "stocking", "a stretch of the fabric of 350 %"),
         (_fabric(1.5, 300.0), "stocking.stiffness_N_per_mm", "if the value is in N/m"),
+        (
+            _accuracy(pressure_sd=10.0),
+            "accuracy.pressure_relative_sd",
+            "if the value is in per cent, multiply it by 0.01",
+        ),
+        (_accuracy(sd=1e-9), "accuracy.contour_sd_mm", "an error of outlines of 1e-09 mm"),
+        (_heart(-100.0), "posture.heart_mm", "of -100 mm"),
     ],
 )
 def test_what_cannot_be_is_refused(leg, change, field, words):
@@ -173,6 +205,48 @@ def test_one_scan_given_twice_is_refused_and_a_second_one_is_not(leg):
     again = {part: xy + 0.01 for part, xy in leg.bare.contours.items()}
     check_scans_differ(leg.bare, LegShape(leg.bare.levels, again), TOML)
     check_scans_differ(leg.bare, leg.bare.at_levels(leg.bare.levels[2:]), TOML)
+
+
+_PLACES = "veins = [{name = 'v', position_mm = [%s]}]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            _PLACES % "900, 0, 70",
+            "veins v, position_mm: 900, 0, 70 is not in the part of the leg that is modelled, 50 to 110",
+        ),
+        (_PLACES % "0, 0, 700", "veins v, position_mm: 0, 0, 700 is not in the part"),
+        (
+            "veins = [{name = 'a', position_mm = [0, 0, 70]}, {name = 'a', position_mm = [9, 0, 70]}]\n",
+            "two are called 'a'",
+        ),
+        ('veins = [{name = "a\\u0000b", position_mm = [0, 0, 70]}]\n', "veins.0.name"),
+        ("stocking.levels_mm = {B = 110, C = 60}\n", "levels_mm.C: 60 mm is not above B, which is at 110 mm"),
+        ("stocking.limits_percent = {C = [90, 20]}\n", "limits_percent.C: 90 to 20 is no range"),
+    ],
+)
+def test_what_a_leg_s_file_places_is_in_the_leg_and_in_order(tmp_path: Path, text: str, words: str):
+    toml = write_scanned(tmp_path) / "leg.toml"
+    toml.write_text(text + toml.read_text())
+    with pytest.raises(InputError) as caught:
+        load_leg(tmp_path)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("levels", "words"), [((110, 80, 50), ""), ((50, 80, 80, 110), "the level 80 mm is given twice")], ids=str
+)
+def test_a_fabric_s_table_may_be_in_any_order_but_has_each_level_once(tmp_path: Path, levels, words: str):
+    toml = write_scanned(tmp_path) / "leg.toml"
+    toml.write_text(toml.read_text().replace('stocking.compression_class = "2"', 'stocking.unstretched = "fabric.csv"'))
+    (tmp_path / "fabric.csv").write_text("level_mm,perimeter_mm\n" + "".join(f"{z},{100 + z}\n" for z in levels))
+    try:
+        np.testing.assert_array_equal(load_leg(tmp_path).stocking.unstretched, [150.0, 180.0, 210.0])
+        assert not words
+    except InputError as error:
+        assert words and words in str(error)
 
 
 class Stages(Silent):

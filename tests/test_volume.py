@@ -193,6 +193,45 @@ def test_bad_files_give_one_line(tmp_path):
         read_volume(tmp_path / "image.nii")
 
 
+@pytest.mark.parametrize(
+    ("array", "spacing", "words"),
+    [
+        (volume().labels.astype("c8"), 1.0, "labels: are colours or complex numbers"),
+        (volume().labels, 40.0, "spacing: voxels are 1 x 1 x 40 mm apart"),
+        (np.stack([volume().labels] * 2, axis=-1), 1.0, "is not the shape of a volume"),
+    ],
+    ids=["complex", "far apart", "two volumes"],
+)
+def test_what_is_no_one_volume_of_labels_is_refused(tmp_path, array, spacing, words):
+    nibabel.save(nibabel.Nifti1Image(array, np.diag([1.0, 1.0, spacing, 1.0])), tmp_path / "leg.nii")
+    with pytest.raises(InputError, match=words):
+        read_volume(tmp_path / "leg.nii")
+
+
+def test_one_volume_may_be_the_only_one_of_a_series(tmp_path):
+    image = nibabel.Nifti1Image(volume().labels[..., None], np.diag([-1, -1, 1, 1]) @ volume().affine)
+    nibabel.save(image, tmp_path / "leg.nii")
+    assert same(read_volume(tmp_path / "leg.nii"), volume())
+
+
+def test_more_voxels_than_memory_has_are_refused_before_they_are_read(tmp_path):
+    path = tmp_path / "leg.nii"
+    write_volume(volume(), path)
+    content = bytearray(path.read_bytes())
+    content[42:48] = np.array([30_000] * 3, "<i2").tobytes()
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="shape: has 27,000,000,000,000 voxels; at most"):
+        read_volume(path)
+
+
+def test_what_itk_says_of_a_file_is_told_without_its_sources(tmp_path):
+    path = tmp_path / "leg.mhd"
+    path.write_text("NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = leg.raw\n")
+    with pytest.raises(InputError, match="file: can't be read") as caught:
+        read_volume(path)
+    assert "0x" not in str(caught.value) and ".cxx" not in str(caught.value)
+
+
 def test_volumes_of_different_spacing_need_a_transform():
     made = volume()
     check_same_spacing(made, made)

@@ -199,7 +199,7 @@ class CalfSize:
     """What stands for a calf's outlines where there are none."""
 
     girth: float
-    """Of the calf where it is pressed, mm."""
+    """Girth of the calf where it is pressed, mm."""
     fat: float
     """Thickness of skin and fat under the indenter, mm."""
 
@@ -272,7 +272,7 @@ class DescribedStocking:
     bare: str
     """Scan of the bare leg: a file in the folder."""
     compressed: str
-    """Of the leg in its stocking; may be empty."""
+    """Scan of the leg in its stocking: a file in the folder; may be empty."""
     compression_class: str
 
     def describe(self, folder: Path) -> None:

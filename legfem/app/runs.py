@@ -13,6 +13,7 @@ import shutil
 import signal
 import sys
 import time
+import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,11 +21,14 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from legfem.app.workspace import Workspace
 from legfem.common.command_line import BAD_INPUT, INTERRUPTED
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Reached, reached
+from legfem.data.folder import RESOURCES
 from legfem.jobs.supervise import started
 
 EVERY = "all legs"
@@ -223,14 +227,14 @@ class Choice:
         As people read it, with the unit.
     help : str
         What it does.
-    choices : sequence of str
+    choices : tuple of str
         What it may be; empty for a number.
     """
 
     option: str
     label: str
     help: str
-    choices: Sequence[str] = ()
+    choices: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -245,14 +249,14 @@ class Action:
         The option that takes the folder.
     does : str
         In a sentence.
-    choices : sequence of Choice
+    choices : tuple of Choice
         Asked for.
     """
 
     name: str
     folder: str
     does: str
-    choices: Sequence[Choice] = ()
+    choices: tuple[Choice, ...] = ()
 
     @property
     def module(self) -> str:
@@ -287,83 +291,9 @@ class Action:
         return [self.folder, str(folder), "--out", str(out), *stated, *typed]
 
 
-_DEPTH = Choice("--depth", "use recordings down to (mm)", "deeper readings are left out; leave it empty to use all")
-_LEG = (
-    Action(
-        "identify",
-        "--subject-dir",
-        "Find C10 and C20 of the muscle, with intervals.",
-        (
-            Choice(
-                "--law",
-                "law",
-                "neo-Hookean has C10 alone; the reduced polynomial stiffens by C20",
-                ("both", "neo-hookean", "reduced-polynomial"),
-            ),
-            _DEPTH,
-            Choice("--model", "model", "2d: the section, corrected for the cylinder's ends; 3d: the leg", ("2d", "3d")),
-        ),
-    ),
-    Action(
-        "diagnose",
-        "--subject-dir",
-        "Say whether the model describes the recordings, and which physics is missing if not. "
-        "The first diagnosis of a leg takes some minutes.",
-    ),
-    Action(
-        "plan",
-        "--subject-dir",
-        "Say which tests of this leg would show which effects, before any is made.",
-        (
-            Choice("--c10", "expected C10 (kPa)", "the muscle's, as well as it is known before the test"),
-            Choice("--c20", "expected C20 (kPa)", "the muscle's stiffening; 0 for a neo-Hookean muscle"),
-            Choice("--depth", "to press to (mm)", "the greatest displacement that the leg and the rig allow"),
-            Choice("--rate", "rate (mm/s)", "speed of the indenter"),
-        ),
-    ),
+ACTIONS = TypeAdapter(dict[str, tuple[Action, ...]]).validate_python(
+    tomllib.loads((RESOURCES / "app" / "actions.toml").read_text(encoding="utf-8"))
 )
-ACTIONS: Mapping[str, Sequence[Action]] = {
-    "subject.toml": _LEG,
-    "leg.toml": (
-        Action(
-            "stocking",
-            "--subject-dir",
-            "Find the stiffness of fat and muscle, and the pressures in the leg.",
-            (
-                Choice(
-                    "--cells", "about how many tetrahedra", "more take longer, and leave a smaller error of the mesh"
-                ),
-            ),
-        ),
-    ),
-    "specimen.toml": (
-        Action(
-            "identify",
-            "--specimen-dir",
-            "Fit one law to all recordings together.",
-            (
-                Choice(
-                    "--law",
-                    "law",
-                    "neo-Hookean has C10 alone; the others stiffen as they are deformed",
-                    ("neo-hookean", "reduced-polynomial", "yeoh", "exponential"),
-                ),
-            ),
-        ),
-        Action(
-            "diagnose",
-            "--specimen-dir",
-            "Say of each specimen whether the model describes its recordings, and which physics is missing if not.",
-            (
-                Choice(
-                    "--specimen",
-                    "one specimen alone (its name)",
-                    "leave it empty to diagnose all of them, one after the other",
-                ),
-            ),
-        ),
-    ),
-}
 """By the file that says what a folder is."""
 
 

@@ -31,7 +31,7 @@ class ChannelAccuracy:
     slow: float = 0.0
     """Of an error that changes slowly along the test."""
     lag: float = 0.0
-    """Of the channel's clock against the recording's, s."""
+    """Lag of the channel's clock behind the recording's, s."""
     shift: float = 0.0
     """Of where an image lies in the section, in either direction, mm."""
     turn: float = 0.0

@@ -152,7 +152,7 @@ class Seen:
 
     @property
     def radius(self) -> float:
-        """Of the cylinder, mm."""
+        """Radius of the cylinder, mm."""
         return self.model.system.model.parameters["indenter.radius"]
 
     @property

@@ -38,7 +38,7 @@ class Fitted:
 
     effects: FloatArray
     covariance: FloatArray
-    """Of the effects."""
+    """Covariance of the effects."""
     sd: tuple[float, float, float]
     """Of people, of legs within them, of tests within legs beyond their own errors."""
     sd95: tuple[tuple[float, float], ...]

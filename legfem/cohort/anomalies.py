@@ -87,7 +87,7 @@ class DriftStep:
     """The step in time that explains most."""
 
     size: float
-    """Of the logarithm."""
+    """Change of the logarithm."""
     sd: float
     p_value: float
     before: int

@@ -52,7 +52,7 @@ class ModelResult:
     measures: Mapping[str, Measure]
     """By key, as in ``result.json``: ``c10_deep``."""
     p_value: float | None = None
-    """Of the fit."""
+    """p-value of the fit."""
     curve: Curve | None = None
 
 

@@ -13,6 +13,7 @@ from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.data.formats.labels import OWN, Quantity, Unit, names_quantity, unit_named
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet, measured_by, measures
+from legfem.data.formats.times import check_no_clock
 from legfem.data.recording import QUANTITIES, Recording, SourceColumn, SourceColumns, channel_of, recording_of
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
@@ -20,8 +21,12 @@ from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 _LEAST_TEST_S, _LONGEST_TEST_S = 0.5, 10_000.0
 _LEAST_STEP_S, _LONGEST_STEP_S = 1e-4, 5.0
 
-_COMMANDED = re.compile(r"command|\bcmd\b|set[ _]?point|sollwert|consigne|target|ref$", re.IGNORECASE)
-"""What a drive was told to do, or a second sensor that another is compared with: no reading of the test."""
+_COMMANDED = re.compile(
+    r"command|\bcmd\b|set[ _]?point|sollwert|consigne|target|ref$"
+    r"|\b(?:peak|max|maximum|min|minimum|mean|average|avg)\b",
+    re.IGNORECASE,
+)
+"""What a drive was told to do, a second sensor that another is compared with, a statistic: no reading of the test."""
 
 
 def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[SourceColumn, str]:
@@ -76,6 +81,8 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
             f"may be any of {told}, which differ",
             f"name it with --{quantity} NAME:UNIT",
         )
+    if quantity == "time":
+        check_no_clock(path, chosen.name, chosen.unit, chosen.values)
     still = "doesn't increase" if quantity == "time" else "doesn't change"
     same = "".join(f"; '{c.name}' {still}" for c in able if not _goes_on(c, quantity) and c is not chosen)
     if not chosen.unit and quantity == "time" and (of_time := _unit_of_time(chosen)):

@@ -199,7 +199,7 @@ class Catalogue:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the subjects."""
+        """Ids of the subjects."""
         return tuple(sorted(path.parent.name for path in self.folder.glob(f"*/{self.file}")))
 
     def find(self, name: str) -> Path:

@@ -124,6 +124,16 @@ def sizes_from_repeats(expected: FloatArray, vagueness: ArrayLike, differences: 
     return np.asarray(expected * np.exp(found.x))
 
 
+_SLOW_WAYS = (0.5, 5.0)
+"""Over which a load cell's slow error changes: as flicker noise, half of its variance over each."""
+
+
+def slow_correlation(places: FloatArray) -> FloatArray:
+    """Return the correlation (n, n) of a load cell's slow error between places (n,) of a press, over its length."""
+    apart = np.abs(places[:, None] - places[None, :])
+    return np.asarray(np.mean([np.exp(-apart / way) for way in _SLOW_WAYS], axis=0))
+
+
 # Log-standard deviation of what is expected of each component before looking at the repeats.
 _VAGUENESS = 1.0
 _EXPECTED_LENGTH_MM = 1.0
@@ -146,7 +156,7 @@ class NoiseEstimate:
     slow_sd: float
     """Part correlated over ``correlation_length``, N."""
     correlation_length: float
-    """mm of displacement over which the slow part's correlation falls to 1/e."""
+    """mm of displacement over which the slow part changes, see `slow_correlation`."""
     offset_sd: float
     """N."""
     gain_sd: float
@@ -261,11 +271,10 @@ def estimate_components(
 
 def _covariance(components: FloatArray, displacement: FloatArray, force: FloatArray, slope: FloatArray) -> FloatArray:
     offset, gain, shift, slow, length = components
-    apart = np.abs(displacement[:, None] - displacement[None, :])
     total: FloatArray = (
         offset**2
         + gain**2 * np.outer(force, force)
         + shift**2 * np.outer(slope, slope)
-        + slow**2 * np.exp(-apart / length)
+        + slow**2 * slow_correlation(displacement / length)
     )
     return total

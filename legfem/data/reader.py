@@ -5,6 +5,7 @@ from pathlib import Path
 from legfem.common.errors import InputError
 from legfem.data.columns import look_command, propose
 from legfem.data.formats import read_sheets
+from legfem.data.formats.times import BY_RATE
 from legfem.data.recording import QUANTITIES, Recording, SourceColumn, SourceColumns, read_own_table, recording_of
 
 
@@ -73,7 +74,8 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
     except InputError:
         return None
     stated = all(c.unit for sheet in sheets for c in sheet.columns if c.name == found.time.column)
-    if found.displacement.sign < 0 or found.force.sign < 0 or not stated:
+    counted = any(BY_RATE in remark for sheet in sheets for remark in sheet.remarks)
+    if found.displacement.sign < 0 or found.force.sign < 0 or not stated or counted:
         return None
     return recording_of(path, sheets, found)
 

@@ -13,13 +13,11 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from legfem.channels.kinds import files_of
 from legfem.channels.seen import ChannelReader
 from legfem.common.errors import InputError, check_positive
-from legfem.common.units import FloatArray
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, Faces
 from legfem.experiments.experiment import Solved
 from legfem.experiments.indentation import Attempt, IndentationModel, IndentationRequest, IndentationTest, leg_model
@@ -34,7 +32,7 @@ from legfem.meshing.section import DEEP
 from legfem.meshing.structured import MeridianMesh, MeridianMeshSettings, mesh_meridian, supports
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.path import ForceCurve, SolveReport
+from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import NewtonSettings, StepSettings
 
@@ -286,65 +284,6 @@ def _doubled(solved: Solved) -> Solved:
         replace(path, displacement=2 * path.displacement),
         replace(report, reached=2 * report.reached, target=2 * report.target),
     )
-
-
-@dataclass(frozen=True)
-class LayerCompression:
-    """Compression of layers at the axis, and the force, at the solved steps."""
-
-    force: FloatArray
-    """Force, (n,), N."""
-    lost: Mapping[str, FloatArray]
-    """Thickness that each layer has lost, from the base up, by its name; (n,), mm."""
-    report: SolveReport
-
-    @property
-    def total(self) -> FloatArray:
-        """Thickness that all layers have lost, (n,), mm."""
-        return np.asarray(sum(self.lost.values()))
-
-
-def compress_layers[Sizes](
-    test: AxisymmetricTest[Sizes], depth: float, values: Mapping[str, float] | None = None
-) -> LayerCompression:
-    """Press to a depth, and return how much each layer's thickness falls at the axis.
-
-    Parameters
-    ----------
-    test
-        On layers.
-    depth
-        Displacement of what presses, mm.
-    values
-        Numbers that differ from the model's own, by full name.
-
-    Returns
-    -------
-    Compressed
-        As far as the solution came, from zero.
-    """
-    spaces = test.system.spaces
-    nodes = spaces.displacement_space.tabulate_dof_coordinates()
-    # The second component, along the axis, of the nodes on it at the layers' tops.
-    dofs = [
-        spaces.displacement_dofs[2 * int(np.argmin(np.hypot(nodes[:, 0], nodes[:, 1] - z))) + 1]
-        for z in (*test.interfaces, test.arrangement.height)
-    ]
-    # Every attempt at the solution begins anew at small displacements.
-    attempts: list[dict[float, FloatArray]] = []
-
-    def look(at: float) -> None:
-        if not attempts or at <= max(attempts[-1]):
-            attempts.append({})
-        unknown: fem.Function = test.system.unknown
-        attempts[-1][at] = -np.asarray(unknown.x.array[dofs])
-
-    solved = test.solve(values, depth=depth, on_step=look)
-    steps = solved.path.displacement[1:].tolist()
-    seen = next((one for one in attempts if list(one) == steps), {})
-    sunk = np.array([np.zeros(len(dofs)), *seen.values()])
-    lost = np.diff(sunk, axis=1, prepend=0.0).T
-    return LayerCompression(solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report)
 
 
 @dataclass(frozen=True, eq=False)

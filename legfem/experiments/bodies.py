@@ -214,7 +214,7 @@ class HomogeneousBody(ABC):
     free: ClassVar[tuple[int, ...]]
     """Axes along which nothing pulls: their stretches follow."""
     component: ClassVar[tuple[int, int]]
-    """Of the nominal stress that is recorded."""
+    """Component of the nominal stress that is recorded."""
 
     def __post_init__(self) -> None:
         """Check the sizes."""
@@ -222,7 +222,7 @@ class HomogeneousBody(ABC):
 
     @property
     def sign(self) -> float:
-        """Of the strain in which displacement and force count as positive."""
+        """Sign of the strain in which displacement and force count as positive."""
         return 1.0
 
     @abstractmethod
@@ -264,7 +264,7 @@ class UniaxialSpecimen(HomogeneousBody):
 
     @property
     def sign(self) -> float:
-        """Of the strain along the bar."""
+        """Sign of the strain along the bar."""
         return 1.0 if self.pulled == "tension" else -1.0
 
     def gradient(self, strain: Any, free: Any) -> Any:

@@ -295,7 +295,7 @@ class System:
 
     @property
     def displacement(self) -> float:
-        """Of the indenter along its line of travel, mm."""
+        """Displacement of the indenter along its line of travel, mm."""
         return float((self._centre.value - self.start) @ self.direction)
 
     def seek(self) -> None:

@@ -1,7 +1,9 @@
 """Reading and writing label volumes: NIfTI, NRRD and MetaImage, DICOM segmentations."""
 
 import locale
-from collections.abc import Iterator, Mapping
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -41,7 +43,7 @@ def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None 
     Raises
     ------
     InputError
-        If the file can't be read, or is not a label volume with these three tissues.
+        If the file can't be read, is too large, or is not a label volume with these three tissues.
     """
     path = Path(path)
     if not path.exists():
@@ -63,9 +65,34 @@ def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None 
     except InputError:
         raise
     except Exception as error:  # the libraries raise all kinds
-        raise InputError(path, "file", f"can't be read ({error})", "save it again") from None
+        raise InputError(path, "file", f"can't be read ({_said(error)})", "save it again") from None
     volume = volume_of_array(array, affine, str(path), meaning or named)
+    if volume.spacing.max() > _FARTHEST_MM:
+        apart = " x ".join(f"{one:g}" for one in volume.spacing)
+        problem = f"voxels are {apart} mm apart; at most {_FARTHEST_MM:g} mm say where a leg's outlines are"
+        raise InputError(path, "spacing", problem, "correct the spacing in the header, or scan more slices")
     return replace(volume, transform=transform)
+
+
+_FARTHEST_MM = 25.0
+"""Distance of voxels beyond which a calf's outlines aren't known between them."""
+_MOST_VOXELS = 500_000_000
+"""A CT of a whole leg at half a millimetre; more take more memory than machines have."""
+_OF_ITK = re.compile(r"ITK ERROR: (?:\w+\(0x[0-9a-f]+\): )?(?P<said>.*)|(?P<nrrd>\[nrrd\] .*)", re.DOTALL)
+
+
+def _said(error: Exception) -> str:
+    """Return what a library says of a file, without where in its own sources that is."""
+    found = _OF_ITK.search(str(error))
+    text = " ".join(((found["said"] or found["nrrd"]) if found else str(error)).split())
+    return text[:160] or type(error).__name__
+
+
+def _check_count(path: Path, shape: Sequence[int]) -> None:
+    count = math.prod(shape)
+    if count > _MOST_VOXELS:
+        problem = f"has {count:,} voxels; at most {_MOST_VOXELS:,} are read"
+        raise InputError(path, "shape", problem, "crop it to the leg, or resample it")
 
 
 @contextmanager
@@ -90,6 +117,8 @@ type _Raw = tuple[NDArray[np.integer], FloatArray, Meaning | None, bool]
 
 def _read_nifti(path: Path) -> _Raw:
     image = nibabel.load(path)
+    _check_count(path, image.shape)
+    image = nibabel.funcs.squeeze_image(image)
     array = np.asanyarray(image.dataobj)
     length, _ = image.header.get_xyzt_units()
     scale = np.diag([_PER_MM[length]] * 3 + [1.0])
@@ -98,7 +127,11 @@ def _read_nifti(path: Path) -> _Raw:
 
 
 def _read_itk(path: Path) -> _Raw:
-    return _of_image(SimpleITK.ReadImage(str(path)), path)
+    reader = SimpleITK.ImageFileReader()
+    reader.SetFileName(str(path))
+    reader.ReadImageInformation()
+    _check_count(path, reader.GetSize())
+    return _of_image(reader.Execute(), path)
 
 
 def _read_series(path: Path) -> _Raw:
@@ -158,6 +191,8 @@ def _read_dicom(path: Path) -> _Raw:
 
 
 def _integers(array: NDArray[np.generic], path: Path) -> NDArray[np.integer]:
+    if array.dtype.kind not in "biuf":
+        raise InputError(path, "labels", "are colours or complex numbers", "give a label volume, not an image")
     rounded = np.rint(array).astype(np.int64)
     if not np.array_equal(rounded, array):
         raise InputError(path, "labels", "are not whole numbers", "give a label volume, not an image")

@@ -51,7 +51,7 @@ class ChannelReadings:
     time: FloatArray
     """Since first contact, s."""
     speed: FloatArray
-    """Of the cylinder, mm/s; negative as it is withdrawn."""
+    """Speed of the cylinder, mm/s; negative as it is withdrawn."""
     values: FloatArray
     """In the channel's unit."""
     white_variance: FloatArray

@@ -55,13 +55,13 @@ class Estimate:
     """Relative change of the value if an assumed stiffness, by full name, or all forces or
     displacements (``force_N``, ``displacement_mm``) were 10 % higher."""
     error_shares: Mapping[ErrorSource, float] = field(default_factory=dict)
-    """Of the square of the standard error, by what causes it."""
+    """Shares of the square of the standard error, by what causes it."""
     information_shares: Mapping[str, float] = field(default_factory=dict)
     """Of what determines the value, by channel, and ``priors``; empty where there is but the force."""
 
     @property
     def unit(self) -> str:
-        """Of the numbers."""
+        """Unit of the numbers."""
         return self.parameter.unit
 
     @property

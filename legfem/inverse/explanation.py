@@ -51,7 +51,7 @@ class Explanation:
 
     @cached_property
     def degrees_of_freedom(self) -> FloatArray:
-        """Of the variances of the parameters' departures (p,); see `variance_degrees`."""
+        """Degrees of freedom of the variances of the parameters' departures (p,); see `variance_degrees`."""
         if self.degrees is not None:
             return self.degrees
         errors, change = self.problem.errors, self.fit.sensitivities

@@ -55,7 +55,7 @@ class HiddenEnd:
     """To one side of a mechanism's null what moves C10 furthest and isn't contradicted."""
 
     values: Mapping[str, float]
-    """Of the mechanism, by their short names."""
+    """Values of the mechanism's parameters, by their short names."""
     open: bool
     """Whether the recordings don't close that side."""
     c10: float
@@ -80,7 +80,7 @@ class Limit:
     stiffness: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """MPa: between which C10 and C20 then are, by full name."""
     ends: tuple[HiddenEnd, ...] = ()
-    """Of the sides of the null that it has."""
+    """Ends on the sides of the null that it has."""
 
     @property
     def open(self) -> bool:

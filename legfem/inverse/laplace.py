@@ -158,7 +158,7 @@ class _Step:
     fit: LinearisedFit
     posterior: Posterior
     log_likelihood: float
-    """Of the data, all but the strength integrated out."""
+    """Logarithm of the likelihood of the data, all but the strength integrated out."""
     log_density: float
     """With the widest prior."""
 

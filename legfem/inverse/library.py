@@ -78,7 +78,7 @@ class ChannelTables:
 
     names: tuple[str, ...]
     elastic: Kriging | None
-    """Of the stiffness, see `coordinates`; None without any."""
+    """Elastic courses over the stiffness, see `coordinates`; None without any."""
     changes: Mapping[tuple[str, str], Table]
     """As those of `Library`, absolute; at stations without zero."""
 

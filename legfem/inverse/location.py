@@ -164,7 +164,7 @@ class Signature:
     shown: FloatArray
     """(N,): the response before whitening, for a figure."""
     shape: Values
-    """Of the parameters beyond the first."""
+    """Values of the parameters beyond the first."""
 
 
 @dataclass(frozen=True)
@@ -185,16 +185,16 @@ class MisfitAssessment:
     lack_of_fit: float
     """p-value of the trials' mean residuals' sum of squares."""
     scores: tuple[Score, ...]
-    """Of the testable mechanisms, the strongest first."""
+    """Scores of the testable mechanisms, the strongest first."""
     windows: tuple[Window, ...]
     """Intervals that hold the misfit, family-wise significant ones only."""
     p_value: float
     """That the errors alone make as strong a sign as the strongest of the three tests."""
     signatures: tuple[Signature, ...]
     family_p_value: float
-    """Of the strongest mechanism, family-wise over all."""
+    """p-value of the strongest mechanism, family-wise over all."""
     windows_p_value: float
-    """Of the strongest window, family-wise over all."""
+    """p-value of the strongest window, family-wise over all."""
 
     def score(self, name: str) -> Score | None:
         """Return a mechanism's."""

@@ -294,7 +294,7 @@ class Solution:
     scaled: Values = field(default_factory=dict)
     """Factors on parameters of the base model, by full name."""
     tilt_deg: float = 0.0
-    """Of the indenter's travel."""
+    """Tilt of the indenter's travel, degrees."""
     null: str = "elastic"
     """The variant without the mechanism that it is compared with: its own error cancels."""
     null_in_series: float = 0.0
@@ -329,9 +329,9 @@ class TissueMechanism(Mechanism):
     """A mechanism whose response only a finite-element solution tells."""
 
     variant: ClassVar[str] = "elastic"
-    """Of the leg's model; mechanisms of one variant share a mesh and its forms."""
+    """Variant of the leg's model; mechanisms of one variant share a mesh and its forms."""
     formulation: "ClassVar[Formulation | None]" = None
-    """Of the variant, where it isn't the base model's."""
+    """Formulation of the variant, where it isn't the base model's."""
     tangential: "ClassVar[TangentialName | None]" = None
     """Law of contact along the surface, likewise."""
     contact_softness: ClassVar[float] = 1.0

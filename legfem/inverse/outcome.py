@@ -16,7 +16,7 @@ class Outcome:
     """One full solve, whether it reached its depth or not."""
 
     values: Values
-    """Of the model, as asked for."""
+    """Values of the model, as asked for."""
     curves: tuple[ForceCurve, ...]
     """One a test that is solved together: a leg has one. With the derivatives that were asked for,
     in N per unit of the parameter; they end where the solve did."""
@@ -43,7 +43,7 @@ class Outcome:
 
     @property
     def curve(self) -> ForceCurve:
-        """Of the only test."""
+        """Curve of the only test."""
         (only,) = self.curves
         return only
 

@@ -127,7 +127,7 @@ class Predictor:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Of the base model: stiffness, and first contact of every trial."""
+        """Parameters of the base model: stiffness, and first contact of every trial."""
         low, high = self.responses.c10_bounds
         middle = float(np.sqrt(low * high))
         known = self.measured or Prior(middle, 1.5, "log", "nothing is known")
@@ -218,7 +218,7 @@ class Predictor:
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
-        """Of the channels' courses."""
+        """Names of the channels' courses."""
         return tuple(course for one in self.observed.channels for course in one.courses)
 
     @cached_property

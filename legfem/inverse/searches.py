@@ -105,7 +105,7 @@ class Found[C: Comparison]:
 
     @property
     def outcomes(self) -> list[Outcome]:
-        """Of the solves; points that differ in the instrument only are read from one."""
+        """Outcomes of the solves; points that differ in the instrument only are read from one."""
         by_values = {key_of_values(one.outcome.values): one.outcome for one in self.trials}
         return list(by_values.values())
 

@@ -31,7 +31,7 @@ class SetAside:
 
     trial: str
     phases: tuple[str, ...]
-    """Of the part, in their order."""
+    """Phases of the part, in their order."""
     whole: bool
     """Whether it is all of the trial."""
     readings: NDArray[np.bool_]

@@ -51,7 +51,7 @@ class CostMap:
     """The cost over one or two parameters on a grid, from the emulator."""
 
     names: tuple[str, ...]
-    """Of the parameters."""
+    """Names of the parameters."""
     across: FloatArray
     """(m,), the first parameter, increasing, in its unit."""
     up: FloatArray
@@ -65,7 +65,7 @@ class SearchLog:
     """How the optimum was found."""
 
     names: tuple[str, ...]
-    """Of the free parameters."""
+    """Names of the free parameters."""
     solves: tuple[FullSolve, ...]
     """In the order in which they were asked for."""
     generations: tuple[Generation, ...]

@@ -71,7 +71,7 @@ class Observed(Protocol):
 
     @property
     def speed(self) -> FloatArray:
-        """Of the cylinder, mm/s."""
+        """Speed of the cylinder, mm/s."""
         ...
 
     @property
@@ -117,13 +117,13 @@ class Noise:
     white_sd: float
     """Of one reading, N: the mean over trials."""
     slow_sd: float
-    """Of the load cell's slow error, N."""
+    """Standard deviation of the load cell's slow error, N."""
     correlation_time: float
     """s over which the slow error's correlation falls to 1/e."""
     zero_sd: float
     """Expected of a trial's zero, N."""
     wander_sd: float
-    """Of the displacement sensor's slow error, mm."""
+    """Standard deviation of the displacement sensor's slow error, mm."""
     source: str
     """What the sizes are known from."""
     beyond_force: float = 0.0

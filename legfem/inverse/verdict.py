@@ -72,7 +72,7 @@ class Diagnosis:
     """What the base model's residual says: windows, and signs of mechanisms."""
     base_held_out: HeldOut
     held_out: tuple[HeldOut, ...]
-    """Of the models."""
+    """Held-out predictions of the models."""
     untested: Mapping[str, str]
     """Mechanisms that the recordings can't show, and why."""
     limits: tuple[Limit, ...]
@@ -87,7 +87,7 @@ class Diagnosis:
     """Greatest difference of the base model's emulated and full forces, over the largest force; NaN
     without a full solution."""
     misfit: Misfit
-    """Of the base model, by its size."""
+    """Misfit of the base model, by its size."""
     aside: SetAside | None = None
     """A part of a trial that something unknown touched: all else is said of the rest."""
 
@@ -103,7 +103,7 @@ class Diagnosis:
 
     @property
     def errors(self) -> ErrorModel:
-        """Of the observations about the base model."""
+        """Errors of the observations about the base model."""
         return self.weighted_base.problem.errors
 
     @property

@@ -46,7 +46,7 @@ class Confirmation:
     """MPa, as ``c20``."""
     c20: float
     seconds: float
-    """Of the solve."""
+    """Duration of the solve, s."""
     factorisations: int
     error: float
     """Greatest difference of the force from what the correction predicted, over the greatest."""
@@ -63,7 +63,7 @@ class SpatialEvidence:
     extruded: bool
     """Whether one section stands for the whole leg, which is an assumption."""
     length: float
-    """Of the leg modelled (mm)."""
+    """Length of the leg modelled, mm."""
     confirmations: tuple[Confirmation, ...]
     """Of this law, in their order; none where another law's solves used the budget up."""
     full_solves: int
@@ -218,9 +218,9 @@ class LegState:
     skin: FloatArray
     """Movement of the skin's points (mm), (n_levels, n_points, 3)."""
     hull: FloatArray
-    """Of the muscles' outer face, likewise."""
+    """Movement of the muscles' outer face, likewise."""
     pressure: FloatArray
-    """Of the cylinder on the skin (kPa), (n_levels, n_points)."""
+    """Pressure of the cylinder on the skin, kPa, (n_levels, n_points)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, write_recording
+from legfem.data.folder import RESOURCES
 from legfem.geometry.contours import write_contours
 from legfem.geometry.motion import CuttingPlane
 from legfem.geometry.section import LegSection
@@ -21,43 +22,8 @@ from legfem.geometry.section_from_outlines import facing_point, section_from_out
 if TYPE_CHECKING:
     from legfem.imaging.leg_source import LegSource
 
-_TEMPLATE = """\
-id = {id}
-title = {title}
-origin = "{origin}"
-
-[section]
-contours = "contours.csv"
-fascia_thickness_mm = {thickness}
-
-[indenter]
-diameter_mm = 30.0
-length_mm = 50.0
-aim_mm = [{x:.4f}, {y:.4f}]  # a point on the line of travel
-direction_deg = {direction}  # of travel, from +x, counter-clockwise
-
-[tissues.deep]
-# C10_kPa and C20_kPa are what is identified.
-{deep}
-
-[tissues.superficial]
-law = "neo-hookean"
-C10_kPa = 2.0
-D1_per_MPa = 22.5
-
-[tissues.fascia]
-law = "neo-hookean"
-C10_kPa = 100.0
-D1_per_MPa = 22.5
-
-[instrument]
-# Give your instruments' own figures.
-{instrument}
-
-[recordings]
-# Whether displacement counts from first touch; if false, first contact is looked for.
-starts_at_contact = {starts_at_contact}
-{ends}"""
+_TEMPLATE = (RESOURCES / "frauziols" / "subject-template.toml").read_text(encoding="utf-8")
+"""Tissues, indenter and instruments of the first paper."""
 _DEEP = {
     "neo-hookean": 'law = "neo-hookean"\nD1_per_MPa = 28.0',
     "reduced-polynomial": 'law = "reduced-polynomial"\nD1_per_MPa = 28.0\nD2_per_MPa = 28.0',

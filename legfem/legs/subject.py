@@ -206,11 +206,11 @@ class LegAccuracy:
     """How well a leg is known, where its folder states it; None where it doesn't."""
 
     contour_sd: float | None = None
-    """Of its outlines, mm."""
+    """Standard deviation of its outlines, mm."""
     aim_sd: float | None = None
-    """Of the cylinder's line of travel, mm."""
+    """Standard deviation of the cylinder's line of travel, mm."""
     direction_sd: float | None = None
-    """Of its direction, degrees."""
+    """Standard deviation of its direction, degrees."""
     assumed_sd: float | None = None
     """Relative, of what is assumed: stiffness of fat and fascia, compressibility."""
 
@@ -269,10 +269,10 @@ class Subject:
     landmark_residual: float | None = None
     """Root mean square of what registered landmarks are apart, mm; None without any."""
     site: str = ""
-    """Of the leg's sites which; empty where there is but one."""
+    """Name among the leg's sites; empty where there is but one."""
     elastography: tuple[ShearModulus, ...] = ()
     fibres: FibreRatio | None = None
-    """Of the deep tissue, along the leg; None where nothing is known of them."""
+    """Ratio of the deep tissue's fibres, along the leg; None where nothing is known of them."""
     measured: tuple[MeasuredEffect, ...] = ()
     stiffness_prior: Prior | None = None
     """Of C10 of the deep tissue (MPa), for a diagnosis: of people like this one."""
@@ -298,10 +298,10 @@ class SitedLeg:
     id: str
     title: str
     sites: tuple[Subject, ...]
-    """Of the same tissues, each with its own section, indenter and recordings."""
+    """Sites of the same tissues, each with its own section, indenter and recordings."""
     directory: Path
 
     @property
     def origin(self) -> Origin:
-        """Of the data."""
+        """Origin of the data."""
         return self.sites[0].origin

@@ -262,7 +262,7 @@ class SortableTable:
     header: Sequence[str]
     cells: Sequence[Sequence[Cell]]
     links: Sequence[str] = ()
-    """Of the rows' first cells; empty for none."""
+    """Links of the rows' first cells; empty for none."""
     notes: Mapping[str, str] | None = None
     """What a column's short name means."""
 

@@ -43,7 +43,7 @@ class Recorded(Protocol):
 
     @property
     def origin(self) -> Origin:
-        """Of the recordings."""
+        """Origin of the recordings."""
         ...
 
 

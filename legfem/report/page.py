@@ -229,7 +229,7 @@ class Slider:
 
     label: str
     stops: Sequence[float]
-    """Of the states, increasing from 0."""
+    """Places of the states along it, increasing from 0."""
     unit: str
     """With the space before it, if any."""
     step: float = 1.0

@@ -52,7 +52,7 @@ class Film:
 
     @cached_property
     def reader(self) -> FieldReader:
-        """Of the experiment's fields."""
+        """Reader of the experiment's fields."""
         return FieldReader(self.experiment.system)
 
     def take(self, at: float) -> None:
@@ -201,7 +201,7 @@ class Filmed:
 
     @property
     def fields(self) -> LegFields:
-        """Of the system's present state, by the film's expressions where it has some."""
+        """Fields of the system's present state, by the film's expressions where it has some."""
         film = self.film
         reader = FieldReader(self.experiment.system) if film is None else film.reader
         return reader.read()

@@ -197,7 +197,7 @@ class SizeDependence:
     """How stiffness goes with a size of the specimens along the load."""
 
     power: float
-    """Of the size that stiffness is in proportion to."""
+    """Power of the size that stiffness is in proportion to."""
     power_sd: float
     p_value: float
     smallest: float

@@ -124,7 +124,7 @@ class SpecimenComparison(Comparison):
 
     @cached_property
     def grids(self) -> list[FloatArray]:
-        """Of the tests, mm."""
+        """Grids of the tests' displacements, mm."""
         return [grid_to(depth) for depth in self.depths]
 
     @cached_property

@@ -2,6 +2,7 @@
 
 import math
 import time
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from legfem.common.errors import InputError, doubt_lines
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.data import Instrument
+from legfem.data.folder import RESOURCES
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.library_build import build_library
@@ -25,7 +27,7 @@ from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import code_fingerprint
 from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
-from legfem.legs.mechanisms.rig import SupportCompliance
+from legfem.legs.mechanisms.rig import ContactSlip, SupportCompliance
 from legfem.legs.nuisances import Accuracy
 from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
@@ -53,65 +55,12 @@ def mechanisms_on_a_rig() -> tuple[Mechanism, ...]:
 
 
 _LEG_MM, _LEG_N, _LEG_S, _LEG_C10 = 20.0, 20.0, 100.0, 1e-3
-_FACES = (
-    "contact-slip",
-    "what touches the specimen let it slip along: its faces did not hold",
-    "mark the specimen at the contact's edge and film it, or repeat with sandpaper and with oil",
-)
-_TOLD: Mapping[str, tuple[str, str]] = {
-    "viscoelasticity": (
-        "the tissue relaxes: its force depends on the rate and fades while held",
-        "hold the deepest position for a minute, and press at two rates",
-    ),
-    "strain-stiffening": (
-        "the tissue stiffens with strain more than the law used can describe",
-        "press deeper, or with a smaller indenter: larger strains",
-    ),
-    "compressibility": (
-        "the tissue is more (or less) compressible than the stated Poisson's ratio says",
-        "measure the specimen's girth under load, and how its volume changes",
-    ),
-    "contact-slip": _FACES[1:],
-    "contact-onset": (
-        "the displacement was not counted from first contact",
-        "start the recording in air, 2 mm before contact, so that first contact can be seen",
-    ),
-    "force-drift": (
-        "the load cell's zero drifted in time",
-        "record a minute in air before and after each trial, and compare the zeros",
-    ),
-    "superficial-stiffness": (
-        "the layers of stated stiffness are stiffer or softer than stated",
-        "test one of those layers by itself, or press with a smaller tip",
-    ),
-    "leg-movement": (
-        "the specimen moved during the test, or slipped in its rig",
-        "film the specimen against the rig during the test, hold it faster, and repeat",
-    ),
-    "preconditioning": (
-        "the tissue softened from one trial to the next: it was not preconditioned",
-        "cycle five to ten times before recording, and rest between trials",
-    ),
-}
-_NONE: Mapping[str, str] = {
-    "dermis": "a specimen of one tissue has no skin over it",
-    "end-effects": "the specimen's model has no length beyond the indenter's",
-    "fascia-stiffness": "a specimen of one tissue has no fascia",
-    "indenter-tilt": "the specimen's model is symmetric about the travel, so that it can't tilt",
-    "muscle-contraction": "a specimen doesn't tense",
-    "muscle-fibres": "fibres of a specimen are stated or identified: [fibres] in specimen.toml",
-    "poroelastic-drainage": "specimen.toml doesn't say through which faces fluid leaves",
-    "prestress": "a specimen of one tissue has no fascia",
-    "superficial-stiffening": "a specimen of one tissue has no fat over it",
-    "superficial-stiffness": "a specimen of one tissue has no fat over it",
-    "superficial-viscoelasticity": "a specimen of one tissue has no fat over it",
-    "uneven-muscle": "a specimen of one tissue is taken to be alike everywhere",
-}
-_OF_LAYERS: Mapping[str, str | None] = {
-    "superficial-stiffness": None,
-    "superficial-stiffening": "layers of stated stiffness are taken as stated but for a factor",
-    "superficial-viscoelasticity": "layers of stated stiffness are taken not to relax",
-}
+_TEXTS = tomllib.loads((RESOURCES / "specimens" / "mechanisms.toml").read_text(encoding="utf-8"))
+_TOLD: Mapping[str, Mapping[str, str]] = _TEXTS["told"]
+"""What a specimen's diagnosis says of mechanisms in place of what it says of a leg."""
+_NONE: Mapping[str, str] = _TEXTS["none"]
+_OF_LAYERS: Mapping[str, str] = _TEXTS["none_of_layers"]
+"""Why specimens, and those of layers, don't have a mechanism; empty where they do."""
 _WITHOUT_TIME = ("viscoelasticity", "force-drift", "leg-movement", "preconditioning")
 _LEAST_BULK = 5.0
 """Bulk over shear modulus down to which compressibility is tabulated: Poisson's ratio 0.41."""
@@ -172,16 +121,16 @@ def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
     for mechanism in mechanisms_on_a_rig():
-        why = _NONE.get(mechanism.name)
+        why = _NONE.get(mechanism.name, "")
         if layered(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)
-        if mechanism.name == _FACES[0] and slipping(sizes) is None:
+        if mechanism.name == ContactSlip.name and slipping(sizes) is None:
             why = kind_in(sizes).no_slip
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):
             why = "it doesn't say what it does to a specimen"
         if not timed and mechanism.name in _WITHOUT_TIME:
             why = "a table of stretch and stress has no time"
-        if why is not None:
+        if why:
             unable[mechanism.name] = why
         else:
             able.append(_of_specimen(mechanism, scale))
@@ -189,7 +138,7 @@ def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[
 
 
 def _of_specimen(mechanism: Mechanism, scale: Scale) -> Mechanism:
-    statement, next_experiment = _TOLD.get(mechanism.name, (mechanism.statement, mechanism.next_experiment))
+    told = _TOLD.get(mechanism.name, {})
     first, *rest = mechanism.parameters
     strengths = mechanism.strengths if isinstance(mechanism, TissueMechanism) else None
     if mechanism.name == "compressibility":
@@ -204,8 +153,8 @@ def _of_specimen(mechanism: Mechanism, scale: Scale) -> Mechanism:
         strengths = (most ** (1 / 3), most ** (2 / 3), most)
     over = scale.over_a_leg.get(mechanism.name, 1.0)
     return mechanism.restated(
-        statement,
-        next_experiment,
+        told.get("statement", mechanism.statement),
+        told.get("next_experiment", mechanism.next_experiment),
         (_times(first, over), *rest),
         None if strengths is None else tuple(over * value for value in strengths),
     )

@@ -146,7 +146,7 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     own: ClassVar[Mapping[str, str]]
     """Sizes of the body by the keys of its table that specimens of one folder may have of their own."""
     ranges: ClassVar[Mapping[str, PhysicalRange]] = {}
-    """Of the keys that it alone has."""
+    """Plausible ranges of the keys that it alone has."""
     layered: ClassVar[bool] = False
     """Whether it may be on layers."""
     directions: ClassVar[tuple[Direction, ...]] = ("load",)
@@ -156,8 +156,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     relaxes_as_a_whole: ClassVar[bool] = False
     """Whether its model is elastic, so that what relaxes is added to its force."""
     starts_at_contact: ClassVar[bool] = False
-    onset_power: ClassVar[float] = 1.0
-    """Of the displacement, that the force begins with."""
+    onset_power: ClassVar[float | None] = 1.0
+    """Power of the displacement that the force begins with on an even specimen; None where it may be any."""
     cube: ClassVar[Mapping[str, float]] = {}
     """Sizes by key of what a table of stretch and stress is of: any will do. Empty where none can be read."""
     no_slip: ClassVar[str] = "the faces are said to be free of friction"

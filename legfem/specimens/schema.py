@@ -18,7 +18,7 @@ FibreRatio = Annotated[float, Field(ge=1, le=20, allow_inf_nan=False)]
 
 
 SIZES: tuple[str, ...] = tuple(dict.fromkeys(key for kind in kinds().values() for key in kind.own))
-"""Of the body, which specimens of one folder may have their own of."""
+"""Keys of the body's sizes, of which specimens of one folder may have their own."""
 
 
 class _Named(input_files.FileTable):

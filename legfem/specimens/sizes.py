@@ -221,10 +221,10 @@ class SpecimenRecording:
     """One recording of one specimen."""
 
     name: str
-    """Of the file, with its folder where that tells it from others."""
+    """Name of the file, with its folder where that distinguishes it from others."""
     specimen: str
     sizes: Sizes
-    """Of the specimen and what presses it."""
+    """Sizes of the specimen and of what presses it."""
     course: Course
     trial: Segmentation
     """All of it as it is read, returns too."""

@@ -64,13 +64,18 @@ class Stocking:
         check_positive(self, "stiffness", "bending_length")
         for name in ("levels", "unstretched"):
             object.__setattr__(self, name, frozen_array(np.atleast_1d(getattr(self, name))))
-        if self.levels.shape != self.unstretched.shape or not (np.diff(self.levels) > 0).all():
+        if self.levels.shape != self.unstretched.shape:
             raise InputError(
                 "stocking",
                 "levels",
                 f"{len(self.levels)} levels and {len(self.unstretched)} perimeters",
-                "give as many of both, the levels increasing",
+                "give as many of both",
             )
+        steps = np.diff(self.levels)
+        if not (steps > 0).all():
+            at = float(self.levels[1:][steps <= 0][0])
+            problem = f"the level {at:g} mm is given twice, or after a greater one"
+            raise InputError("stocking", "levels", problem, "give each level once, in increasing order")
         if not (np.isfinite(self.unstretched).all() and (self.unstretched > 0).all()):
             raise InputError("stocking", "unstretched", "a perimeter is not positive", "give perimeters in mm")
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from shapely import Point, Polygon
 
 from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.input_files import read_table
@@ -15,7 +16,7 @@ from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.data import ranges
 from legfem.data.folder import RESOURCES, Catalogue
-from legfem.geometry.leg_shape import LegShape, perimeter
+from legfem.geometry.leg_shape import SKIN, LegShape, perimeter
 from legfem.geometry.motion import rigidly_moved
 from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import calf_levels
@@ -45,12 +46,21 @@ PRESSURE = PhysicalRange(
     "18 to 49 mmHg and more at the ankle: RAL-GZ 387/1",
     {"N/m": 1e-3, "N/cm": 0.1},
 )
+CONTOUR_SD = PhysicalRange("an error of outlines", "mm", (0.01, 3.0), (1e-4, 10.0), "half a voxel", {"m": 1e3})
+CORRELATION = PhysicalRange(
+    "a length over which outlines err alike", "mm", (0.5, 60.0), (0.01, 300.0), "some voxels, up to 40 mm"
+)
+RELATIVE_SD = PhysicalRange("a relative error", "", (0.0, 0.5), (0.0, 1.0), "a share, 0.1 for 10 %", {"per cent": 0.01})
+HEART = PhysicalRange(
+    "a heart's height above the leg's upper end", "mm", (400.0, 1500.0), (0.0, 2500.0), "some 900 mm, standing"
+)
 _BEYOND_MM = 10.0
 """Length beyond a table's end for which its last perimeter may stand without a word."""
 LEAST_LENGTH_MM = 80.0
 """Length of the segment below which its end faces decide what is found in it. With ends held and free,
 the pressures at the veins in mid-segment differ by 30 to 45 % at 40 mm, by 20 to 30 % at 80 mm and by
 15 to 20 % at 120 mm (legs 1 and 4, class 2, 3 kPa in both tissues)."""
+_LEAST_SHARED_MM = 40.0
 LEVEL_SPACING = 5.0
 """Spacing of the contours that the leg's surfaces interpolate (mm)."""
 _MARGINS = {"bare": 10.0, "compressed": 40.0}
@@ -85,6 +95,8 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         if bare_scan.volume is not None and scan.volume is not None:
             check_same_spacing(bare_scan.volume, scan.volume)
         scanned = scan.shape(OUTLINES, levels)
+        if scanned.length < _LEAST_SHARED_MM:
+            raise _too_short(toml, "compressed", scanned.length)
         check_scans_differ(scanned_bare, scanned, toml)
         progress.stage("laying one scan on the other by the bones")
         registration = registered(_dense(scanned_bare), _dense(scanned), given.accuracy.contour_sd_mm, toml)
@@ -111,7 +123,7 @@ def load_leg(directory: Path, progress: Progress | None = None) -> StockingLeg:
         None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
         given.segment.ends,
         slices,
-        _veins(given, bare, float(np.median(slices))),
+        _veins(toml, given, bare, float(np.median(slices))),
         _sensors(toml, given, bare),
         _posture(given),
         tuple(map(ShearModulus.of, given.elastography)),
@@ -172,10 +184,15 @@ def _segment(toml: Path, given: LegFile, shapes: Sequence[LegShape]) -> list[Leg
             )
     low = low if asked.from_mm is None else max(low, asked.from_mm)
     high = high if asked.to_mm is None else min(high, asked.to_mm)
-    if high - low < 40.0:
-        raise InputError(toml, "segment", f"is {high - low:.3g} mm long", "give scans that share 40 mm or more")
+    if high - low < _LEAST_SHARED_MM:
+        raise _too_short(toml, "segment", high - low)
     levels = np.linspace(low, high, 1 + max(2, round((high - low) / LEVEL_SPACING)))
     return [shape.at_levels(levels) for shape in shapes]
+
+
+def _too_short(toml: Path, field: str, length: float) -> InputError:
+    remedy = f"give scans that share {_LEAST_SHARED_MM:g} mm or more, their levels in mm"
+    return InputError(toml, field, f"is {length:.3g} mm long", remedy)
 
 
 def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -> Stocking:
@@ -186,7 +203,7 @@ def _fabric(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -
         return Stocking(entry.stiffness_N_per_mm, bare.levels[:1], np.array([entry.unstretched_mm]))
     assert entry.unstretched is not None
     path = existing(directory, entry.unstretched, toml, "stocking.unstretched")
-    table = read_table(path, ("level_mm", "perimeter_mm"))
+    table = read_table(path, ("level_mm", "perimeter_mm")).sort_values("level_mm")
     return Stocking(
         entry.stiffness_N_per_mm, table["level_mm"].to_numpy(np.float64), table["perimeter_mm"].to_numpy(np.float64)
     )
@@ -252,15 +269,30 @@ def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
             kind = KINDS[entry.instrument]
             sd, usual = kind.relative_sd * pressure, kind.diameter
         found.append(Sensor(entry.name, position, pressure, sd, entry.diameter_mm or usual))
-    names = [one.name for one in found]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(toml, "sensor.name", f"two are called {twice!r}", "give each its own")
+    _check_once(toml, "sensor", [one.name for one in found])
     return tuple(found)
 
 
-def _veins(given: LegFile, bare: LegShape, level: float) -> tuple[Vein, ...]:
+def _check_once(toml: Path, table: str, names: Sequence[str]) -> None:
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(toml, f"{table}.name", f"two are called {twice!r}", "give each its own")
+
+
+def _veins(toml: Path, given: LegFile, bare: LegShape, level: float) -> tuple[Vein, ...]:
     if given.veins:
+        _check_once(toml, "veins", [one.name for one in given.veins])
+        for vein in given.veins:
+            x, y, z = vein.position_mm
+            modelled = bare.levels[0] <= z <= bare.levels[-1]
+            if not (modelled and Polygon(bare.at(SKIN, z)).contains(Point(x, y))):
+                raise InputError(
+                    toml,
+                    f"veins {vein.name}, position_mm",
+                    f"{x:g}, {y:g}, {z:g} is not in the part of the leg that is modelled, {bare.levels[0]:.4g} to "
+                    f"{bare.levels[-1]:.4g} mm high",
+                    "give a point in the bare leg, in its scan's coordinates, mm",
+                )
         return tuple(Vein(vein.name, np.array(vein.position_mm)) for vein in given.veins)
     return default_veins(bare, level) if {"tibia", "fibula"} <= set(bare.bones) else ()
 
@@ -281,6 +313,8 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> tuple[Doubt, ...]:
             *(doubts_about_second_scan(leg.bare, leg.compressed, toml) if leg.compressed is not None else ()),
             *(doubts_about_registration(leg.registration, leg.accuracy.sd, toml) if leg.registration else ()),
             *_stocking_doubts(leg.bare, leg.stocking, toml),
+            *_accuracy_doubts(leg.accuracy, toml),
+            *_height_doubts(leg, toml),
             *doubts_about_elastography(toml, leg.elastography),
         ]
     )
@@ -301,6 +335,31 @@ def _length_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
             f"is {leg.bare.length:.0f} mm long: what its end faces do decides the pressures and the stiffness",
             f"model {LEAST_LENGTH_MM:g} mm or more: give scans that share as much, and widen from_mm and to_mm",
         )
+
+
+def _accuracy_doubts(accuracy: ContourAccuracy, toml: Path) -> Iterator[Doubt]:
+    for name, spread, value in (
+        ("contour_sd_mm", CONTOUR_SD, accuracy.sd),
+        ("correlation_mm", CORRELATION, accuracy.correlation),
+        ("pressure_relative_sd", RELATIVE_SD, accuracy.pressure_sd),
+        ("tension_relative_sd", RELATIVE_SD, accuracy.tension_sd),
+    ):
+        yield from spread.doubts(toml, f"accuracy.{name}", value)
+
+
+def _height_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
+    """Yield doubts about the heart's height, and about makers' levels that aren't modelled."""
+    low, high = float(leg.bare.levels[0]), float(leg.bare.levels[-1])
+    if leg.posture is not None:
+        yield from HEART.doubts(toml, "posture.heart_mm", leg.posture.heart - high)
+    for name, height in leg.makers.heights.items():
+        if not low <= height <= high:
+            yield Doubt(
+                str(toml),
+                f"stocking.levels_mm.{name}",
+                f"{height:g} mm is not in the part that is modelled, {low:.4g} to {high:.4g} mm, and gets no pressure",
+                "give the height in the bare scan's coordinates, mm, or model more of the leg",
+            )
 
 
 def _tissues_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
@@ -326,6 +385,14 @@ def _stocking_doubts(bare: LegShape, stocking: Stocking, toml: Path) -> Iterator
         if beyond > _BEYOND_MM:
             yield found
     load = stocking_load(bare, stocking)
+    slack = bare.levels[load.strain <= 0]
+    if 0 < len(slack) < len(bare.levels):
+        yield Doubt(
+            str(toml),
+            "stocking.unstretched",
+            f"the fabric is wider than the leg at {len(slack)} of {len(bare.levels)} levels, the first {slack[0]:g} mm",
+            "check the perimeters there: whole, unstretched, in mm",
+        )
     yield from STRETCH.doubts(
         toml,
         "stocking",

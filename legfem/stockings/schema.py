@@ -1,5 +1,6 @@
 """The schema of ``leg.toml``: a leg with and without its stocking."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -23,6 +24,15 @@ class LevelsEntry(input_files.FileTable):
     D: input_files.Finite | None = None
     """Height just below the knee."""
 
+    @model_validator(mode="after")
+    def _upwards(self) -> "LevelsEntry":
+        stated = {name: at for name in ("B", "B1", "C", "D") if (at := getattr(self, name)) is not None}
+        for (lower, low), (upper, high) in pairwise(stated.items()):
+            if high <= low:
+                problem = f"{high:g} mm is not above {lower}, which is at {low:g} mm"
+                raise input_files.trouble(upper, problem, "give heights that increase from the ankle to the knee")
+        return self
+
 
 Share = Annotated[list[input_files.Positive], Field(min_length=2, max_length=2)]
 
@@ -36,6 +46,16 @@ class SharesEntry(input_files.FileTable):
     """Least and greatest pressure at C, in percent of that at B."""
     D: Share | None = None
     """Least and greatest pressure at D, in percent of that at B."""
+
+    @model_validator(mode="after")
+    def _least_first(self) -> "SharesEntry":
+        for name in ("B1", "C", "D"):
+            ends = getattr(self, name)
+            if ends is not None and ends[0] >= ends[1]:
+                raise input_files.trouble(
+                    name, f"{ends[0]:g} to {ends[1]:g} is no range", "give the least first, then the greatest"
+                )
+        return self
 
 
 class StockingEntry(input_files.FileTable):
@@ -113,7 +133,7 @@ class SegmentEntry(input_files.FileTable):
 class VeinEntry(input_files.FileTable):
     """One of ``[[veins]]``: a name, and its position in the bare leg (mm)."""
 
-    name: input_files.Text
+    name: input_files.Title
     position_mm: Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
 
 
@@ -129,7 +149,7 @@ class PostureEntry(input_files.FileTable):
 class SensorEntry(input_files.FileTable):
     """One of ``[[sensor]]``: a pressure measured between stocking and skin."""
 
-    name: input_files.Text
+    name: input_files.Title
     position_mm: Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
     """Place on the bare leg's skin."""
     pressure_mmHg: Annotated[float, Field(gt=0, le=300, allow_inf_nan=False)]

@@ -14,7 +14,7 @@ from making_mechanics import fixed_steps
 from test_flat_punch import kappa, law
 
 from legfem.common.errors import InputError
-from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, Layer, compress_layers
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, Layer
 from legfem.experiments.bodies import BallOnLayer, CylinderOnBlock, PunchOnLayer
 from legfem.experiments.flat_punch import FlatPunchIndentation
 from legfem.experiments.plane_strain import LateralCylinder
@@ -22,6 +22,7 @@ from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.structured import MeridianMeshSettings
 from legfem.solve.settings import StepSettings
+from studies.people.probe import compress_layers
 
 RADIUS, EDGE, DEPTH = 5.0, 0.1, 0.02
 MU = 0.01

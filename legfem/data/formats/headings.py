@@ -1,11 +1,11 @@
-"""What stands above a table's numbers: the columns' names, and perhaps their units."""
+"""What stands above a table's numbers: the columns' names, perhaps their units, and perhaps other tables."""
 
 import re
 from collections.abc import Sequence
 
 import numpy as np
 
-from legfem.data.formats.labels import WORDS, name_and_unit, unit_named
+from legfem.data.formats.labels import WORDS, Quantity, name_and_unit, names_quantity, unit_named
 
 type Cell = str | float | None
 
@@ -34,11 +34,14 @@ def titles_and_units(
     Of several rows that are wide enough the names are the one most of whose cells name a quantity or a unit.
     """
     above = [_paired(row, len(columns)) for row in _with_names_of_channels(_without_keys(above))]
-    rows = [row for row in above if _says(row, columns)] or _listed(above, columns)
+    rows: list[Sequence[Cell]] = [*_listed(above, columns)]
+    rows = rows or [row for row in above if _says(row, columns)]
     if not rows:
         return None, None
     full = [[text_of(cell_at(row, c)) for c in columns] for row in rows]
-    units = next((k for k in reversed(range(len(full))) if _are_units(full[k])), None)
+    labelled = [sum(map(names_something, cells)) > 1 for cells in full]
+    # A clock's, or a count's, unit may be any word.
+    units = next((k for k in reversed(range(len(full))) if _are_units(full[k], half=any(labelled[:k]))), None)
     # Above the units, or below where nothing stands above; a row of units alone names the columns too.
     first, last = (0, units or len(full)) if units != 0 else (min(1, len(full) - 1), len(full))
     scores = [sum(map(names_something, cells)) for cells in full[first:last]]
@@ -55,10 +58,11 @@ def _paired(row: Sequence[Cell], count: int) -> Sequence[Cell]:
     return [f"{text_of(name)} ({unit})" for name, unit in zip(row[::2], units, strict=True)]
 
 
-def _are_units(cells: Sequence[str]) -> bool:
-    """Tell whether a row holds units: most of what it holds are known."""
+def _are_units(cells: Sequence[str], half: bool = False) -> bool:
+    """Tell whether a row holds units: most of what it holds are known, or with ``half`` half of it."""
     bare = [text.strip("()[]<> ") for text in cells if text]
-    return sum(unit_named(text) is not None for text in bare) > 0.5 * len(bare)
+    known = sum(unit_named(text) is not None for text in bare)
+    return known > 0.5 * len(bare) or (half and 2 * known == len(bare) > 2)
 
 
 def _says(row: Sequence[Cell], columns: Sequence[int]) -> bool:
@@ -68,18 +72,23 @@ def _says(row: Sequence[Cell], columns: Sequence[int]) -> bool:
     if 2 * len(texts) < sum(cell not in (None, "") for cell in cells) or not texts:
         return False
     units = len(texts) > 1 and 2 * len(texts) > len(columns) and all(map(unit_named, texts))
-    return width_of(row) > columns[-1] or units
+    # The last columns may have no names, as flags behind each reading.
+    named = len(row) > columns[-1] and len(quantities_of(texts)) == len(_OF_A_PRESS)
+    return width_of(row) > columns[-1] or units or named
 
 
 _LISTED = re.compile(
-    r"#?\s*(?:sig|signal|col|column|channel|ch)\s*\.?\s*(?P<number>\d+)\s*[:=]?\s*(?P<label>.*)", re.IGNORECASE
+    r"#?\s*(?:sig|signal|col|column|channel|ch|kanal|spalte|canal|canale|voie|kanał)?\s*\.?\s*"
+    r"(?P<number>\d+)(?![\d.,])\s*[:=]?\s*(?P<label>.*)",
+    re.IGNORECASE,
 )
 
 
 def _listed(above: Sequence[Sequence[Cell]], columns: Sequence[int]) -> list[list[Cell]]:
     """Return the names that stand a line each above the numbers, as ``Sig1  Time (min)``, as one row."""
-    lines = [_LISTED.fullmatch(" ".join(text_of(cell) for cell in row if isinstance(cell, str))) for row in above]
-    labels = {int(found["number"]): found["label"].strip() for found in lines if found and found["label"].strip()}
+    texts = [" ".join(f"{cell:g}" if isinstance(cell, float) else text_of(cell) for cell in row) for row in above]
+    found = [one for text in texts if (one := _LISTED.fullmatch(text.strip())) and names_something(one["label"])]
+    labels = {int(one["number"]): one["label"].strip() for one in found}
     if sorted(labels) not in ([c + 1 for c in columns], list(columns)):
         return []
     row: list[Cell] = [None] * (columns[-1] + 1)
@@ -133,9 +142,76 @@ def _renamed(row: Sequence[Cell], labels: Sequence[str]) -> list[Cell]:
     ]
 
 
+_OF_A_PRESS: tuple[Quantity, ...] = ("time", "displacement", "force")
+
+
+def quantities_of(labels: Sequence[str]) -> set[Quantity]:
+    """Return which of a recording's quantities labels name, or state units of."""
+    units = [unit_named(unit) for label in labels if (unit := name_and_unit(label)[1])]
+    found = {unit.quantity for unit in units if unit is not None}
+    return {q for q in _OF_A_PRESS if q in found or any(names_quantity(label, q) for label in labels)}
+
+
 def names_something(label: str) -> bool:
     """Tell whether a label names a quantity, or a unit that is known."""
     name, unit = name_and_unit(label)
     if unit is not None and name and unit_named(unit) is not None:
         return True
     return any(re.search(words, label, re.IGNORECASE) for words in WORDS.values())
+
+
+_FEWEST_OF_A_TABLE = 3
+"""Rows of numbers that are a table of their own."""
+
+
+def only_block(rows: Sequence[Sequence[Cell]]) -> tuple[Sequence[Sequence[Cell]], tuple[str, ...]]:
+    """Return rows in which other tables than the longest one are empty, and a remark on each of them.
+
+    A table begins with a row of names; above the first that names quantities another may stand, with any names. One
+    that has the longest one's names, or all quantities of it, may be another trial: it stays, and is refused as one.
+    """
+    heads = [k for k, row in enumerate(rows) if _is_heading(row)]
+    if not heads:
+        return rows, ()
+    begins = [
+        k for i, k in enumerate(heads) if _count(rows[k : (heads[i + 1 :] or [len(rows)])[0]]) >= _FEWEST_OF_A_TABLE
+    ]
+    if begins and (first := next((k for k in range(begins[0]) if _texts(rows[k]) > 1), None)) is not None:
+        begins = [first, *begins] if _count(rows[first : begins[0]]) >= _FEWEST_OF_A_TABLE else begins
+    if len(begins) < 2:
+        return rows, ()
+    spans = list(zip(begins, [*begins[1:], len(rows)], strict=True))
+    longest = max(spans, key=lambda span: _count(rows[slice(*span)]))
+    names = _names(rows[longest[0]])
+    needed = quantities_of(names)
+    kept, told = list(rows), []
+    for begin, end in spans:
+        labels = _names(rows[begin])
+        if (begin, end) == longest or labels == names or needed <= quantities_of(labels):
+            continue
+        # The next heading's own lines stand above it.
+        last = max(k for k in range(begin, end) if _numbers(rows[k]) > 1) + 1
+        kept[begin:last] = [[]] * (last - begin)
+        told.append(f"another table is passed over: lines {begin + 1} to {last}, of {', '.join(map(repr, labels[:4]))}")
+    return kept, tuple(told)
+
+
+def _is_heading(row: Sequence[Cell]) -> bool:
+    return _texts(row) > 1 and sum(map(names_something, _names(row))) > 1
+
+
+def _texts(row: Sequence[Cell]) -> int:
+    """Return how many texts a row without a number has."""
+    return 0 if _numbers(row) else sum(bool(text_of(cell)) for cell in row)
+
+
+def _names(row: Sequence[Cell]) -> list[str]:
+    return [text_of(cell) for cell in row if text_of(cell)]
+
+
+def _numbers(row: Sequence[Cell]) -> int:
+    return sum(isinstance(cell, float) for cell in row)
+
+
+def _count(rows: Sequence[Sequence[Cell]]) -> int:
+    return sum(_numbers(row) > 1 for row in rows)

@@ -29,7 +29,7 @@ _UNITS = {
         86400.0: "day days",
     },
     "displacement": {
-        1.0: "mm millimeter millimeters millimetre millimetres millimetri мм 毫米",
+        1.0: "mm millimeter millimeters millimetre millimetres millimetri мм 毫米 公釐",
         10.0: "cm centimeter centimeters centimetre centimetres см",
         100.0: "dm",
         1000.0: "m meter meters metre metres",
@@ -43,7 +43,7 @@ _UNITS = {
         304.8: "ft foot feet",
     },
     "force": {
-        1.0: "n newton newtons н 牛 牛顿",
+        1.0: "n newton newtons н 牛 牛顿 牛頓",
         0.1: "dn",
         10.0: "dan",
         100.0: "hn",
@@ -54,8 +54,8 @@ _UNITS = {
         1e-9: "nn",
         1e-12: "pn",
         1e3: "kn kilonewton kilonewtons кн",
-        _G: "kgf kp kilogram-force kilograms-force",
-        1e-3 * _G: "gf p gram-force grams-force",
+        _G: "kgf kp kilogram-force kilograms-force кгс",
+        1e-3 * _G: "gf p гс gram-force grams-force",
         1e-6 * _G: "mgf",
         _POUND: "lbf pound-force pounds-force",
         _POUND / 16: "ozf ounce-force",
@@ -109,13 +109,13 @@ def unit_named(name: str) -> Unit | None:
 
 
 WORDS: dict[Quantity, str] = {
-    "time": r"time|zeit|temps|tiempo|tempo|^t$|x_value|tijd|^tid$|^czas|^čas$|zaman|время|時間|时间|시간",
+    "time": r"time|zeit|χρόνος|temps|tiempo|tempo|^t$|x_value|tijd|^tid$|^czas|^čas$|zaman|время|時間|时间|시간",
     "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth|distance"
     r"|penetration|\bcourse\b|enfoncement|profondeur|corsa|profondità|carrera|profundidad|tiefe|eindring|\bhub\b"
     r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|deslocamento|verplaatsing|förskjutning"
-    r"|deformation|przemieszczenie|перемещение|変位|変形|ストローク|位移|变形|行程|변위|^d$|^z$",
+    r"|deformation|przemieszczenie|перемещение|деформация|μετατόπιση|変位|変形|ストローク|位移|变形|行程|변위|^d$|^z$",
     "force": r"force|load|kraft|(?<![ep])last|fuerza|forza|força|effort|kracht|^charge|carga|carico|siła|síla|kuvvet"
-    r"|weight|gewicht|сила|нагрузка|荷重|試験力|^力|载荷|负荷|하중|^f[nxyz]?$",
+    r"|weight|gewicht|\bpeso\b|\bpoids\b|сила|нагрузка|усилие|δύναμη|荷重|試験力|^力|载荷|负荷|하중|^f[nxyz]?$",
 }
 """By which columns are named."""
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[(\[<{]\s*(?P<unit>[^)\]>}]*?)\s*[)\]>}]\s*$")

@@ -2,6 +2,7 @@
 
 import codecs
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,7 @@ _UNGROUPED = re.compile(r"[\w.,;\t+-]*")
 _QUOTED_LINE = re.compile(r'\s*"([^"]*[,;\t][^"]*)"\s*')
 _MOST_LINES_OF_A_CELL = 5
 _HEAD_BYTES = 20_000
+_HEAD_LINES = 200
 _MOST_LINES = 2_000_000
 """Half an hour of a test at 1 kHz, which takes most of a minute to read."""
 
@@ -84,7 +86,7 @@ def read_lines(path: Path) -> TextLines:
             path,
             "file",
             f"contains {len(given):,} lines; at most {_MOST_LINES:,} are read",
-            "export the test alone, sampled less finely",
+            f"export the test alone, or keep one line of {-(-len(given) // _MOST_LINES)}: {_thinning(path, given)}",
         )
     given = [_FORMULA.sub(r'"\1"', line) for line in _with_whole_cells(given)]
     # A line in quotes as a whole is one that a spreadsheet took for a cell.
@@ -115,6 +117,14 @@ def read_lines(path: Path) -> TextLines:
     if grouped:
         remarks.append(f"{grouped} numbers have thousands' separators, which are taken out")
     return TextLines(texts, first, encoding, text.endswith(("\n", "\r")), tuple(remarks))
+
+
+def _thinning(path: Path, lines: Sequence[str]) -> str:
+    """Return the command that keeps the heading, and as many lines below it as are read."""
+    few = lines[:_HEAD_LINES]
+    each, thin = -(-len(lines) // (_MOST_LINES - _HEAD_LINES)), path.with_stem(f"{path.stem}-thin")
+    condition = f"NR <= {_first_of_numbers(few)} || NR % {each} == 0"
+    return f"awk '{condition}' {shlex.quote(str(path))} > {shlex.quote(str(thin))}"
 
 
 _STAMP = re.compile(r"\d\d:\d\d:\d\d\.\d{3} -> ")
@@ -217,7 +227,7 @@ def _decoded(path: Path) -> tuple[str, str, int]:
         return whole.decode(name, errors="replace"), f"{name} (it isn't utf-8)", left if left > 1 else 0
 
 
-_PAGES = ("cp932", "gb18030", "cp949", "cp1251")
+_PAGES = ("cp932", "gb18030", "cp949", "cp1251", "euc_jp", "big5", "koi8-r", "cp866", "cp1253")
 _OTHER_LETTERS = re.compile("|".join(re.findall(r"[^|^$()\x00-\u024f]{2,}", "|".join(WORDS.values()))), re.IGNORECASE)
 """Names of quantities in other than Latin letters."""
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data.formats.headings import Cell, cell_at, names_something, text_of, titles_and_units, width_of
+from legfem.data.formats.headings import Cell, cell_at, names_something, only_block, text_of, titles_and_units, width_of
 from legfem.data.formats.labels import FORCE_OF, WORDS, Quantity, name_and_unit, names_quantity, one_unit, unit_named
+from legfem.data.formats.times import BY_RATE, CLOCK, times_by_rate, with_clock
 
 FEWEST_ROWS = 8
 MOST_BYTES = 200_000_000
@@ -21,15 +22,8 @@ _ROWS_TRIED, _MOSTLY = 40, 0.9
 """Rows in the middle that tell which columns are numbers, and the share of them that is."""
 _OF_TEXTS = WORDS | {"time": WORDS["time"] + r"|^hora|^heure|^ora\b|uhr|clock|stamp|\bdate\b|datum|fecha|\bdata\b"}
 """By which columns of text are named: a clock's times, which couldn't be read, stand under further names."""
-CLOCK = re.compile(
-    r"(?:[^:]*[T\s])?(?P<h>\d{1,3}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?:[.,:](?P<part>\d+))?"
-    r"\s*(?:(?P<half>[ap])\.?\s?m\.?)?(?:Z|\s?[+-]\d\d:?\d\d)?",
-    re.IGNORECASE,
-)
-"""A time of day with perhaps a date before it."""
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d*)?(?:e[+-]?\d+)?")
 _MIDNIGHT = re.compile(r"\d{4}-\d\d-\d\d 00:00:00")
-_DAY_S = 86400.0
 THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
 
 
@@ -55,7 +49,7 @@ class Column:
     values: FloatArray
 
     def __post_init__(self) -> None:
-        unit = FORCE_OF.get((self.unit or "").strip(" ()[]").lower())
+        unit = FORCE_OF.get((self.unit or "").strip(" ()[].").lower())
         if unit is not None and names_quantity(self.name, "force"):
             object.__setattr__(self, "unit", unit)
 
@@ -111,6 +105,7 @@ def sheet_of_rows(
     InputError
         If names of another number stand above the numbers, or anything but headings between them.
     """
+    rows, others = only_block(rows)
     kept = [k for k, row in enumerate(rows) if width_of(row)]
     middle = [rows[k] for k in kept[len(kept) // 2 :][:_ROWS_TRIED]]
     width = max(map(width_of, middle), default=0)
@@ -128,6 +123,7 @@ def sheet_of_rows(
     heading = {tuple(row) for row in rows[:start] if width_of(row)}
     again = _printed_anew(rows, [k for k in kept if start <= k < end], heading, columns)
     samples = [k for k in kept if start <= k < end and k not in again]
+    _check_no_volts(path, rows[:start])
     titles, units = titles_and_units(rows[:start], columns)
     named = max(width, width_of(titles or ()))
     try:
@@ -139,8 +135,11 @@ def sheet_of_rows(
     except InputError:
         if name and len(columns) < width:
             return None  # a report's table, beside the recording's
+        _check_abreast(path, [text_of(cell) for cell in titles or ()])
         raise
     values = np.array([[rows[k][c] for c in columns] for k in samples], dtype=np.float64)
+    if _counts(values):
+        samples, values, others = samples[1:], values[1:], (*others, f"{values[0, 0]:.0f} is a count of samples")
     nameless = titles is None and not any(names_something(text_of(cell)) for row in rows[:start] for cell in row)
     if nameless:
         titles = [f"column {c + 1}" for c in range(width)]
@@ -166,10 +165,14 @@ def sheet_of_rows(
         unit = unit or _unit_behind(rows, samples, c)
         found.append(Column(column, unit, values[:, k]))
     if not any(measures(c, "time") or names_quantity(c.name, "time") for c in found):
-        counted = _with_clock(rows, range(start, end), width)
+        counted = with_clock(path, rows, range(start, end), width)
         if counted is not None:
             remark = "the time is counted from a clock's times"
-            return sheet_of_rows(path, name, counted[0], (*remarks, remark), counted[1])
+            return sheet_of_rows(path, name, counted[0], (*remarks, *others, remark), counted[1])
+        rated = times_by_rate(rows[:start], [c.name for c in found], values)
+        if rated is not None:
+            found.insert(0, Column("Time", "s", rated[0]))
+            others = (*others, f"{BY_RATE} '{rated[1]}'")
     anew = _repeating(found)
     if anew.any():
         found = [replace(c, values=c.values[~anew]) for c in found]
@@ -186,7 +189,44 @@ def sheet_of_rows(
     told += [f"headings among the numbers are passed over ({len(again)} lines)"] if again else []
     told += [f"{anew.sum()} rows that repeat the one before are left out"] if anew.any() else []
     told += [NAMELESS] if nameless else []
-    return Sheet(name, tuple(found), (*remarks, *told))
+    return Sheet(name, tuple(found), (*remarks, *others, *told))
+
+
+_COUNTS_BEYOND = 5.0
+"""Times all readings."""
+
+
+def _counts(values: FloatArray) -> bool:
+    """Tell whether the first row is no sample, but how many each channel has: one whole number, beyond all others."""
+    first, rest = values[0], np.abs(values[1:])
+    if len(values) < FEWEST_ROWS or first[0] != np.round(first[0]) or (first != first[0]).any():
+        return False
+    return bool(first[0] == len(rest) or (first[0] > max(FEWEST_ROWS, _COUNTS_BEYOND * rest.max())))
+
+
+_IN_VOLTS = re.compile(r"\bin volts\b|\bunits/V\b", re.IGNORECASE)
+
+
+def _check_no_volts(path: Path, above: Sequence[Sequence[Cell]]) -> None:
+    """Refuse numbers that a heading calls volts, whose scales it states for a program of its own."""
+    found = next((text for row in above for cell in row if _IN_VOLTS.search(text := text_of(cell))), None)
+    if found is not None:
+        raise InputError(
+            path,
+            "columns",
+            f"are in volts, as the heading says ('{found}')",
+            "export displacement in mm and force in N",
+        )
+
+
+def _check_abreast(path: Path, titles: Sequence[str]) -> None:
+    """Refuse trials of different lengths side by side, whose names are the same."""
+    count = min(
+        max((titles.count(title) for title in titles if names_quantity(title, quantity)), default=0)
+        for quantity in ("displacement", "force")
+    )
+    if count > 1:
+        raise InputError(path, "columns", f"{count} trials stand side by side", "save each trial in a file of its own")
 
 
 def _repeating(columns: Sequence[Column]) -> NDArray[np.bool_]:
@@ -220,39 +260,6 @@ def why_no_number(cell: str) -> tuple[str, str] | None:
             "put each unit into its column's name: Force (N)",
         )
     return None
-
-
-def _with_clock(
-    rows: Sequence[Sequence[Cell]], samples: range, width: int
-) -> tuple[Sequence[Sequence[Cell]], int] | None:
-    """Return rows whose one column of a clock's times is in seconds since the first, and its place; None without."""
-    for c in range(width):
-        cells = [(k, cell_at(rows[k], c)) for k in samples]
-        times = [(k, _seconds_of(cell)) for k, cell in cells if cell not in (None, "")]
-        if not times or any(time is None for _, time in times):
-            continue
-        read = np.array([time for _, time in times], dtype=np.float64)
-        if np.ptp(read) == 0:
-            continue  # of a date
-        # After midnight a clock begins anew.
-        days = np.cumsum(np.diff(read, prepend=read[0]) < -_DAY_S / 2)
-        seconds = dict(zip((k for k, _ in times), (read + days * _DAY_S - read[0]).tolist(), strict=True))
-        return [[*row[:c], seconds[k], *row[c + 1 :]] if k in seconds else row for k, row in enumerate(rows)], c
-    return None
-
-
-def _seconds_of(cell: Cell) -> float | None:
-    """Return the seconds since midnight that a clock shows; None where it is no clock, or ``12:30`` may be minutes."""
-    found = CLOCK.fullmatch(cell.strip()) if isinstance(cell, str) else None
-    if found is None or (found["s"] is None and found["part"] is None):
-        return None
-    hours, minutes = int(found["h"]), int(found["m"])
-    part = float(f"0.{found['part'] or 0}")
-    if found["s"] is None:
-        return 60.0 * hours + minutes + part
-    if found["half"]:
-        hours = hours % 12 + 12 * (found["half"].lower() == "p")
-    return 3600.0 * hours + 60.0 * minutes + int(found["s"]) + part
 
 
 def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]) -> None:

@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.data.formats.headings import Cell
+from legfem.data.formats.headings import Cell, names_something
 from legfem.data.formats.lines import TextLines, read_lines
-from legfem.data.formats.sheet import CLOCK, FEWEST_ROWS, THOUSANDS, Sheet, sheet_of_rows, why_no_number
+from legfem.data.formats.sheet import FEWEST_ROWS, THOUSANDS, Sheet, sheet_of_rows, why_no_number
+from legfem.data.formats.times import CLOCK
 
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
 _NUMBER = {
@@ -48,6 +49,8 @@ def read_text(path: Path) -> list[Sheet]:
         # Words of another number than the columns name none of them: one of theirs would be its neighbour's.
         width = len(parted[_middle_of(lines.texts)])
         parted = [next((r for r in (row, _behind_brackets(row)) if len(r) == width), [" ".join(row)]) for row in parted]
+    _check_whole_thousands(path, parted[lines.first :], lines.first, decimal)
+    _part_names(lines, parted, delimiter)
     remarks = [
         f"text in {lines.encoding}, columns separated by {_DELIMITERS[delimiter]}, decimal "
         f"{'points' if decimal == '.' else 'commas'}: every number can be read this way",
@@ -117,6 +120,51 @@ def _thousands_in_cells(lines: list[str]) -> list[tuple[int, str]]:
         if len(cells) > 1 and any(_are_numbers(others, mark) for mark in ".,"):
             found += [(k, cell) for cell in grouped]
     return found
+
+
+_A_WHOLE_THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+_FEWEST_THOUSANDS = 20
+
+
+def _check_whole_thousands(path: Path, samples: Sequence[Sequence[str]], first: int, decimal: str) -> None:
+    """Refuse a column of thousands: all numbers with a mark have three figures behind it, and others have no mark.
+
+    Decimals would be fewer in some of so many numbers, or as many in all.
+    """
+    for c in range(max(map(len, samples), default=0)):
+        cells = [(k, row[c]) for k, row in enumerate(samples) if c < len(row) and row[c]]
+        grouped = [k for k, cell in cells if decimal in cell]
+        if not _FEWEST_THOUSANDS <= len(grouped) < len(cells):
+            continue
+        whole = [cell for _, cell in cells if decimal not in cell]
+        grouped_all = all(_A_WHOLE_THOUSAND.fullmatch(samples[k][c]) for k in grouped)
+        if grouped_all and all(cell.strip(" +-").isdigit() for cell in whole):
+            raise InputError(
+                path,
+                f"line {first + grouped[0] + 1}",
+                f"'{samples[grouped[0]][c]}' seems to have a thousands' separator ({len(grouped)} such numbers)",
+                "export numbers without thousands' separators",
+            )
+
+
+_LINES_OF_NAMES = 4
+
+
+def _part_names(lines: TextLines, parted: list[list[str]], delimiter: str) -> None:
+    """Part names where something else is between them than between the numbers, as Igor writes ``WAVES a, b, c``."""
+    middle = parted[_middle_of(lines.texts)]
+    before = [""] if middle[0] == "" else []
+    above = [k for k in range(min(lines.first, len(parted))) if parted[k]][-_LINES_OF_NAMES:]
+    for k in above:
+        if delimiter != " " and len(parted[k]) == len(middle):
+            continue
+        for other in ("\t", ";", ",", None):
+            cells = [cell.strip() for cell in lines.texts[k].split(other)]
+            named = sum(map(names_something, cells))
+            # Spaces are between any words.
+            if len(before + cells) == len(middle) and named > (1 if other else len(cells) - 1):
+                parted[k] = before + cells
+                break
 
 
 def _check_decimals(path: Path, lines: TextLines, parted: Sequence[Sequence[str]]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import xlrd
-from openpyxl import load_workbook
+from openpyxl.reader.excel import ExcelReader
 
 from legfem.common.errors import InputError
 from legfem.data.formats.headings import Cell
@@ -25,6 +25,13 @@ _NO_VALUE = re.compile(rb"(?:</f>|<f[^<>]*/>)(?:<v\s*/>|<v></v>)?</c>")
 _IN_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}[.,]\d{3}\s*")
 
 
+class _Tables(ExcelReader):
+    """openpyxl's reader, which fails at a sheet of charts that has none."""
+
+    def read_chartsheet(self, sheet: object, rel: object) -> None:
+        """Pass over a sheet that contains no table."""
+
+
 def read_workbook(path: Path) -> list[Sheet]:
     """Read the tables of a workbook's sheets; sheets without one are passed over."""
     with zipfile.ZipFile(path) as archive:
@@ -33,7 +40,9 @@ def read_workbook(path: Path) -> list[Sheet]:
     remarks = (f"{empty} {NOT_CALCULATED}",) if empty else ()
     # openpyxl asks the name of a file, which may be another, and not of its content.
     with path.open("rb") as content:
-        book = load_workbook(content, read_only=True, data_only=True)
+        reader = _Tables(content, read_only=True, data_only=True)
+        reader.read()
+        book = reader.wb
         try:
             return _tables(path, ((page.title, page.iter_rows(values_only=True)) for page in book.worksheets), remarks)
         finally:

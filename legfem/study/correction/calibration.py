@@ -62,7 +62,7 @@ class Calibrated:
 
     correction: TabulatedCorrection
     meshes: tuple[CaseOutcome, ...]
-    """Of the reference, the finest mesh first."""
+    """Outcomes of the reference, the finest mesh first."""
     outcomes: tuple[CaseOutcome, ...]
     """Of all cases."""
 
@@ -225,7 +225,7 @@ class LegTable:
 
     @property
     def materials(self) -> list[Material]:
-        """Of the table, C10 by stiffening."""
+        """Materials of the table, C10 by stiffening."""
         reference = self.calibration.reference.material
         return [stiffened(reference, c10, q) for c10, q in product(self.c10_kPa, self.stiffening)]
 

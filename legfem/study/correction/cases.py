@@ -106,18 +106,18 @@ class CaseOutcome:
     """Displacement (mm) that both reached."""
     unknowns: int
     steps: int
-    """Of the 3D model."""
+    """Steps of the 3D model."""
     rejected: int
     """Of these."""
     softened: bool
     """Whether a contact had to be softened to get there."""
     factorisations: int
     seconds: float
-    """Of the processor."""
+    """Time of the processor, s."""
     balance: float
     """Error of the balance of forces along the travel, relative to the force."""
     skin: FloatArray = field(default_factory=lambda: np.empty((0, 7)))
-    """Of the 3D model's skin at the end: reference and deformed position (mm), pressure (kPa)."""
+    """Skin of the 3D model at the end: reference and deformed position (mm), pressure (kPa)."""
 
 
 def solve_case(case: CorrectionCase, comm: MPI.Intracomm = MPI.COMM_SELF, keep_in: Path | None = None) -> CaseOutcome:

@@ -69,7 +69,7 @@ class Record:
     contact_stiffness_factor: float = 1.0
     unknowns: int = 0
     sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
-    """Of the force per length by parameters in the model's units."""
+    """Derivatives of the force per length by parameters in the model's units."""
 
     @property
     def reached(self) -> float:
