@@ -119,6 +119,16 @@ def test_names_are_the_same_however_their_accents_are_stored(tmp_path: Path) -> 
     assert not one.problem and one.folder.name == apart and one.name == composed
 
 
+def test_results_are_not_written_over_the_studys_own_table(tmp_path: Path) -> None:
+    table = "folder,group\na,patient\n"
+    folders(tmp_path, "a", table=table)
+    done = CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "a" / ".."), "--jobs", "1"])
+    assert done.exit_code == 2 and done.stderr.count("\n") == 1
+    assert "is where the study's own cohort.csv stands, or would; name another folder" in done.stderr
+    assert (tmp_path / "cohort.csv").read_text() == table
+    assert {path.name for path in tmp_path.iterdir()} == {"a", "cohort.csv"}
+
+
 def test_windows_paths_are_found_and_capitals_are_hinted_at(tmp_path: Path) -> None:
     folders(tmp_path, "P1/left", "P2", table="folder\nP1\\left\np2\n")
     first, second = find_members(tmp_path, "identify").every
