@@ -232,6 +232,9 @@ ODD = {
         f"gel.acq\n100 msec/sample\n2 channels\nForce\nN\nTravel\nmm\nCH1\tCH2\n{len(T)}\t{len(T)}", F, D
     ),
     "a sampling rate": _commas("Recorder,X2\nSampling rate,10 Hz\n\nForce (N),Position (mm)", F, D),
+    "a sampling rate of each channel": _commas(
+        "Ch1 sampling rate: 10 Hz\nCh2 sampling rate: 10 Hz\nForce (N),Position (mm)", F, D
+    ),
     "a sampling interval": _semicolons("Abtastintervall;0,1 s\n\nKraft [N];Weg [mm]", F, D),
     "a sampling rate of counted samples": _commas(
         "Sampling frequency (Hz): 10\nSample,Force (N),Position (mm)", np.arange(len(T)), F, D

@@ -71,6 +71,11 @@ REFUSED = {
         "Time,Position (mm),Force (N)\n" + _sexagesimal(lambda m, s: f"{141100 + 100 * m + s:.2f}"),
         "jumps from 141159.9 to 141200: it may count hours, minutes and seconds",
     ),
+    "a clock as one number about an hour": (
+        "Time,Position (mm),Force (N)\n"
+        + _sexagesimal(lambda m, s: f"{135900 + s if m == 0 else 140000 + 100 * (m - 1) + s:.2f}"),
+        "jumps from 135959.9 to 140000: it may count hours, minutes and seconds",
+    ),
     "minutes and seconds as one number": (
         "Time (min),Position (mm),Force (N)\n" + _sexagesimal(lambda m, s: f"{m + s / 100:.3f}"),
         "jumps from 0.599 to 1: it may count minutes and seconds",

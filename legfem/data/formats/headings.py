@@ -84,10 +84,15 @@ _LISTED = re.compile(
 )
 
 
+_VALUED = re.compile(r"[:=]\s*[\d.,]+\s*[^\W\d_]*$")
+"""At the end of what is stated of a channel, and is no name."""
+
+
 def _listed(above: Sequence[Sequence[Cell]], columns: Sequence[int]) -> list[list[Cell]]:
     """Return the names that stand a line each above the numbers, as ``Sig1  Time (min)``, as one row."""
     texts = [" ".join(f"{cell:g}" if isinstance(cell, float) else text_of(cell) for cell in row) for row in above]
-    found = [one for text in texts if (one := _LISTED.fullmatch(text.strip())) and names_something(one["label"])]
+    listed = [one for text in texts if (one := _LISTED.fullmatch(text.strip()))]
+    found = [one for one in listed if names_something(one["label"]) and not _VALUED.search(one["label"])]
     labels = {int(one["number"]): one["label"].strip() for one in found}
     if sorted(labels) not in ([c + 1 for c in columns], list(columns)):
         return []

@@ -158,7 +158,7 @@ def _part_names(lines: TextLines, parted: list[list[str]], delimiter: str) -> No
     for k in above:
         if delimiter != " " and len(parted[k]) == len(middle):
             continue
-        for other in ("\t", ";", ",", None):
+        for other in ("\t", ";", ",", "|", None):
             cells = [cell.strip() for cell in lines.texts[k].split(other)]
             named = sum(map(names_something, cells))
             # Spaces are between any words.

@@ -172,7 +172,7 @@ def check_no_clock(path: Path, name: str, unit: str | None, values: FloatArray) 
     step = float(np.median(steps)) if len(steps) else 0.0
     for whole, what in _SIXTIES.items():
         parts = np.mod(values, whole) / whole
-        begun = np.flatnonzero(np.diff(np.floor(values / whole)) == 1)
+        begun = np.flatnonzero(np.diff(np.floor(values / whole)) >= 1)
         small = 3.0 * step / whole
         jumps = (parts[begun] > 0.6 - small) & (parts[begun + 1] < small) & (steps[begun] > 5.0 * step)
         if 0 < small < 0.3 and len(begun) and (parts < 0.6).all() and jumps.all():
