@@ -19,7 +19,16 @@ from matplotlib.figure import Figure
 
 from legfem.api.diagnosis import DiagnosedLeg, diagnose
 from legfem.api.identification import identify, stocking
-from legfem.api.loading import Given, check_folder, check_one_of, check_seed, check_whole, load_leg, opened
+from legfem.api.loading import (
+    Given,
+    check_folder,
+    check_one_of,
+    check_seed,
+    check_whole,
+    load_leg,
+    of_another_kind,
+    opened,
+)
 from legfem.api.results import Identification, Result
 from legfem.cohort.anomalies import missing, suspicions
 from legfem.cohort.members import Member, Members, Task, find_members
@@ -200,6 +209,8 @@ def cohort(
     check_whole("jobs", jobs, 1)
     if seed is not None:
         check_seed(seed)
+    if not isinstance(folder, str | Path):
+        raise of_another_kind("folder", folder, "the path of the folder that holds the members'")
     check_folder("out", out)
     started = time.perf_counter()
     given = {"law": law, "identify": identify, "prior": prior, "fix": fix, "depth": depth, "correction": correction}
