@@ -18,6 +18,8 @@ from browser import FLAGS
 _AXE = """axe.run(document, {resultTypes: ["violations"], iframes: false}).then((found) =>
   found.violations.map((one) => `${one.impact}: ${one.id}: `
     + one.nodes.slice(0, 3).map((node) => node.target.join(" ")).join("; ")))"""
+PATIENCE_S = 900.0
+"""Until what is waited for is called missing: an event is waited for, however busy the machine is."""
 DRAWN = """document.readyState === "complete"
   && new Promise((done) => requestAnimationFrame(() => setTimeout(() => done(true))))"""
 
@@ -125,7 +127,7 @@ class Driven:
         )
         return found.get("result", {}).get("value")
 
-    def until(self, script: str, seconds: float = 60.0, every: float = 0.2) -> Any:
+    def until(self, script: str, seconds: float = PATIENCE_S, every: float = 0.2) -> Any:
         """Wait until an expression is true; return it."""
         end = time.monotonic() + seconds
         while True:
@@ -135,7 +137,7 @@ class Driven:
                 raise AssertionError(f"not in {seconds:g} s: {script}\n{self.text[-2000:]}")
             time.sleep(every)
 
-    def sees(self, text: str, seconds: float = 60.0) -> None:
+    def sees(self, text: str, seconds: float = PATIENCE_S) -> None:
         """Wait until the page shows a text."""
         self.until(f"document.body && document.body.innerText.includes({json.dumps(text)})", seconds)
 

@@ -15,7 +15,7 @@ def begun(page, text):
     """Begin with an example; return the name of its input."""
     page.click(text)
     page.until("location.pathname.startsWith('/input/')")
-    page.sees("Is this what you measured?", 3 * MINUTES)
+    page.sees("Is this what you measured?")
     return page.value("decodeURIComponent(location.pathname.split('/')[2])")
 
 

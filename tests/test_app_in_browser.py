@@ -51,7 +51,7 @@ def test_two_tabs_change_one_file_and_nothing_is_lost(served, page):
     for tab, seen in ((0, "changed here"), (second, "aim ± 1.75 mm")):
         page.turn_to(tab)
         page.click("Save")
-        page.sees(seen, 3 * MINUTES)
+        page.sees(seen)
     given = subject_entry(path).given
     assert (given.title, given.accuracy.aim_sd_mm) == ("changed here", 1.75)
 
@@ -81,7 +81,7 @@ def test_two_tabs_change_one_file_and_nothing_is_lost(served, page):
         page.click("Run identify")
         page.until("location.pathname.startsWith('/run/')")
         page.click("End at once", "button")
-        page.sees("goes on from the finished part", MINUTES)
+        page.sees("goes on from the finished part")
     runs = [run for run in workspace.runs if run.startswith(f"identify-{name}")]
     assert len(runs) == 2
     assert {Run(workspace.run(run)).state for run in runs} == {RunState.LOST}
@@ -99,7 +99,7 @@ def test_wrong_input_is_a_line_each_and_nothing_is_taken_for_a_leg(served, page,
     (other / "photo.jpg").write_bytes(b"\xff\xd8\xff")
     page.drop([other])
     page.until("location.pathname === '/input/other'")
-    page.sees("nor a recording that can be read", 3 * MINUTES)
+    page.sees("nor a recording that can be read")
     # Headers that no program could guess are chosen by hand.
     rows = "".join(f"{0.1 * k:.1f};{0.04 * k:.3f};{0.002 * k * k:.4f}\n" for k in range(200))
     (foreign / "essai.csv").write_text(f"foo;bar;baz\n{rows}")
@@ -107,7 +107,7 @@ def test_wrong_input_is_a_line_each_and_nothing_is_taken_for_a_leg(served, page,
     page.sees("Drop a folder here")
     page.drop([foreign])
     page.until("location.pathname === '/input/foreign'")
-    page.sees("none of its columns", 3 * MINUTES)
+    page.sees("none of its columns")
     page.click("A leg that was pressed", "button")
     for quantity, column, unit in (("time", "foo", "s"), ("displacement", "bar", "mm"), ("force", "baz", "N")):
         page.choose(f"{quantity}: column", column)
@@ -122,7 +122,7 @@ def test_a_run_that_is_refused_says_the_commands_line_and_leaves_its_input(serve
     page.type("more options", "--law nonsense")
     page.sees("--law nonsense")
     page.click("Run identify")
-    page.sees("'nonsense' is not one of", MINUTES)
+    page.sees("'nonsense' is not one of")
     page.sees("once the cause below is corrected")
     run = workspace.runs[0]
     assert run.startswith(f"identify-{name}")
@@ -169,7 +169,7 @@ def test_a_leg_is_dropped_and_its_stocking_run_from_the_app(served, page, tmp_pa
     (leg / "leg.toml").write_text((LEG / "leg.toml").read_text().replace(scanned, "") + KNOWN)
     page.drop([leg])
     page.until("location.pathname === '/input/known%20leg'")
-    page.sees("Outlines of skin and muscle", 5 * MINUTES)
+    page.sees("Outlines of skin and muscle")
     page.click("Assumed")
     page.sees("Part that is modelled")
     assert accessible(page)
@@ -223,7 +223,7 @@ def test_excel_girth_and_fat_lead_to_a_verdict_in_eight_clicks_and_six_numbers(s
     workspace, _ = served
     user = Counted(page)
     page.drop([workbook(tmp_path / "data")])
-    page.sees("What is it?", 3 * MINUTES)
+    page.sees("What is it?")
     assert not page.value(RED)
     user.click("A leg that was pressed", "button")
     for label, number in (
@@ -260,7 +260,7 @@ def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page
     workspace, _ = served
     page.drop([loose_files(tmp_path)])
     page.until("location.pathname.startsWith('/input/my%20leg')")
-    page.sees("Where was it pressed?", 3 * MINUTES)
+    page.sees("Where was it pressed?")
     assert not page.value(RED)
     page.click("Only save this")
     page.sees("diameter (mm), cylinder's length (mm): missing")
@@ -273,7 +273,7 @@ def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page
     assert accessible(page)
     page.click("keep indenter and instrument for further legs (lab.toml)", ".q-checkbox")
     page.click("Only save this")
-    page.sees("Is this what you measured?", 3 * MINUTES)
+    page.sees("Is this what you measured?")
     assert not page.value(RED)
     found = load_subject(workspace.input(workspace.inputs[0]))
     # From behind: the picture's lower edge.
@@ -286,12 +286,12 @@ def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page
     second = tmp_path / "second"
     second.mkdir()
     page.drop([loose_files(second)])
-    page.sees("As lab.toml states it.", 3 * MINUTES)
+    page.sees("As lab.toml states it.")
     page.until("document.querySelector('[aria-label=\"diameter (mm)\"]').value === '30'")
     page.click_at(".aim", 0.5, 0.95)
     page.until(f"document.querySelector('[aria-label={json.dumps(BY)}]').value !== ''")
     page.click("Only save this")
-    page.sees("Is this what you measured?", 3 * MINUTES)
+    page.sees("Is this what you measured?")
     path = workspace.input(workspace.inputs[0]) / "subject.toml"
     assert "[instrument]" not in path.read_text()
     assert load_subject(path.parent).instrument.force_sd == found.instrument.force_sd
@@ -300,7 +300,7 @@ def test_a_leg_with_contours_is_described_by_a_click_on_its_section(served, page
 def test_a_leg_that_a_ball_pressed_is_dropped_and_described(served, page, tmp_path):
     workspace, _ = served
     page.drop([loose_files(tmp_path)])
-    page.sees("Where was it pressed?", 3 * MINUTES)
+    page.sees("Where was it pressed?")
     page.choose("what pressed it", "a ball")
     hidden = f"document.querySelector({json.dumps(LENGTH)}).offsetParent"
     page.until(f"{hidden} === null")
@@ -308,7 +308,7 @@ def test_a_leg_that_a_ball_pressed_is_dropped_and_described(served, page, tmp_pa
     page.click_at(".aim", 0.5, 0.95)
     page.until(f"document.querySelector('[aria-label={json.dumps(BY)}]').value !== ''")
     page.click("Only save this")
-    page.sees("Is this what you measured?", 3 * MINUTES)
+    page.sees("Is this what you measured?")
     given = subject_entry(workspace.input(workspace.inputs[0]) / "subject.toml").given
     assert (given.indenter.shape, given.indenter.length_mm) == ("ball", None)
 
@@ -344,7 +344,7 @@ def test_an_input_is_renamed_deleted_and_put_back(served, page):
     page.type("name", "other calf")
     page.click("Rename")
     page.until("location.pathname === '/input/other%20calf'")
-    page.sees("Is this what you measured?", 3 * MINUTES)
+    page.sees("Is this what you measured?")
     assert "other calf" in workspace.inputs and name not in workspace.inputs
     page.click("Files", ".q-tab")
     page.sees("can be put back")
@@ -356,7 +356,7 @@ def test_an_input_is_renamed_deleted_and_put_back(served, page):
     page.click("Undo", "button")
     page.until("location.pathname === '/input/other%20calf'")
     assert "other calf" in workspace.inputs
-    page.sees("Is this what you measured?", 3 * MINUTES)
+    page.sees("Is this what you measured?")
     page.click("Files", ".q-tab")
     page.click("Delete", "button")
     page.until("location.pathname === '/'")
@@ -373,7 +373,7 @@ def test_recordings_of_specimens_are_dropped_described_and_identified(served, pa
     (bars / "specimen.toml").unlink()
     page.drop([bars])
     page.until("location.pathname === '/input/bars'")
-    page.sees("What is it?", 3 * MINUTES)
+    page.sees("What is it?")
     page.click("Specimens in a lab's test", "button")
     assert accessible(page)
     page.choose("what was done", "a bar pulled or pressed along its length")
@@ -383,12 +383,12 @@ def test_recordings_of_specimens_are_dropped_described_and_identified(served, pa
     page.sees("area_mm2: is missing")
     page.type("area_mm2 *", "100")
     page.click("Only save this")
-    page.sees("measured data", 3 * MINUTES)
+    page.sees("measured data")
     given = parse_specimen_file(workspace.input("bars") / "specimen.toml")
     assert (given.uniaxial.length_mm, given.uniaxial.area_mm2) == (10.0, 100.0)
     page.click("Assumed")
     page.sees("Test: a bar")
     assert accessible(page)
-    told = ran(page, "identify", "--law reduced-polynomial --jobs 1", 10)
+    told = ran(page, "identify", "--law reduced-polynomial --jobs 1", 60)
     assert "C10 = " in told
     assert Path(workspace.run("identify-bars") / "results" / "report.html").is_file()

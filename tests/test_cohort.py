@@ -70,6 +70,7 @@ WRONG = {
     "none there": ("folder\nx\ny\n", "folder: none of 2 folders is there; write paths as seen from"),
     "no date": ("folder,date\na,1/2/26\n", "date, line 2: '1/2/26' is not a date; write 2026-01-31"),
     "no whole date": ("folder,date\na,2026-01\n", "date, line 2: '2026-01' is not a date; write 2026-01-31"),
+    "no number": ("folder,age\na,41\nb,41 y\n", "age, line 3: '41 y' is not a number; write the number alone"),
     "no rows": ("folder,date\n", "rows: there are none; give a row a folder"),
     "empty": ("\n\n", "file: is empty; write a header, and a row a folder"),
     "misspelt": ("foldr,age\na,3\n", "header: there is no column folder or subject; rename 'foldr' folder"),
@@ -116,6 +117,31 @@ def test_names_are_the_same_however_their_accents_are_stored(tmp_path: Path) -> 
     folders(tmp_path, apart, table=f"folder\n{composed}\n")
     (one,) = find_members(tmp_path, "identify").every
     assert not one.problem and one.folder.name == apart and one.name == composed
+
+
+def test_results_are_not_written_over_the_studys_own_table(tmp_path: Path) -> None:
+    table = "folder,group\na,patient\n"
+    folders(tmp_path, "a", table=table)
+    done = CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "a" / ".."), "--jobs", "1"])
+    assert done.exit_code == 2 and done.stderr.count("\n") == 1
+    assert "is where the study's own cohort.csv stands, or would; name another folder" in done.stderr
+    assert (tmp_path / "cohort.csv").read_text() == table
+    assert {path.name for path in tmp_path.iterdir()} == {"a", "cohort.csv"}
+
+
+def test_windows_paths_are_found_and_capitals_are_hinted_at(tmp_path: Path) -> None:
+    folders(tmp_path, "P1/left", "P2", table="folder\nP1\\left\np2\n")
+    first, second = find_members(tmp_path, "identify").every
+    assert not first.problem and second.problem.endswith("did you mean 'P2'?")
+
+
+def test_a_table_under_another_name_is_not_passed_over_in_silence(tmp_path: Path) -> None:
+    folders(tmp_path, "a")
+    (tmp_path / "Cohort.ods").write_bytes(b"PK")
+    unread = "Cohort.ods was not read: call it cohort.csv or cohort.xlsx, or name it by --table."
+    assert find_members(tmp_path, "identify").notes == (unread,)
+    with pytest.raises(lf.InputError, match=r"file: is neither CSV nor \.xlsx; save it as one of them"):
+        find_members(tmp_path, "identify", table=tmp_path / "Cohort.ods")
 
 
 def test_what_may_be_meant_otherwise_is_noted(tmp_path: Path) -> None:

@@ -109,6 +109,13 @@ def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
         assert line_of(load, None).startswith("folder: NoneType: is not a path")
 
 
+def test_what_a_plan_and_a_cohort_cannot_be_without_is_told(leg, tmp_path) -> None:
+    with pytest.raises(lf.InputError, match="c20: None: is of another kind; give a number of kPa"):
+        lf.plan(leg, c20=None)
+    with pytest.raises(lf.InputError, match=r"folder: 1\.5: is of another kind; give the path of the folder"):
+        lf.cohort(1.5, out=tmp_path / "out")
+
+
 def test_a_pressed_leg_is_none_in_a_stocking(leg, scanned) -> None:
     assert line_of(lf.stocking, leg).startswith("leg: Subject: is not a leg that was scanned")
     assert line_of(lf.stocking, scanned, cells=-5).startswith("cells: -5: is not possible here")

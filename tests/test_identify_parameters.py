@@ -288,6 +288,8 @@ def test_fat_is_identified_beside_muscle_from_the_command(tmp_path: Path) -> Non
 def test_progress_tells_stiffnesses_in_kpa_and_the_fibres_ratio():
     values = {"deep.C10": 1.2e-3, "fascia.C10": 0.1, "deep.fibre_ratio": 2.5, "deep.D1": 28.0}
     assert stiffness_in_words(values) == "C10 1.2 kPa, C10 of the fascia 100 kPa, fibres 2.5"
+    # As the exponential law's.
+    assert stiffness_in_words(values | {"deep.C20": 0.0}) == stiffness_in_words(values)
 
 
 def test_a_standard_error_along_a_curved_valley_is_that_of_the_profile(tmp_path):

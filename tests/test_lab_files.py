@@ -99,6 +99,11 @@ REFUSED = {
         + rows(np.arange(len(T)), D, F, delimiter="\t"),
         "are in volts, as the heading says ('Test Data in Volts:')",
     ),
+    "fewer samples than are counted": (
+        f"gel.acq\n100 msec/sample\n2 channels\nForce\nN\nTravel\nmm\nCH1\tCH2\n{len(T)}\t{len(T)}\n"
+        + rows(F[50:], D[50:], delimiter="\t"),
+        f"its heading counts {len(T)} samples, and {len(T) - 50} follow: their times are not known",
+    ),
     "two sampling rates": (RATES + rows(F, D), "add a column Time (s)"),
     "runs side by side": (RUNS + rows(T, F, D, T, 1.1 * F, 0.9 * D), "2 trials stand side by side: 'Run 1:"),
     "two axes": (AXES + rows(T, 1e3 * D, 900 * D + np.sin(T), 1e3 * F, 2e3 * F + np.sin(T)), "may be any of"),

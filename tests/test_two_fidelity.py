@@ -208,7 +208,7 @@ def test_report_and_document_say_what_the_leg_itself_said(tmp_path):
     subject = recorded(tmp_path, 1.3)
     (result,) = identified(subject, table(0.3))
     text = " ".join(plain_page(leg_page([result]), []).split())
-    assert "extruded over 120 mm (assumed)" in text and "the table of idealised legs" in text
+    assert "extruded over 120 mm" in text and "the table of idealised legs" in text
     document = law_document(result)
     assert document["model"] == "3d"
     assert len(document["spatial"]["confirmations"]) == result.details.spatial.full_solves

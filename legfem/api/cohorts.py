@@ -19,7 +19,16 @@ from matplotlib.figure import Figure
 
 from legfem.api.diagnosis import DiagnosedLeg, diagnose
 from legfem.api.identification import identify, stocking
-from legfem.api.loading import Given, check_folder, check_one_of, check_seed, check_whole, load_leg, opened
+from legfem.api.loading import (
+    Given,
+    check_folder,
+    check_one_of,
+    check_seed,
+    check_whole,
+    load_leg,
+    of_another_kind,
+    opened,
+)
 from legfem.api.results import Identification, Result
 from legfem.cohort.anomalies import missing, suspicions
 from legfem.cohort.members import Member, Members, Task, find_members
@@ -104,6 +113,7 @@ class Cohort(Result):
     def write(self, folder: Given) -> Path:
         """Write cohort.html and cohort.txt, the table as CSV and workbook, cohort.json; return cohort.txt's path."""
         out = Path(folder)
+        _check_apart(out, self.members)
         write_document(out / DOCUMENT, self.document())
         frame = self.to_frame()
         write_tables(frame, units_frame(frame, self.rows), out)
@@ -199,6 +209,8 @@ def cohort(
     check_whole("jobs", jobs, 1)
     if seed is not None:
         check_seed(seed)
+    if not isinstance(folder, str | Path):
+        raise of_another_kind("folder", folder, "the path of the folder that holds the members'")
     check_folder("out", out)
     started = time.perf_counter()
     given = {"law": law, "identify": identify, "prior": prior, "fix": fix, "depth": depth, "correction": correction}
@@ -209,6 +221,7 @@ def cohort(
     with engine_named(on, jobs, scheduler) as engine:
         if engine is not None:
             members = find_members(Path(folder), do, layout, None if table is None else Path(table))
+            _check_apart(Path(out), members)
             known = KnownRows(Path(out), members, options)
             if dry_run:
                 return known.expected(engine.workers)
@@ -217,6 +230,18 @@ def cohort(
             people = _population(members, found, options) if population else ()
             return Cohort(members, options, tuple(found), time.perf_counter() - started, people)
     raise SystemExit(0)  # another rank, which has served the first
+
+
+def _check_apart(out: Path, members: Members) -> None:
+    """Refuse a folder of results in which the study's own table would be written over, or theirs read for it."""
+    own = {members.folder.resolve()} | ({members.table.resolve().parent} if members.table is not None else set())
+    if out.resolve() in own:
+        raise InputError(
+            "--out",
+            str(out),
+            "is where the study's own cohort.csv stands, or would",
+            "name another folder, or one in it",
+        )
 
 
 def _population(members: Members, rows: Sequence[Row], options: Options) -> tuple[PopulationFit, ...]:

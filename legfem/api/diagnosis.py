@@ -390,6 +390,8 @@ def plan(
         With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
     """
     for name, value, unit in (("c10", c10, "kPa"), ("c20", c20, "kPa"), ("depth", depth, "mm"), ("rate", rate, "mm/s")):
+        if value is None:
+            raise loading.of_another_kind(name, value, f"a number of {unit}")
         loading.check_finite(name, value, unit)
     loading.check_whole("jobs", jobs, 1)
     folder = library_folder() if library is None else Path(library)

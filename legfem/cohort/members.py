@@ -26,7 +26,8 @@ FILES: Mapping[str, tuple[str, ...]] = {
 TABLES = ("cohort.csv", "cohort.xlsx")
 DESIGN = ("subject", "group", "side", "session", "date", "rater", "rig")
 """Columns whose meaning is known, beside ``folder``; ``subject`` is the person."""
-_KNOWN = ("folder", *DESIGN, "age", "sex", "bmi")
+_NUMBERS = ("age", "bmi")
+_KNOWN = ("folder", *DESIGN, *_NUMBERS, "sex")
 """Columns that are known however they are capitalised."""
 _LIKE = 0.8
 """Likeness from which another column's name may be one of these, misspelt."""
@@ -105,11 +106,21 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
     table = table or next(iter(there), None)
     if table is not None:
         return _of_table(folder, table, found, FILES[task])
+    unread = [
+        f"{path.name} was not read: call it {' or '.join(TABLES)}, or name it by --table."
+        for path in _like_a_table(folder)
+    ]
     if not found:
         files = " or ".join(FILES[task])
         where = f"matches {layout!r} and" if layout else "below it"
         raise InputError(folder, "cohort", f"no folder {where} contains {files}", "check the path, --layout and --do")
-    return Members(folder, tuple(Member(name, path, name) for name, path in found.items()))
+    return Members(folder, tuple(Member(name, path, name) for name, path in found.items()), notes=tuple(unread))
+
+
+def _like_a_table(folder: Path) -> list[Path]:
+    """Return files that are called as a table is, but for capitals and their kind."""
+    names = {str(Path(TABLES[0]).with_suffix(kind)) for kind in (".csv", ".tsv", ".xlsx", ".xls", ".ods", ".numbers")}
+    return sorted(path for path in folder.iterdir() if path.is_file() and path.name.lower() in names)
 
 
 def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
@@ -140,11 +151,15 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
     spelt = {_composed(name): path for name, path in found.items()}
     members = []
     numbers = {name: numbers for name in cells if (numbers := _as_numbers(cells[name], name)) is not None}
+    for name in _NUMBERS:
+        for line, text in cells[name].items() if name in cells and name not in numbers else ():
+            if text and pd.isna(_plain(cells[name])[line]):
+                raise InputError(table, f"{name}, line {line}", f"'{text}' is not a number", "write the number alone")
     for place, (line, row) in enumerate(cells.iterrows()):
         given = {name: text for name in cells if name != "folder" and (text := str(row[name]))}
         if not row[column]:
             raise InputError(table, f"{column}, line {line}", "is empty", "name a folder, or remove the row")
-        path = spelt.get(_composed(Path(row[column]).as_posix()), folder / row[column]).resolve()
+        path = spelt.get(_composed(row[column]), folder / row[column]).resolve()
         if path in seen:
             raise InputError(
                 table, f"{column}, line {line}", f"'{row[column]}' is in line {seen[path]} too", "remove one"
@@ -173,8 +188,8 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
 
 
 def _composed(name: str) -> str:
-    """Return a name with each accent in one character: file systems and tables differ in that, and it can't be seen."""
-    return unicodedata.normalize("NFC", name)
+    """Return a folder's name with / between its parts and each accent in one character, which can't be seen."""
+    return unicodedata.normalize("NFC", Path(name.replace("\\", "/")).as_posix())
 
 
 def _doubts(table: Path, cells: pd.DataFrame, members: Sequence[Member]) -> list[str]:
@@ -193,8 +208,9 @@ def _doubts(table: Path, cells: pd.DataFrame, members: Sequence[Member]) -> list
 def _problem(path: Path, written: str, found: Mapping[str, Path], files: Sequence[str]) -> str:
     if any((path / file).is_file() for file in files):
         return ""
-    near = difflib.get_close_matches(written, found, n=1)
-    hint = f"did you mean '{near[0]}'?" if near else "check its name"
+    there = {name.lower(): name for name in found}
+    near = difflib.get_close_matches(written.lower(), there, n=1)
+    hint = f"did you mean '{there[near[0]]}'?" if near else "check its name"
     what = f"contains no {' or '.join(files)}" if path.is_dir() else "is not there"
     return f"folder '{written}' {what}; {hint}"
 
@@ -203,6 +219,8 @@ def _cells(table: Path) -> pd.DataFrame:
     """Texts of a table by its lower-case column names; the index is the line."""
     if not table.is_file():
         raise InputError(table, "file", "not found", "check the path")
+    if table.suffix.lower() not in (".csv", ".txt", ".tsv", ".xlsx"):
+        raise InputError(table, "file", "is neither CSV nor .xlsx", "save it as one of them")
     try:
         if table.suffix.lower() == ".xlsx":
             _check_unmerged(table)
@@ -227,7 +245,9 @@ def _cells(table: Path) -> pd.DataFrame:
     cells.columns = pd.Index([str(name).strip() for name in cells.columns])
     for number, name in enumerate(cells, 1):
         if name.startswith("Unnamed: ") and cells[name].notna().any():
-            raise InputError(table, "header", f"column {number} has no name", "name it, or remove it")
+            raise InputError(
+                table, "header", f"column {number} has no name", "name it, or remove it; the first row is the header"
+            )
     cells = cells[[name for name in cells if not name.startswith("Unnamed: ")]]
     lower = [name.lower() if name.lower() in _KNOWN else name for name in cells]
     if twice := sorted({name for name in lower if lower.count(name) > 1}):
@@ -257,9 +277,13 @@ def _as_numbers(column: "pd.Series[str]", name: str) -> list[float] | None:
     """A column's numbers, NaN where it is empty; None where one is a text, or the column is of texts."""
     if name in (*DESIGN, "folder", "sex"):
         return None
-    plain = column.str.replace(r"^([+-]?\d+),(\d+)$", r"\1.\2", regex=True)
-    values = pd.to_numeric(plain, errors="coerce")
+    values = _plain(column)
     return None if (values.isna() & (column != "")).any() or values.isna().all() else [float(v) for v in values]
+
+
+def _plain(column: "pd.Series[str]") -> "pd.Series[float]":
+    """Numbers of a column, with a point or a comma; NaN where there is none."""
+    return pd.to_numeric(column.str.replace(r"^([+-]?\d+),(\d+)$", r"\1.\2", regex=True), errors="coerce")
 
 
 def _check_date(table: Path, line: int, text: str) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.data.noise import Instrument
+from legfem.data.noise import Instrument, slow_correlation
 from legfem.data.recording import Recording
 from legfem.data.smoothing import sample_noise, without_outliers
 
@@ -29,8 +29,6 @@ _OF_FORCE = 0.02
 _TRAVELS = 10.0
 _FEWEST = 8
 """Samples."""
-SLOW_WAYS = (0.5, 5.0)
-"""Over which the load cell's slow error changes: as flicker noise, half of its variance over each."""
 
 
 @dataclass(frozen=True)
@@ -343,12 +341,6 @@ def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Float
     step = np.floor((x - x.min()) / np.ptp(x) * _MAX_POINTS * (1 - 1e-12)).astype(int)
     _, index, counts = np.unique(step, return_inverse=True, return_counts=True)
     return np.bincount(index, x) / counts, np.bincount(index, y) / counts, counts.astype(float)
-
-
-def slow_correlation(places: FloatArray) -> FloatArray:
-    """Correlation (n, n) of a load cell's slow error between places (n,) of a press, as `SLOW_WAYS` are told."""
-    apart = np.abs(places[:, None] - places[None, :])
-    return np.asarray(np.mean([np.exp(-apart / ways) for ways in SLOW_WAYS], axis=0))
 
 
 def _whitening(x: FloatArray, white: FloatArray, slow: float, shape: FloatArray, way: float) -> FloatArray:

@@ -19,7 +19,7 @@ from scipy.linalg import cholesky, helmert, solve_triangular
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.data.contact import Contact, Onset, common_onset, enough_gain, slow_correlation
+from legfem.data.contact import Contact, Onset, common_onset, enough_gain
 from legfem.data.noise import (
     JITTER_LENGTH_MM,
     UNSTATED,
@@ -28,6 +28,7 @@ from legfem.data.noise import (
     Instrument,
     NoiseEstimate,
     estimate_components,
+    slow_correlation,
 )
 from legfem.data.phases import AIR, LOADING
 from legfem.data.recording import Recording

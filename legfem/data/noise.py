@@ -124,6 +124,16 @@ def sizes_from_repeats(expected: FloatArray, vagueness: ArrayLike, differences: 
     return np.asarray(expected * np.exp(found.x))
 
 
+_SLOW_WAYS = (0.5, 5.0)
+"""Over which a load cell's slow error changes: as flicker noise, half of its variance over each."""
+
+
+def slow_correlation(places: FloatArray) -> FloatArray:
+    """Return the correlation (n, n) of a load cell's slow error between places (n,) of a press, over its length."""
+    apart = np.abs(places[:, None] - places[None, :])
+    return np.asarray(np.mean([np.exp(-apart / way) for way in _SLOW_WAYS], axis=0))
+
+
 # Log-standard deviation of what is expected of each component before looking at the repeats.
 _VAGUENESS = 1.0
 _EXPECTED_LENGTH_MM = 1.0
@@ -144,9 +154,9 @@ class NoiseEstimate:
     white_sd: float
     """Sample-to-sample part, N."""
     slow_sd: float
-    """Part correlated over ``correlation_length``, N."""
+    """Part that changes slowly, see `slow_correlation`, N."""
     correlation_length: float
-    """mm of displacement over which the slow part's correlation falls to 1/e."""
+    """mm of displacement; the slow part changes over `slow_ways`."""
     offset_sd: float
     """N."""
     gain_sd: float
@@ -171,6 +181,11 @@ class NoiseEstimate:
             force,
             slope,
         )
+
+    @property
+    def slow_ways(self) -> tuple[float, ...]:
+        """Ways over which each half of the slow part changes, mm."""
+        return tuple(way * self.correlation_length for way in _SLOW_WAYS)
 
     @property
     def small_sample_factor(self) -> float:
@@ -261,11 +276,10 @@ def estimate_components(
 
 def _covariance(components: FloatArray, displacement: FloatArray, force: FloatArray, slope: FloatArray) -> FloatArray:
     offset, gain, shift, slow, length = components
-    apart = np.abs(displacement[:, None] - displacement[None, :])
     total: FloatArray = (
         offset**2
         + gain**2 * np.outer(force, force)
         + shift**2 * np.outer(slope, slope)
-        + slow**2 * np.exp(-apart / length)
+        + slow**2 * slow_correlation(displacement / length)
     )
     return total

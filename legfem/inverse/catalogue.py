@@ -220,11 +220,11 @@ def with_units(values: Values) -> dict[str, float]:
 
 
 def stiffness_in_words(values: Values) -> str:
-    """Return stiffnesses, and the ratio of fibres, as progress tells them: ``C10 1.2 kPa``."""
+    """Return stiffnesses that aren't zero, and the ratio of fibres, as progress tells them: ``C10 1.2 kPa``."""
     told = []
     for name, value in values.items():
         unit, factor = readable_unit(unit_of(name))
-        if unit == "kPa":
+        if unit == "kPa" and value:
             told.append(f"{symbol_of(name)} {factor * value:.4g} kPa")
         elif name == DEEP_RATIO:
             told.append(f"fibres {value:.3g}")

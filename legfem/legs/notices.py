@@ -20,7 +20,7 @@ from legfem.legs.subject import TYPICAL_FORCE_SD, Subject, elastography_priors
 _DISAGREES = 2.0
 """Standard deviations that two ways of measuring shouldn't lie apart."""
 _EXTRUDED = (
-    "The leg in 3D is the measured section, extruded: how the leg's girth changes along {what} is left out. Give a "
+    "The leg in 3D is the section, extruded: how the leg's girth changes along {what} is left out. Give a "
     "scan, surfaces or contours at several levels as [section]."
 )
 _TYPICAL = (

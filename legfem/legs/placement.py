@@ -305,8 +305,8 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
         )
     place = placed(subject.directory, toml, given)
     if place.source is None:
-        what = "a typical calf's section" if subject.typical_shape else "the measured section"
-        words = f"{what}, extruded over {length:g} mm (assumed)"
+        what = "a typical calf's section" if subject.typical_shape else "the section"
+        words = f"{what}, extruded over {length:g} mm"
         return SpatialLeg(_extruded(subject.section, length), words, True)
     shape = _about(place, 0.5 * length)
     low, high = (float(shape.levels[k]) for k in (0, -1))

@@ -134,7 +134,7 @@ def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: P
         )
     )
     note = (
-        f"The picture and the fields of the deformed leg were computed with the {LAW_NAMES[best.law]} law at "
+        f"The pressed section and its fields were computed in plane strain with the {LAW_NAMES[best.law]} law at "
         f"{solved.report.reached:g} mm, in one full solve in addition to the search's {best.log.forward_solves} "
         f"({solved.report.factorisations} factorisations, {solved.report.seconds:.1f} s)."
     )

@@ -138,8 +138,9 @@ def sheet_of_rows(
         _check_abreast(path, [text_of(cell) for cell in titles or ()])
         raise
     values = np.array([[rows[k][c] for c in columns] for k in samples], dtype=np.float64)
-    if _counts(values):
-        samples, values, others = samples[1:], values[1:], (*others, f"{values[0, 0]:.0f} is a count of samples")
+    count = values[0, 0] if _counts(values) else None
+    if count is not None:
+        samples, values, others = samples[1:], values[1:], (*others, f"{count:.0f} is a count of samples")
     nameless = titles is None and not any(names_something(text_of(cell)) for row in rows[:start] for cell in row)
     if nameless:
         titles = [f"column {c + 1}" for c in range(width)]
@@ -170,6 +171,9 @@ def sheet_of_rows(
             remark = "the time is counted from a clock's times"
             return sheet_of_rows(path, name, counted[0], (*remarks, *others, remark), counted[1])
         rated = times_by_rate(rows[:start], [c.name for c in found], values)
+        if rated is not None and count is not None and count != len(values):
+            problem = f"its heading counts {count:.0f} samples, and {len(values)} follow: their times are not known"
+            raise InputError(path, "rows", problem, "export it again, with a column of times")
         if rated is not None:
             found.insert(0, Column("Time", "s", rated[0]))
             others = (*others, f"{BY_RATE} '{rated[1]}'")

@@ -110,7 +110,7 @@ def _site_rows(fit: LegFit, number: int) -> list[Known]:
             f"{curve.noise.force_sd:.3g} N (sd)",
             data,
             curve.noise.source,
-            remark=f"correlated over {curve.noise.correlation_length:.2g} mm",
+            remark=f"correlated over {' and '.join(f'{way:.2g}' for way in curve.noise.slow_ways)} mm",
         ),
         *(
             Known(
@@ -146,7 +146,8 @@ def _confirmed_rows(found: SpatialEvidence, depth: float) -> list[Known]:
             "full solves in 3D",
             f"{found.full_solves} on the chosen mesh, {found.rough_solves} on coarser ones",
             "computed",
-            "; ".join(f"{100 * one.error:.2g} % from the predicted force" for one in found.confirmations),
+            "the force differed from the predicted one by "
+            + ", then ".join(f"{100 * one.error:.2g} %" for one in found.confirmations),
         ),
     ]
     if found.table_P is not None:
@@ -340,7 +341,7 @@ def _confirmed(found: SpatialEvidence) -> list[Block]:
     errors = ", ".join(f"{name} {value:.3f}" for name, value in found.errors.items())
     return [
         WebTable(
-            f"Full solves of the leg in 3D ({found.shape})",
+            f"Full solves of the leg in 3D ({found.shape}{', assumed' if found.extruded else ''})",
             [
                 "C10 (kPa)",
                 "C20 (kPa)",
