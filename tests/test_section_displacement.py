@@ -12,6 +12,7 @@ from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
 from legfem.channels import Sight
+from legfem.channels.kind import PlacedReadings
 from legfem.channels.kinds.section_image import INSIDE, SectionDisplacements
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -98,7 +99,9 @@ def test_an_image_that_lies_elsewhere_reads_what_registration_says(test, solved)
     accuracy = replace(INSIDE.usual, shift=1.0, turn=1.0)
     values = columns(solved)
     frame = np.zeros(len(places), dtype=int)
-    modes = SectionDisplacements().shared(places, np.zeros(len(places)), frame, values.ravel(), accuracy)
+    modes = SectionDisplacements().shared(
+        PlacedReadings(places, np.zeros(len(places)), frame, values.ravel()), accuracy
+    )
     middle, angle = points.mean(axis=0), np.deg2rad(1.0)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     squares = np.zeros(2)

@@ -99,6 +99,28 @@ class ChannelKind:
 
 
 @dataclass(frozen=True, eq=False)
+class PlacedReadings:
+    """Readings of a channel that is seen at places; arrays are (k,).
+
+    Parameters
+    ----------
+    places
+        Of the readings, (k, q).
+    time
+        Since first contact, s.
+    frame
+        Number of each reading's frame.
+    values
+        In the channel's unit.
+    """
+
+    places: FloatArray
+    time: FloatArray
+    frame: NDArray[np.int_]
+    values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class ReadingsAtSite:
     """What a channel read in a trial, beside what is known of the trial; arrays are (k,).
 
@@ -239,28 +261,15 @@ class ChannelFile(ABC):
         """Return how far apart readings at places (k, q) are, (k, k), mm; infinite where errors aren't alike."""
         return np.zeros((len(places), len(places)))
 
-    def shared(
-        self,
-        places: FloatArray,
-        time: FloatArray,
-        frame: NDArray[np.int_],
-        values: FloatArray,
-        accuracy: ChannelAccuracy,
-    ) -> dict[str, FloatArray]:
+    def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
         """Return by name what one standard deviation of an error does that all readings share, (k,).
 
         Of how an image lies in the section, or of a film that creeps: what only channels with places have.
 
         Parameters
         ----------
-        places
-            Of the readings, (k, q).
-        time
-            Since first contact, (k,), s.
-        frame
-            Number of each reading's frame, (k,).
-        values
-            Predicted, (k,).
+        read
+            The readings, as predicted.
         accuracy
             Of the instrument.
         """

@@ -154,9 +154,9 @@ class NoiseEstimate:
     white_sd: float
     """Sample-to-sample part, N."""
     slow_sd: float
-    """Part correlated over ``correlation_length``, N."""
+    """Part that changes slowly, see `slow_correlation`, N."""
     correlation_length: float
-    """mm of displacement over which the slow part changes, see `slow_correlation`."""
+    """mm of displacement; the slow part changes over `slow_ways`."""
     offset_sd: float
     """N."""
     gain_sd: float
@@ -181,6 +181,11 @@ class NoiseEstimate:
             force,
             slope,
         )
+
+    @property
+    def slow_ways(self) -> tuple[float, ...]:
+        """Ways over which each half of the slow part changes, mm."""
+        return tuple(way * self.correlation_length for way in _SLOW_WAYS)
 
     @property
     def small_sample_factor(self) -> float:

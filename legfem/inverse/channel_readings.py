@@ -35,7 +35,8 @@ _IN_AIR_MM = 1.0
 _FEWEST = 8
 """Samples that show their noise."""
 _FRAMES_ABOVE = 5
-"""Frames one after the other, about a reading, in which its place has to reach an instrument's threshold."""
+"""Frames one after the other, about a reading, in which its place has to reach an instrument's threshold: a quarter of
+a record of fewer than 20."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +194,8 @@ def _clear_of_threshold(one: RecordedChannel) -> RecordedChannel:
     frames, frame = np.unique(one.time, return_inverse=True)
     above = np.zeros((len(one.places), len(frames)))
     above[one.course, frame] = 1.0
-    kept = minimum_filter1d(above, min(_FRAMES_ABOVE, len(frames)), mode="nearest")[one.course, frame] > 0
+    row = max(1, min(_FRAMES_ABOVE, len(frames) // 4))
+    kept = minimum_filter1d(above, row, mode="nearest")[one.course, frame] > 0
     return replace(one, time=one.time[kept], values=one.values[kept], course=one.course[kept])
 
 

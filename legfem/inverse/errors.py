@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from legfem.channels.kind import PlacedReadings
 from legfem.channels.kinds import FILE_OF
 from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD, contrasts_of
@@ -129,7 +130,8 @@ def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, F
     """Return by name what one standard deviation does of what readings at several places share, (k,)."""
     if one.course is None:
         return {}
-    found = FILE_OF[one.name].shared(one.place, one.time, one.frame, predicted, one.accuracy)
+    read = PlacedReadings(one.place, one.time, one.frame, predicted)
+    found = FILE_OF[one.name].shared(read, one.accuracy)
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
 
 

@@ -191,10 +191,6 @@ class MisfitAssessment:
     p_value: float
     """That the errors alone make as strong a sign as the strongest of the three tests."""
     signatures: tuple[Signature, ...]
-    family_p_value: float
-    """p-value of the strongest mechanism, family-wise over all."""
-    windows_p_value: float
-    """p-value of the strongest window, family-wise over all."""
 
     def score(self, name: str) -> Score | None:
         """Return a mechanism's."""
@@ -276,8 +272,6 @@ def score_tests(
         windows.significant(window_scores[0], threshold, fitted.residual),
         float(_rank(-joint)[0]),
         tuple(found),
-        float(family[0]),
-        float(scan[0]),
     )
 
 

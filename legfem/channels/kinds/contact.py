@@ -36,6 +36,7 @@ from legfem.channels.kind import (
     FramesError,
     FramesFile,
     Impossible,
+    PlacedReadings,
     Read,
     ReadingsAtSite,
 )
@@ -244,17 +245,10 @@ class ContactPressures(FramesFile):
         middles = places.mean(axis=1)
         return np.abs(np.subtract.outer(middles, middles))
 
-    def shared(
-        self,
-        places: FloatArray,
-        time: FloatArray,
-        frame: NDArray[np.int_],
-        values: FloatArray,
-        accuracy: ChannelAccuracy,
-    ) -> dict[str, FloatArray]:
+    def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
         """Return what a film's creep does."""
-        decades = np.log10(1.0 + np.maximum(time, 0.0))
-        return {"creep": accuracy.creep * decades * values} if accuracy.creep else {}
+        decades = np.log10(1.0 + np.maximum(read.time, 0.0))
+        return {"creep": accuracy.creep * decades * read.values} if accuracy.creep else {}
 
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the sensels' pressures; a sensel reaches half-way to its neighbours."""

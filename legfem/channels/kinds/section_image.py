@@ -39,6 +39,7 @@ from legfem.channels.kind import (
     FramesError,
     FramesFile,
     Impossible,
+    PlacedReadings,
     Read,
     ReadingsAtSite,
 )
@@ -246,22 +247,17 @@ class SectionDisplacements(FramesFile):
         between = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=-1)
         return np.where(np.equal.outer(places[:, 2], places[:, 2]), between, np.inf)
 
-    def shared(
-        self,
-        places: FloatArray,
-        time: FloatArray,
-        frame: NDArray[np.int_],
-        values: FloatArray,
-        accuracy: ChannelAccuracy,
-    ) -> dict[str, FloatArray]:
+    def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
         """Return what a shift of the image in either direction does, and a turn about its middle."""
-        at, way = places[:, :2], places[:, 2].astype(int)
-        found = displaced_image(at, values, 2 * frame + way, accuracy)
-        for number in np.unique(frame):
+        at, way = read.places[:, :2], read.places[:, 2].astype(int)
+        found = displaced_image(at, read.values, 2 * read.frame + way, accuracy)
+        for number in np.unique(read.frame):
             for k, sign in ((0, 1.0), (1, -1.0)):
-                mine, others = (np.flatnonzero((frame == number) & (way == one)) for one in (k, 1 - k))
+                mine, others = (np.flatnonzero((read.frame == number) & (way == one)) for one in (k, 1 - k))
                 # e_z x u is (-uy, ux).
-                found["turn"][mine] += sign * np.deg2rad(accuracy.turn) * _beside(at[mine], at[others], values[others])
+                found["turn"][mine] += (
+                    sign * np.deg2rad(accuracy.turn) * _beside(at[mine], at[others], read.values[others])
+                )
         return found
 
     def shared_is_off(self, places: FloatArray) -> float:
@@ -358,19 +354,12 @@ class SectionStrains(FramesFile):
         """Return how far readings are apart."""
         return np.asarray(np.linalg.norm(places[:, None] - places[None], axis=-1))
 
-    def shared(
-        self,
-        places: FloatArray,
-        time: FloatArray,
-        frame: NDArray[np.int_],
-        values: FloatArray,
-        accuracy: ChannelAccuracy,
-    ) -> dict[str, FloatArray]:
+    def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
         """Return what a shift of the image in either direction does, and a turn about its middle.
 
         By where strains are read; that the beam is turned too is a share of the turn's square, and of the shear.
         """
-        return displaced_image(places, values, frame, accuracy)
+        return displaced_image(read.places, read.values, read.frame, accuracy)
 
     def shared_is_off(self, places: FloatArray) -> float:
         """Return by how much the gradient is off that the image's place is weighed with."""

@@ -110,7 +110,7 @@ def _site_rows(fit: LegFit, number: int) -> list[Known]:
             f"{curve.noise.force_sd:.3g} N (sd)",
             data,
             curve.noise.source,
-            remark=f"correlated over {curve.noise.correlation_length:.2g} mm",
+            remark=f"correlated over {' and '.join(f'{way:.2g}' for way in curve.noise.slow_ways)} mm",
         ),
         *(
             Known(
