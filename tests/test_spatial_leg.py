@@ -23,7 +23,7 @@ def leg_of(folder: Path):
 def test_contours_of_one_level_are_extruded_and_said_to_be():
     subject = load_subject(SUBJECTS.named("3", None), need_recordings=False)
     leg = spatial_leg(subject)
-    assert leg.extruded and "assumed" in leg.source
+    assert leg.extruded and leg.source == f"the section, extruded over {LENGTH:g} mm"
     assert leg.shape.levels[0] == -LENGTH / 2 and leg.shape.levels[-1] == LENGTH / 2
     for part, name in ((SKIN, "skin"), (HULL, "fascia"), ("tibia", "tibia")):
         area = area_and_centroid(subject.section.contour(name))[0]
