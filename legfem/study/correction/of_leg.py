@@ -221,7 +221,7 @@ def _page(found: LegBesideTable, curves: Curves, cells: Cells) -> web.WebPage:
             ],
             "What plane strain leaves out",
         ),
-        warnings=[f"The leg is {leg.source}."] if leg.extruded else [],
+        warnings=[f"The leg is taken to be {leg.source}."] if leg.extruded else [],
         known=[
             web.Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "this leg in 3D and in plane strain", around),
             web.Known("leg", f"{leg.shape.length:.4g} mm long", "assumed" if leg.extruded else "measured", leg.source),
