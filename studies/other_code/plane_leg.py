@@ -294,7 +294,7 @@ class OtherCode(OtherPressing):
         """Return a tissue's laws, each with the order of its integration.
 
         Muscle hardly changes its volume: with all that resists such changes at three points of a triangle a soft one
-        locks (by 1.3 % of the force). Most of it is integrated at one point, as a pressure that is constant in a
+        locks (by 1.4 % of the force). Most of it is integrated at one point, as a pressure that is constant in a
         triangle (D. S. Malkus, T. J. R. Hughes, Comput. Methods Appl. Mech. Eng. 15 (1978) 63-81); the rest keeps
         triangles in shape.
         """
