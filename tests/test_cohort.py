@@ -38,6 +38,7 @@ def test_every_folder_with_a_subject_is_a_member_or_those_that_a_pattern_names(t
     folders(tmp_path, "P1/left", "P1/right", "P2/left", ".old/P3")
     assert [one.name for one in find_members(tmp_path, "identify").every] == ["P1/left", "P1/right", "P2/left"]
     assert [one.name for one in find_members(tmp_path, "identify", "P*/right").every] == ["P1/right"]
+    assert [one.name for one in find_members(tmp_path / "P1" / "left", "identify").every] == ["left"]
     with pytest.raises(lf.InputError, match=r"no folder below it contains leg\.toml; check the path"):
         find_members(tmp_path, "stocking")
 
@@ -70,6 +71,7 @@ WRONG = {
     "none there": ("folder\nx\ny\n", "folder: none of 2 folders is there; write paths as seen from"),
     "no date": ("folder,date\na,1/2/26\n", "date, line 2: '1/2/26' is not a date; write 2026-01-31"),
     "no whole date": ("folder,date\na,2026-01\n", "date, line 2: '2026-01' is not a date; write 2026-01-31"),
+    "negative": ("folder,age\na,41\nb,-41\n", "age, line 3: is -41; write a number above 0, or leave it empty"),
     "no number": ("folder,age\na,41\nb,41 y\n", "age, line 3: '41 y' is not a number; write the number alone"),
     "no rows": ("folder,date\n", "rows: there are none; give a row a folder"),
     "empty": ("\n\n", "file: is empty; write a header, and a row a folder"),

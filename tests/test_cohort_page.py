@@ -145,6 +145,17 @@ def test_a_cohort_without_any_result_is_not_called_measured():
     assert page.data == "no data that could be used" and page.headline.tone == "wrong"
 
 
+def test_a_cohort_of_one_is_written_as_one():
+    members, rows = fabricated(1, sides=1)
+    one = replace(members, every=members.every[:1])
+    text = plain_page(cohort_web_page(one, rows[:1], "identify"), [])
+    assert ": 1 member\n" in text and "The only member fits the model." in text
+    assert "1 members" not in text and "in the median" not in text
+    assert "The only member has no result." in plain_page(
+        cohort_web_page(one, [Row(rows[0].member, problem=GRAVE)], "identify"), []
+    )
+
+
 @pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")
 def test_ten_thousand_rows_are_drawn_and_sorted_as_few(tmp_path: Path):
     """Only rows in view are elements of the page, before and after sorting."""

@@ -130,7 +130,9 @@ def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
     except (ValueError, NotImplementedError) as error:
         raise InputError("--layout", layout, f"is not a pattern ({error})", "write it as in P*/leg-*") from None
     held = [path for path in places if any((path / file).is_file() for file in FILES[task])]
-    return {path.relative_to(folder).as_posix(): path for path in sorted(held)}
+    return {
+        folder.resolve().name if path == folder else path.relative_to(folder).as_posix(): path for path in sorted(held)
+    }
 
 
 def _below(folder: Path) -> list[Path]:
@@ -152,9 +154,14 @@ def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Seque
     members = []
     numbers = {name: numbers for name in cells if (numbers := _as_numbers(cells[name], name)) is not None}
     for name in _NUMBERS:
-        for line, text in cells[name].items() if name in cells and name not in numbers else ():
-            if text and pd.isna(_plain(cells[name])[line]):
+        for line, value in _plain(cells[name]).items() if name in cells else ():
+            text = cells[name][line]
+            if text and pd.isna(value):
                 raise InputError(table, f"{name}, line {line}", f"'{text}' is not a number", "write the number alone")
+            if value <= 0:
+                raise InputError(
+                    table, f"{name}, line {line}", f"is {text}", "write a number above 0, or leave it empty"
+                )
     for place, (line, row) in enumerate(cells.iterrows()):
         given = {name: text for name in cells if name != "folder" and (text := str(row[name]))}
         if not row[column]:

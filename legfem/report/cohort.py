@@ -48,7 +48,7 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
     done = [row for row in rows if row.done]
     people = len({one.person for one in members.every})
     versions = _same([dict(row.versions) for row in done]) or versions_of("legfem", "dolfinx")
-    what = f"{len(rows)} members of {people} {'person' if people == 1 else 'people'}"
+    what = f"{_size(rows)} of {people} {'person' if people == 1 else 'people'}"
     stands = ", ".join(f"{name} {version}" for name, version in versions.items() if name != "legfem")
     first = _DONE[task].format(what=what, legfem=versions.get("legfem", "unknown")) + f" ({stands})."
     texts = [first + (f" Results are compared under one law ({LAW_NAMES.get(model, model)})." if model else "")]
@@ -66,7 +66,7 @@ def methods(members: Members, rows: Sequence[Row], task: str, model: str) -> lis
         given = [f"{words}: {_shown([one[key] for one in settings if key in one])}" for words, key in names]
         texts.append(f"Settings: {'; '.join(one for one in given if not one.endswith(': '))}.")
     if len(rows) > len(done):
-        texts.append(f"{len(rows) - len(done)} of {len(rows)} members gave no result and are left out of all else.")
+        texts.append(f"{len(rows) - len(done)} of {_size(rows)} gave no result and are left out of all else.")
     return texts
 
 
@@ -116,6 +116,10 @@ _STATIONS = 25
 """Of a curve that is drawn."""
 
 
+def _size(rows: Sequence[Row]) -> str:
+    return f"{len(rows)} member{'s' * (len(rows) != 1)}"
+
+
 def cohort_web_page(
     members: Members, rows: Sequence[Row], task: str, command: str = "", population: Sequence[PopulationFit] = ()
 ) -> web.WebPage:
@@ -148,8 +152,8 @@ def cohort_web_page(
     ]
     origins = Counter(row.origin for row in rows if row.done)
     return web.WebPage(
-        f"Cohort {members.folder.resolve().name}: {len(rows)} members",
-        f"legfem {task}, {len(rows)} members, {members.folder}",
+        f"Cohort {members.folder.resolve().name}: {_size(rows)}",
+        f"legfem {task}, {_size(rows)}, {members.folder}",
         _origin(origins),
         _headline(every, rows, odd, model, task, found),
         [one.sentence for one in odd if len(one.members) != 1] + list(members.notes),
@@ -200,8 +204,8 @@ def _answer(members: Sequence[Member], rows: Sequence[Row], found: Mapping[str, 
             values.setdefault(group[row.member], []).append(one.value)
             unit = one.unit
     every = [value for own in values.values() for value in own]
-    text = f"{capital(called(name))}: {np.median(every):#.2g} {unit} in the median of {len(every)} members"
-    text += f" ({min(every):#.2g} to {max(every):#.2g})" if len(every) > 1 else ""
+    text = f"{capital(called(name))}: {np.median(every):#.2g} {unit}"
+    text += f" in the median of {len(every)} members ({min(every):#.2g} to {max(every):#.2g})" if len(every) > 1 else ""
     if len(values) > 1:
         each = (f"{np.median(own):#.2g} of {who or 'members without a group'}" for who, own in sorted(values.items()))
         text += f", {' and '.join(each)}" if len(values) == 2 else f", {', '.join(each)}"
@@ -231,7 +235,8 @@ def _headline(
         ("Unusual findings", f"{len(odd)} to look into; they are listed below." if odd else "None."),
         *([("Law used for the comparison", f"The {LAW_NAMES.get(model, model)} law.")] if model else []),
     ]
-    sentence = f"{_answer(members, rows, found)}Of {len(rows)} members, {said}."
+    of = f"Of {len(rows)} members," if len(rows) > 1 else "The only member"
+    sentence = f"{_answer(members, rows, found)}{of} {said.removeprefix('1 ') if len(rows) == 1 else said}."
     return web.Headline(tone, sentence, answers, f"{good} of {len(rows)} can be used")
 
 
