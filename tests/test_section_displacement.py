@@ -19,7 +19,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.outlines import PointsInside
-from legfem.inverse.errors import errors_of_places, misplaced_covariance, reading_covariance
+from legfem.inverse.errors import covariance_of_places, errors_of_places, reading_covariance
 from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings
@@ -191,7 +191,7 @@ def test_readings_of_one_frame_share_errors_and_the_image_s_place(tmp_path):
     far = same & np.equal.outer(one.place[:, 2], one.place[:, 2])
     apart = np.linalg.norm(one.place[:, None, :2] - one.place[None, :, :2], axis=-1)
     assert alike[far & (apart > 20)].max() < alike[far & (apart > 0) & (apart < 8)].max()
-    beyond = misplaced_covariance(one, errors_of_places(one, one.values))
+    beyond = covariance_of_places(one, one.values, errors_of_places(one, one.values))
     assert np.all(beyond[np.not_equal.outer(one.course, one.course)] == 0) and beyond.diagonal().max() > 0.01
     names = set(errors_of_places(one, one.values))
     assert {f"section displacement: {name}" for name in ("shift in x", "shift in y", "turn")} == names

@@ -43,7 +43,8 @@ _OWN = 0.05
 _SHAPE_LENGTH_MM = 10.0
 """Of what outlines that are off, and two effects at once, do beyond the sum of their single effects
 (`ChannelKind.model_share`): with skin and fascia 1 mm off, an aim of 1 mm and bones of 0.5 to 1.4 mm, 0.15 mm of the
-skin's rise at 20 mm; fat 2.7 and fascia 12 times as stiff, 0.12 mm at 10 mm; 0.03 mm of thickness each."""
+skin's rise at 20 mm; fat 2.7 and fascia 12 times as stiff, 0.12 mm at 10 mm; 0.03 mm of thickness each. Along the
+displacement; from place to place it is alike over `ChannelKind.model_alike`."""
 
 
 def reading_covariance(
@@ -84,7 +85,7 @@ def model_covariance(one: ChannelReadings, change: float) -> FloatArray:
     of_meshes = (_MODEL_SHARE * change) ** 2 * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
     deeper = one.kind.model_share * one.displacement
     total = of_meshes + np.outer(deeper, deeper) * np.exp(-0.5 * (apart / _SHAPE_LENGTH_MM) ** 2)
-    return np.asarray(total * one.alike(_SHAPE_LENGTH_MM))
+    return np.asarray(total * one.alike(one.kind.model_alike))
 
 
 def _excess_of_repeats(one: ChannelReadings, own: FloatArray, repeated: Sequence[Sequence[int]]) -> float:
@@ -135,13 +136,24 @@ def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, F
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
 
 
-def misplaced_covariance(one: ChannelReadings, effects: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the covariance (k, k) of what `errors_of_places` are off by: at each place alone, alike in all frames."""
-    if one.course is None or not effects:
+def covariance_of_places(one: ChannelReadings, predicted: FloatArray, effects: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the covariance (k, k) of errors at each place alone, alike in all frames, in its unit squared.
+
+    Parameters
+    ----------
+    one
+        The readings.
+    predicted
+        (k,), by the model.
+    effects
+        `errors_of_places`, which are off by a share of themselves.
+    """
+    if one.course is None:
         return np.zeros((len(one.values), len(one.values)))
-    each = np.array(list(effects.values()))
-    off = FILE_OF[one.name].shared_is_off(one.place)
-    return np.asarray(off**2 * np.equal.outer(one.course, one.course) * (each.T @ each))
+    rows = [one.accuracy.each * (predicted - one.kind.at_rest)]
+    rows += [FILE_OF[one.name].shared_is_off(one.place) * effect for effect in effects.values()]
+    each = np.array(rows)
+    return np.asarray(np.equal.outer(one.course, one.course) * (each.T @ each))
 
 
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
@@ -277,7 +289,7 @@ def error_model(
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
         of_places = errors_of_places(one, predicted)
-        model = model_covariance(one, float(np.ptp(predicted))) + misplaced_covariance(one, of_places)
+        model = model_covariance(one, float(np.ptp(predicted))) + covariance_of_places(one, predicted, of_places)
         blocks.append(own + model)
         spread.append(np.sqrt(np.diag(blocks[-1])))
         shared = shared_errors(one, predicted, one.weights @ force) | of_places

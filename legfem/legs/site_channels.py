@@ -144,7 +144,8 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
     alike = [np.outer(effect, effect) for effect in shared.values()]
     # Where contact is put, in each trial by itself and in all.
     contact = curve.noise.shift_sd**2 * np.equal.outer(readings.trial, readings.trial) + curve.noise.common_shift_sd**2
-    instrument = own + errors.misplaced_covariance(readings, of_places) + sum(alike) + contact * np.outer(slope, slope)
+    alike.append(errors.covariance_of_places(readings, level, of_places))
+    instrument = own + sum(alike) + contact * np.outer(slope, slope)
     # An outline that is off makes a layer thicker in proportion all along the test.
     share = np.abs(level) / at_rest if at_rest else np.zeros(len(level))
     both = np.sqrt(2) * accuracy_of_shape(subject).contour_sd * share
