@@ -1,10 +1,10 @@
 """Newton's method for one step: a thin wrapper of PETSc's SNES.
 
 The wrapper adds three things to SNES. The tangent is assembled and factorised anew only while that pays: an iteration
-that went well is followed by one with the same factors, and after an easy step the next one's first tangent takes the
-body's part from the last before. An update is shortened until every J is positive and the residual is acceptable. The
-outcome is a value, and a state is accepted only where the residual is small; SNES' test on the length of the update is
-off, since it accepts impossible steps.
+that went well is followed by one with the same factors, and after an easy step the next one's first tangent may take
+the body's part from the last before. An update is shortened until every J is positive and the residual is acceptable.
+The outcome is a value, and a state is accepted only where the residual is small; SNES' test on the length of the update
+is off, since it accepts impossible steps.
 """
 
 from dataclasses import dataclass, replace
@@ -234,7 +234,7 @@ class NewtonSolver:
         if converged:
             self._load(self._solution)
             converged = self._system.minimum_volume_ratio() > 0
-        self._went_well = converged and self._factorisations <= _FEW
+        self._went_well = converged and self._settings.keeps_body and self._factorisations <= _FEW
         return NewtonOutcome(
             converged,
             _describe(reason) if converged or reason <= 0 else "an element is inverted",
@@ -254,7 +254,7 @@ class NewtonSolver:
         self.linear_solver.setUp()
 
     def _assemble_tangent(self, reuse: bool = False) -> None:
-        tangent = self._system.assemble_tangent(keep=not self._iterates, reuse=reuse)
+        tangent = self._system.assemble_tangent(keep=self._settings.keeps_body, reuse=reuse)
         self._damper.stiffen(tangent)
         if self._saddle is not None:
             self._saddle.update()
