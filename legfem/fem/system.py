@@ -113,7 +113,7 @@ class System:
         self._volume_ratio = self.body.history.expression(J)
         dofmap = spaces.space.dofmap
         self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
-        self.evaluations = 0
+        self.evaluations, self.body_tangents = 0, 0
 
     @property
     def owned_supports(self) -> NDArray[np.int32]:
@@ -200,6 +200,7 @@ class System:
             matrix.zeroEntries()
             fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=self._boundary)
             matrix.assemble()
+            self.body_tangents += 1
             if keep:
                 self._keep(matrix)
         for face in self.faces:
