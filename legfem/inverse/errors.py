@@ -29,6 +29,7 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from legfem.channels.kind import PlacedReadings
 from legfem.channels.kinds import FILE_OF
+from legfem.channels.laid import LEFT
 from legfem.common.units import FloatArray
 from legfem.data.noise import EXPECTED_GAIN_SD, contrasts_of
 from legfem.inverse.channel_readings import ChannelReadings
@@ -135,13 +136,25 @@ def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, F
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
 
 
-def misplaced_covariance(one: ChannelReadings, effects: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the covariance (k, k) of what `errors_of_places` are off by: at each place alone, alike in all frames."""
-    if one.course is None or not effects:
+type Elsewhere = Mapping[str, FloatArray]
+"""By the way in which an image lies elsewhere, what one standard deviation of it does to a channel's readings, (k,)."""
+
+
+def errors_of_image(one: ChannelReadings, laid: Elsewhere) -> dict[str, FloatArray]:
+    """Return the same by the names of errors."""
+    return {f"{one.kind.title}: {way}": effect for way, effect in laid.items()}
+
+
+def curved_covariance(one: ChannelReadings, laid: Elsewhere) -> FloatArray:
+    """Return the covariance (k, k) of what an image that lies elsewhere does beyond that, of a second order.
+
+    At each place by itself, and alike in all frames.
+    """
+    if not laid:
         return np.zeros((len(one.values), len(one.values)))
-    each = np.array(list(effects.values()))
-    off = FILE_OF[one.name].shared_is_off(one.place)
-    return np.asarray(off**2 * np.equal.outer(one.course, one.course) * (each.T @ each))
+    each = np.array(list(laid.values()))
+    here = np.equal.outer(one.course, one.course) if one.course is not None else 1.0
+    return np.asarray(LEFT**2 * here * (each.T @ each))
 
 
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
@@ -249,6 +262,7 @@ def error_model(
     prediction: FloatArray,
     unknowns: Sequence[tuple[str, FloatArray]] = (),
     numerical: float = NUMERICAL_ERROR,
+    images: Mapping[str, Elsewhere] | None = None,
 ) -> ErrorModel:
     """Return the errors of observations about a model, of the force and of every further channel.
 
@@ -264,6 +278,8 @@ def error_model(
         Names and effects (N,) of one standard deviation of what the model doesn't know.
     numerical
         Relative error of the model's force.
+    images
+        By channel; see `legfem.inverse.predictor.Predictor.images_elsewhere`.
     """
     own = trial_covariance(observed, noise)
     force, others = prediction[: len(own)], prediction[len(own) :]
@@ -276,11 +292,12 @@ def error_model(
         here = slice(first, first + len(one.values))
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
-        of_places = errors_of_places(one, predicted)
-        model = model_covariance(one, float(np.ptp(predicted))) + misplaced_covariance(one, of_places)
+        laid = (images or {}).get(one.name, {})
+        model = model_covariance(one, float(np.ptp(predicted))) + curved_covariance(one, laid)
         blocks.append(own + model)
         spread.append(np.sqrt(np.diag(blocks[-1])))
-        shared = shared_errors(one, predicted, one.weights @ force) | of_places
+        shared = shared_errors(one, predicted, one.weights @ force)
+        shared |= errors_of_places(one, predicted) | errors_of_image(one, laid)
         for name, effect in shared.items():
             columns[name] = np.zeros(len(prediction))
             columns[name][here] = effect

@@ -109,6 +109,12 @@ class SiteTest(Test):
         told = all(course in curve.channels for _, course, _ in self._parts)
         return told and curve.depth >= self.grid[-1] - 1e-9
 
+    def seen_in(self, curve: ForceCurve) -> "SiteTest | None":
+        """Same test with what images do that lie elsewhere, as a solve shows it; None where that is known already."""
+        beside = tuple(one.seen_in(curve) for one in self.beside)
+        known = all(one.as_seen(other) for one, other in zip(self.beside, beside, strict=True))
+        return None if known else replace(self, beside=beside)
+
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Readings (..., n) that the instrument shows of the model's (..., m)."""
         if not self.beside:
