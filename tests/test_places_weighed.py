@@ -76,7 +76,7 @@ class PlacedLeg(AnalyticLeg):
         channels, slopes = {}, {}
         for kind in (INSIDE, PRESSURE):
             places = kind.courses(len(PLACES[kind.name]))
-            laid = [laid_course(name, way) for name in places for way in WAYS if kind.in_image]
+            laid = [laid_course(name, way) for name in places for way in WAYS if kind.image]
             for name in (*places, *laid):
                 c10, fat = (every[one] for one in BOTH)
                 channels[name] = course(name, c10, fat, d, force)

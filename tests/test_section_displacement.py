@@ -231,6 +231,6 @@ def test_readings_of_one_frame_share_errors_and_the_image_s_place(tmp_path):
     errors = error_model(observed, noise, observed.values, images={one.name: laid})
     span, plain = observed.data.spans[1], error_model(observed, noise, observed.values)
     known = dict(zip(errors.names, errors.known.T, strict=True))
-    assert set(errors.names) - set(plain.names) == {f"section displacement: {way}" for way in WAYS}
-    np.testing.assert_allclose(known["section displacement: turn"][span], laid["turn"])
+    assert set(errors.names) - set(plain.names) == {f"image of displacements: {way}" for way in WAYS}
+    np.testing.assert_allclose(known["image of displacements: turn"][span], laid["turn"])
     np.testing.assert_allclose((errors.dense - plain.dense)[span, span], beyond, atol=1e-12)

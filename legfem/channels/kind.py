@@ -79,8 +79,8 @@ class ChannelKind:
     """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
     at_rest: float = 0.0
     """Value that is read as it is whatever the instrument's gain: what readings are shares of."""
-    in_image: bool = False
-    """Whether it is read in an image of the section, which may lie beside where it is said to."""
+    image: str = ""
+    """What is laid into the section, and may lie beside where it is said to, to read this in it; nothing of others."""
 
     @property
     def column(self) -> str:

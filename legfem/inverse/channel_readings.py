@@ -78,7 +78,7 @@ class ChannelReadings:
     @cached_property
     def laid_courses(self) -> Mapping[str, tuple[str, ...]]:
         """Of what is read in an image, by the way in which it may lie elsewhere: what a step does to each course."""
-        ways = self.accuracy.laid if self.kind.in_image else ()
+        ways = self.accuracy.laid if self.kind.image else ()
         return {way: tuple(laid_course(name, way) for name in self.courses) for way in ways}
 
     @property

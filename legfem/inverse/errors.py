@@ -141,8 +141,8 @@ type Elsewhere = Mapping[str, FloatArray]
 
 
 def errors_of_image(one: ChannelReadings, laid: Elsewhere) -> dict[str, FloatArray]:
-    """Return the same by the names of errors."""
-    return {f"{one.kind.title}: {way}": effect for way, effect in laid.items()}
+    """Return the same by the names of errors: channels that are read in one image have them together."""
+    return {f"{one.kind.image}: {way}": effect for way, effect in laid.items()}
 
 
 def curved_covariance(one: ChannelReadings, laid: Elsewhere) -> FloatArray:
@@ -299,8 +299,7 @@ def error_model(
         shared = shared_errors(one, predicted, one.weights @ force)
         shared |= errors_of_places(one, predicted) | errors_of_image(one, laid)
         for name, effect in shared.items():
-            columns[name] = np.zeros(len(prediction))
-            columns[name][here] = effect
+            columns.setdefault(name, np.zeros(len(prediction)))[here] = effect
         first = here.stop
     none = np.zeros((len(others), trials.shape[1]))
     return ErrorModel(

@@ -59,11 +59,10 @@ class SiteChannel:
         """Displacement after first contact, (k,), mm."""
         return self.readings.displacement
 
-    @cached_property
+    @property
     def instrument(self) -> FloatArray:
-        """Covariance (k, k) by the instrument, and by where its image lies."""
-        modes = [np.outer(effect, effect) for effect in self.laid.values()]
-        return np.asarray(self.own + sum(modes) + errors.curved_covariance(self.readings, self.laid))
+        """Covariance (k, k) by the instrument, but for `image_errors`."""
+        return np.asarray(self.own + errors.curved_covariance(self.readings, self.laid))
 
     def seen_in(self, curve: ForceCurve) -> "SiteChannel":
         """Return the channel whose image lies elsewhere in what a model's solve shows."""
@@ -88,7 +87,8 @@ class SiteChannel:
     @cached_property
     def channel(self) -> Channel:
         """The readings as all tests have them."""
-        return replace(self.readings.channel, sd=np.sqrt(np.diag(self.instrument + self.outlines)))
+        of_image = sum((effect**2 for effect in self.laid.values()), np.zeros(len(self)))
+        return replace(self.readings.channel, sd=np.sqrt(np.diag(self.instrument + self.outlines) + of_image))
 
     @cached_property
     def size(self) -> float:
@@ -99,6 +99,16 @@ class SiteChannel:
     def numerical(self) -> FloatArray:
         """Covariance (k, k) of the model's own error, about the measured change."""
         return errors.model_covariance(self.readings, float(np.abs(self.slope * self.depth).max()))
+
+
+def image_errors(beside: Sequence[SiteChannel]) -> FloatArray:
+    """Return the covariance (k, k) of channels, one after the other, by where the images lie that they are read in."""
+    modes: dict[str, FloatArray] = {}
+    ends = np.cumsum([0, *map(len, beside)])
+    for one, start, end in zip(beside, ends[:-1], ends[1:], strict=True):
+        for name, effect in errors.errors_of_image(one.readings, one.laid).items():
+            modes.setdefault(name, np.zeros(ends[-1]))[start:end] = effect
+    return np.asarray(sum((np.outer(mode, mode) for mode in modes.values()), np.zeros((ends[-1], ends[-1]))))
 
 
 def site_channels(subject: Subject, curve: LoadingCurve, model: str = "2d") -> tuple[SiteChannel, ...]:

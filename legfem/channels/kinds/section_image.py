@@ -120,7 +120,7 @@ INSIDE = ChannelKind(
     "displacement of points inside the section since before the cylinder pressed",
     _TRACKING,
     0.006,
-    in_image=True,
+    image="image of displacements",
 )
 _MOST_CELLS = 20
 _OUTSIDE_MM = 1.0
@@ -219,7 +219,7 @@ STRAIN = ChannelKind(
     "strain along the travel inside the section, since before the cylinder pressed",
     ChannelAccuracy(reading=0.02, gain=0.05, slow=0.005, lag=0.1, shift=2.0, turn=3.0, apart=4.0),
     0.0005,
-    in_image=True,
+    image="image of strain",
 )
 """Accuracies of a cell, by what quasi-static elastography reports of phantoms: a few per cent of strain."""
 WINDOW_MM = 3.0
