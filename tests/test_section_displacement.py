@@ -15,14 +15,14 @@ from making_mechanics import COARSE, fixed_steps, subject_3
 from legfem.channels import Sight
 from legfem.channels.kind import FramesFile
 from legfem.channels.kinds.section_image import INSIDE, SectionDisplacements
-from legfem.channels.laid import LEFT, STEP_DEG, STEP_MM, WAYS, Laid
+from legfem.channels.laid import STEP_DEG, STEP_MM, WAYS, Laid
 from legfem.channels.seen import ChannelReader, ReadState, Seen, SeenModel
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.outlines import PointsInside
-from legfem.inverse.errors import curved_covariance, error_model, reading_covariance
+from legfem.inverse.errors import IMAGE_LEFT, curved_covariance, error_model, reading_covariance
 from legfem.inverse.observations import observe
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.loading import load_subject
@@ -150,7 +150,7 @@ def test_an_image_that_lies_elsewhere_reads_what_its_steps_say(test, solved):
     change = there - columns(solved)
     assert np.abs(change).max() > 0.2
     # What is left is of the second order.
-    assert np.sqrt(np.mean((said - change) ** 2)) < 2 * LEFT * np.sqrt(np.mean(change**2))
+    assert np.sqrt(np.mean((said - change) ** 2)) < 2 * IMAGE_LEFT * np.sqrt(np.mean(change**2))
 
 
 def moved(points: FloatArray, leg, depth: FloatArray) -> FloatArray:
