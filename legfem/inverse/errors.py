@@ -78,10 +78,14 @@ def _white(one: ChannelReadings, alike: FloatArray) -> FloatArray:
     return np.asarray(np.outer(sd, sd) * alike * np.equal.outer(one.frame, one.frame) + np.diag(_OWN * sd**2))
 
 
-def model_covariance(one: ChannelReadings, change: float) -> FloatArray:
-    """Return the covariance (k, k) of the model's own error; ``change`` is what it changes by, in its unit."""
+def model_covariance(one: ChannelReadings, since_touch: FloatArray) -> FloatArray:
+    """Return the covariance (k, k) of the model's own error; ``since_touch`` (k,) is what it says of the change since.
+
+    Meshes err by a share of all that a channel changes by; of what is read at many places, by a share of each reading.
+    """
     apart = np.subtract.outer(one.displacement, one.displacement)
-    of_meshes = (_MODEL_SHARE * change) ** 2 * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
+    changes = np.full(len(since_touch), np.ptp(since_touch)) if one.course is None else np.abs(since_touch)
+    of_meshes = _MODEL_SHARE**2 * np.outer(changes, changes) * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
     deeper = one.kind.model_share * one.displacement
     total = of_meshes + np.outer(deeper, deeper) * np.exp(-0.5 * (apart / _SHAPE_LENGTH_MM) ** 2)
     return np.asarray(total * one.alike(_SHAPE_LENGTH_MM))
@@ -297,7 +301,7 @@ def error_model(
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
         laid = (images or {}).get(one.name, {})
-        model = model_covariance(one, float(np.ptp(predicted))) + curved_covariance(one, laid)
+        model = model_covariance(one, predicted) + curved_covariance(one, laid)
         blocks.append(own + model)
         spread.append(np.sqrt(np.diag(blocks[-1])))
         shared = shared_errors(one, predicted, one.weights @ force)

@@ -98,7 +98,7 @@ class SiteChannel:
     @cached_property
     def numerical(self) -> FloatArray:
         """Covariance (k, k) of the model's own error, about the measured change."""
-        return errors.model_covariance(self.readings, float(np.abs(self.slope * self.depth).max()))
+        return errors.model_covariance(self.readings, self.slope * self.depth)
 
 
 def image_errors(beside: Sequence[SiteChannel]) -> FloatArray:
