@@ -22,7 +22,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.outlines import PointsInside
-from legfem.inverse.errors import IMAGE_LEFT, curved_covariance, error_model, reading_covariance
+from legfem.inverse.errors import IMAGE_LEFT, covariance_of_places, error_model, reading_covariance
 from legfem.inverse.observations import observe
 from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.loading import load_subject
@@ -225,7 +225,7 @@ def test_readings_of_one_frame_share_errors_and_the_image_s_place(tmp_path):
     apart = np.linalg.norm(one.place[:, None, :2] - one.place[None, :, :2], axis=-1)
     assert alike[far & (apart > 20)].max() < alike[far & (apart > 0) & (apart < 8)].max()
     laid = {way: times * np.sin(one.place[:, 0] / 9.0) for way, times in one.accuracy.laid.items()}
-    beyond = curved_covariance(one, laid)
+    beyond = covariance_of_places(one, one.values, laid)
     assert np.all(beyond[np.not_equal.outer(one.course, one.course)] == 0) and beyond.diagonal().max() > 0.01
     noise = estimate_noise(observed := observe(leg.trials), leg.instrument, 50.0)
     errors = error_model(observed, noise, observed.values, images={one.name: laid})

@@ -34,11 +34,13 @@ class ChannelAccuracy:
     lag: float = 0.0
     """Lag of the channel's clock behind the recording's, s."""
     shift: float = 0.0
-    """Of where an image lies in the section, in either direction, mm."""
+    """Of where an image lies in the section, in either direction, or a film along the face, mm."""
     turn: float = 0.0
     """Of how an image is turned against the section, degrees."""
     apart: float = 0.0
     """Distance over which the errors of readings at different places of one frame are alike, mm."""
+    each: float = 0.0
+    """Of a relative error of each place's own, the same in all of its readings, dimensionless."""
     creep: float = 0.0
     """Relative error for every tenfold of the time under load, the same in all of a site's readings."""
     threshold: float | None = None
@@ -75,6 +77,8 @@ class ChannelKind:
     words: str
     usual: ChannelAccuracy
     model_share: float = 0.0
+    model_alike: float = 10.0
+    """Distance over which that error is alike at different places, mm."""
     models: frozenset[str] = frozenset({"2d"})
     """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
     at_rest: float = 0.0

@@ -43,7 +43,8 @@ _OWN = 0.05
 _SHAPE_LENGTH_MM = 10.0
 """Of what outlines that are off, and two effects at once, do beyond the sum of their single effects
 (`ChannelKind.model_share`): with skin and fascia 1 mm off, an aim of 1 mm and bones of 0.5 to 1.4 mm, 0.15 mm of the
-skin's rise at 20 mm; fat 2.7 and fascia 12 times as stiff, 0.12 mm at 10 mm; 0.03 mm of thickness each."""
+skin's rise at 20 mm; fat 2.7 and fascia 12 times as stiff, 0.12 mm at 10 mm; 0.03 mm of thickness each. Along the
+displacement; from place to place it is alike over `ChannelKind.model_alike`."""
 
 
 def reading_covariance(
@@ -88,7 +89,7 @@ def model_covariance(one: ChannelReadings, since_touch: FloatArray) -> FloatArra
     of_meshes = _MODEL_SHARE**2 * np.outer(changes, changes) * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
     deeper = one.kind.model_share * one.displacement
     total = of_meshes + np.outer(deeper, deeper) * np.exp(-0.5 * (apart / _SHAPE_LENGTH_MM) ** 2)
-    return np.asarray(total * one.alike(_SHAPE_LENGTH_MM))
+    return np.asarray(total * one.alike(one.kind.model_alike))
 
 
 def _excess_of_repeats(one: ChannelReadings, own: FloatArray, repeated: Sequence[Sequence[int]]) -> float:
@@ -143,7 +144,7 @@ IMAGE_LEFT = 0.1
 """Of what an image does that lies elsewhere: what is left of a second order. By another code, at nine points of three
 legs, images laid evenly within 2 mm and 3 degrees of their place err by 0.31 to 0.40 mm in the mean square over a
 loading of 20 mm, and by 0.028 to 0.051 mm once the three ways in which they may lie have what they do
-(tests/verification/test_images_elsewhere.py)."""
+(tests/verification/test_diagnosed_inside.py)."""
 type Elsewhere = Mapping[str, FloatArray]
 """By the way in which an image lies elsewhere, what one standard deviation of it does to a channel's readings, (k,)."""
 
@@ -153,16 +154,22 @@ def errors_of_image(one: ChannelReadings, laid: Elsewhere) -> dict[str, FloatArr
     return {f"{one.kind.image}: {way}": effect for way, effect in laid.items()}
 
 
-def curved_covariance(one: ChannelReadings, laid: Elsewhere) -> FloatArray:
-    """Return the covariance (k, k) of what an image that lies elsewhere does beyond that, of a second order.
+def covariance_of_places(one: ChannelReadings, predicted: FloatArray, laid: Elsewhere) -> FloatArray:
+    """Return the covariance (k, k) of errors at each place alone, alike in all frames, in its unit squared.
 
-    At each place by itself, and alike in all frames.
+    Parameters
+    ----------
+    one
+        The readings.
+    predicted
+        (k,), by the model.
+    laid
+        Of its image: what is left of a second order is at each place by itself.
     """
-    if not laid:
-        return np.zeros((len(one.values), len(one.values)))
-    each = np.array(list(laid.values()))
+    rows = [one.accuracy.each * (predicted - one.kind.at_rest)] if one.course is not None else []
+    each = np.array([*rows, *(IMAGE_LEFT * effect for effect in laid.values())]).reshape(-1, len(predicted))
     here = np.equal.outer(one.course, one.course) if one.course is not None else 1.0
-    return np.asarray(IMAGE_LEFT**2 * here * (each.T @ each))
+    return np.asarray(here * (each.T @ each))
 
 
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
@@ -301,7 +308,7 @@ def error_model(
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
         laid = (images or {}).get(one.name, {})
-        model = model_covariance(one, predicted) + curved_covariance(one, laid)
+        model = model_covariance(one, predicted) + covariance_of_places(one, predicted, laid)
         blocks.append(own + model)
         spread.append(np.sqrt(np.diag(blocks[-1])))
         shared = shared_errors(one, predicted, one.weights @ force)

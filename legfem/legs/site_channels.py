@@ -34,8 +34,8 @@ class SiteChannel:
     ----------
     readings : ChannelReadings
         k of them, along the loading.
-    slope : (k,) array
-        Of the values by the depth, per mm, smoothed.
+    level, slope : (k,) array
+        The values and their slope by the depth, per mm, smoothed.
     own : (k, k) array
         Of a reading, a bias, a gain, slow errors, a lag, and of where contact is put.
     outlines : (k, k) array
@@ -45,6 +45,7 @@ class SiteChannel:
     """
 
     readings: ChannelReadings
+    level: FloatArray
     slope: FloatArray
     own: FloatArray
     outlines: FloatArray
@@ -62,7 +63,7 @@ class SiteChannel:
     @property
     def instrument(self) -> FloatArray:
         """Covariance (k, k) by the instrument, but for `image_errors`."""
-        return np.asarray(self.own + errors.curved_covariance(self.readings, self.laid))
+        return np.asarray(self.own + errors.covariance_of_places(self.readings, self.level, self.laid))
 
     def seen_in(self, curve: ForceCurve) -> "SiteChannel":
         """Return the channel whose image lies elsewhere in what a model's solve shows."""
@@ -184,7 +185,7 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
     # An outline that is off makes a layer thicker in proportion all along the test.
     share = np.abs(level) / at_rest if at_rest else np.zeros(len(level))
     both = np.sqrt(2) * accuracy_of_shape(subject).contour_sd * share
-    return SiteChannel(readings, slope, np.asarray(instrument), np.outer(both, both))
+    return SiteChannel(readings, level, slope, np.asarray(instrument), np.outer(both, both))
 
 
 def _smooth(depth: FloatArray, values: FloatArray, at_rest: float) -> Polynomial:
