@@ -10,7 +10,7 @@ nothing elsewhere, the residual :math:`r` of the fit is
 with the derivatives :math:`J` by all that is fitted but the strength, their departures :math:`\delta` with their
 priors, and errors :math:`\epsilon` of the observations' whole covariance. The share of the mechanism that is there in a
 part is :math:`1 + b_p`; by generalised least squares it has a standard deviation, which is large where the part tells
-nothing. It is missing from a part in which, surely, less than half as much of it is there as in the others. Parts are
+nothing. It is missing from a part that surely has less of it than the others by more than forms are inexact. Parts are
 trials, phases, thirds of the depth, and channels, each by themselves.
 """
 
@@ -29,8 +29,8 @@ from legfem.inverse.mechanism import Mechanism, null_of
 _THIRDS = 3
 _WIDE = 3.0
 """Standard deviation of a part's share beforehand: as good as none."""
-PRESENT = 0.5
-"""Of what the other parts have: a part that surely has less doesn't have it. Forms are inexact by less."""
+INEXACT_SHARE = 0.4
+"""Of what shows of a mechanism, what its form may leave at most."""
 _SURELY = 2.0
 """Standard deviations."""
 
@@ -45,7 +45,7 @@ class ShareOfPart:
     others: float
     """Share in the others, by how well each tells it."""
     missing: bool
-    """Whether less than half as much of it is there as in the others, surely."""
+    """Whether surely less of it is there than in the others, by more than forms are inexact."""
 
 
 def shares_by_part(problem: LinearisedProblem, fitted: LinearisedFit) -> dict[str, tuple[ShareOfPart, ...]]:
@@ -93,7 +93,7 @@ def _of_part(k: int, name: str, shares: FloatArray, covariance: FloatArray) -> S
     weights = 1.0 / np.diag(covariance)
     weights[k] = 0.0
     weights /= weights.sum()
-    short = -PRESENT * weights
+    short = -(1.0 - INEXACT_SHARE) * weights
     short[k] = 1.0
     missing = short @ shares + _SURELY * np.sqrt(short @ covariance @ short) < 0.0
     return ShareOfPart(name, float(shares[k]), float(np.sqrt(covariance[k, k])), float(weights @ shares), bool(missing))

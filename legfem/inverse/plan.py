@@ -28,12 +28,12 @@ from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
+from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.inverse.mechanism import AssumedAccuracy, Mechanism, measured_strength, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.predictor import Predictor, onset_name, values_of
 from legfem.inverse.trial_noise import Noise
-from legfem.inverse.weighing import INEXACT_SHARE
 from legfem.solve.protocol import Protocol
 
 
