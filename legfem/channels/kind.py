@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.channels.laid import STEP_DEG, STEP_MM, Laid
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 
@@ -45,6 +46,12 @@ class ChannelAccuracy:
     threshold: float | None = None
     """Below which readings say nothing, and are left out."""
 
+    @property
+    def laid(self) -> Mapping[str, float]:
+        """Standard deviations of how an image lies, over a step, by those of the ways that aren't exact."""
+        steps = {"shift in x": self.shift / STEP_MM, "shift in y": self.shift / STEP_MM, "turn": self.turn / STEP_DEG}
+        return {way: times for way, times in steps.items() if times > 0}
+
 
 @dataclass(frozen=True)
 class ChannelKind:
@@ -76,6 +83,8 @@ class ChannelKind:
     """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
     at_rest: float = 0.0
     """Value that is read as it is whatever the instrument's gain: what readings are shares of."""
+    image: str = ""
+    """What is laid into the section, and may lie beside where it is said to, to read this in it; nothing of others."""
 
     @property
     def column(self) -> str:
@@ -246,6 +255,10 @@ class ChannelFile(ABC):
     def read(self, seen: "Seen") -> Channels:
         """Return what there is of its kinds in a state; collective over the system's ranks."""
 
+    def laid(self, seen: "Seen", image: Laid) -> Channels:
+        """Return what there is in a state of its kinds that are read in images, of one that is laid elsewhere."""
+        return {}
+
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Return why a recorded channel can't be one of the kind; None where it can."""
         return None
@@ -268,7 +281,7 @@ class ChannelFile(ABC):
     def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
         """Return by name what one standard deviation of an error does that all readings share, (k,).
 
-        Of how an image lies in the section, or of a film that creeps: what only channels with places have.
+        Of a film that creeps: what only channels with places have.
 
         Parameters
         ----------
@@ -278,10 +291,6 @@ class ChannelFile(ABC):
             Of the instrument.
         """
         return {}
-
-    def shared_is_off(self, places: FloatArray) -> float:
-        """Return the share of themselves by which effects of `shared` are off, at each of the places (k, q) alone."""
-        return 0.0
 
 
 class FramesFile(ChannelFile):

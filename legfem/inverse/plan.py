@@ -165,7 +165,8 @@ def evaluate_design(
     chances = {}
     for one, mine in zip(candidates, told, strict=True):
         effects = [(one.name, one.effect) for one in nuisances(design, blank, mine.readings)]
-        errors = error_model(blank.with_values(mine.readings), noise, mine.readings, effects)
+        images = new.images_elsewhere(one.fit.moved(one.mean), one.fit.mechanisms)
+        errors = error_model(blank.with_values(mine.readings), noise, mine.readings, effects, images=images)
         known = replace(errors, gain_sd=gain_sd).covariance
         for other, its in zip(candidates, told, strict=True):
             if other is one:

@@ -247,7 +247,7 @@ class Lab:
             observed,
             INSTRUMENT,
             subject.tissues["deep"].law,
-            library.seeing([course for one in observed.channels for course in one.courses]),
+            library,
             solved,
             Silent(),
             accuracy_of(subject),
