@@ -33,6 +33,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import TissueMechanism, mechanism_named
 from legfem.legs.nuisances import Accuracy
 from legfem.legs.schema import SUBJECTS
+from studies.lab.recording import flicker
 from studies.other_code.plane_leg import OtherCase, OtherCode
 
 pytestmark = pytest.mark.slow
@@ -99,17 +100,20 @@ def pressed_thrice(leg: Pressed, rng: np.random.Generator) -> list[Recording]:
 
 
 def tracked(
-    points: FloatArray, moved: Callable[[float], FloatArray], turn: float, rng: np.random.Generator
+    points: FloatArray, moved: Callable[[float], FloatArray], turn: float, rng: np.random.Generator, slow: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Times of a frame a second, and what an image that is turned (degrees) shows points (m, 2) to move by, (n, m, 2).
 
-    Speckle errors by 0.3 mm (Laplace's distribution, alike over 4 mm), 1 % of gain, 0.1 s late.
+    Speckle errors by 0.3 mm (Laplace's distribution, alike over 4 mm), 1 % of gain, 0.1 s late; tracking drifts slowly
+    (mm, flicker noise).
     """
     apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
     alike = np.linalg.cholesky(np.exp(-apart / 4.0) + 1e-9 * np.eye(len(points)))
     times = np.arange(0.0, DEPTH / RATE, 1.0)
     read = np.array([1.01 * moved(RATE * max(time - LATE_S, 0.0)) @ turn_of(turn) for time in times])
-    return times, read + 0.3 * alike @ rng.laplace(0.0, 1 / np.sqrt(2), read.shape)
+    read += 0.3 * alike @ rng.laplace(0.0, 1 / np.sqrt(2), read.shape)
+    drift = [flicker(len(times), rng) for _ in range(points.size)]
+    return times, read + slow * np.array(drift).T.reshape(read.shape)
 
 
 def library_of(observed: Observations) -> Library:
@@ -184,7 +188,7 @@ def test_a_leg_without_an_effect_leaves_what_its_errors_make(library, stiff_fat)
         def moved(depth: float, own: slice = slice(k * count, (k + 1) * count)) -> FloatArray:
             return leg.at(depth)[own]
 
-        times, moves = tracked(points, moved, turn, rng)
+        times, moves = tracked(points, moved, turn, rng, INSIDE.usual.slow)
         course = np.tile(np.arange(len(places)), len(times))
         observed = observed_with(pressed_thrice(leg, rng), np.repeat(times, len(places)), moves.ravel(), course, places)
         one = diagnosed(observed, library)
