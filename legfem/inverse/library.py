@@ -109,8 +109,8 @@ _USUAL, _MOST_OF_PAIR = 1.2, 2.0
 
 
 def pair_strength(mechanism: TissueMechanism) -> float | None:
-    """Return the strength at which what it does beside another is solved; None where the base model doesn't show it."""
-    if {mechanism.variant, mechanism.null_variant} != {"elastic"} or mechanism.along_path or mechanism.stands_for_C20:
+    """Return the strength at which what it does beside another is solved; None where that isn't an elastic course."""
+    if mechanism.along_path or mechanism.stands_for_C20:
         return None
     return min(mechanism.strengths, key=lambda one: abs(_departure(mechanism, one) - _USUAL), default=None)
 
@@ -118,7 +118,7 @@ def pair_strength(mechanism: TissueMechanism) -> float | None:
 def _share_of_pair(mechanism: TissueMechanism, values: Values) -> float:
     solved = pair_strength(mechanism)
     assert solved is not None
-    share = _departure(mechanism, mechanism.tabulated(values)) / _departure(mechanism, solved)
+    share = _departure(mechanism, values[mechanism.parameters[0].name]) / _departure(mechanism, solved)
     return float(np.clip(share, -_MOST_OF_PAIR, _MOST_OF_PAIR))
 
 

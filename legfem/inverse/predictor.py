@@ -200,7 +200,7 @@ class Predictor:
             return sum((m.displacement_loss(own[m.name], observed, force) for m in mechanisms), onset[observed.trial])
 
         force = _pressed(elastic, observed.displacement, loss)
-        pressed = observed.displacement
+        pressing, pressed = force, observed.displacement
         if self.ends is not None or observed.channels:
             pressed = pressed - loss(force)
         factors: FloatArray = np.ones(len(force))
@@ -219,7 +219,7 @@ class Predictor:
                     factors = factors * (1 + change)
             own_factor = mechanism.force_factor(mine, observed)
             force, factors = force * own_factor, factors * own_factor
-        acting = [(m, its) for m, its in tissue if not m.along_path and not m.derivatives]
+        acting = [(m, its) for m, its in tissue if not m.along_path]
         beyond = self.responses.pair_change(acting, (c10, c20)) if len(acting) == 2 else {}
         if beyond:
             force = force * (1 + np.interp(observed.displacement, self.responses.grid, beyond["force"]))
@@ -227,18 +227,23 @@ class Predictor:
             force = force + mechanism.added_force(own[mechanism.name], observed)
 
         def courses_of(names: tuple[str, ...]) -> FloatArray:
-            at = self._grid.at(pressed)
             changed: FloatArray = np.zeros((len(self.responses.grid) + 1, len(names)))
             along: FloatArray = np.zeros((len(force), len(names)))
+            taken: FloatArray = np.zeros(len(force))
             for mechanism, its in tissue:
-                # What is known at the grid is evaluated once, all together.
-                read = at if mechanism.along_path else _as_it_is
+                # What is known at the grid is evaluated once, all together, but for what takes up a part of the way
+                # by itself: its solution knows of that.
+                own_loss = mechanism.displacement_loss(its, observed, pressing)
+                apart = mechanism.along_path or bool(np.any(own_loss))
+                read = self._grid.at(pressed + own_loss) if apart else _as_it_is
                 change = self.responses.channel_changes(names, mechanism, its, (c10, c20), observed, read)
-                along, changed = (along + change, changed) if mechanism.along_path else (along, changed + change)
-            for k, name in enumerate(names):
-                if name in beyond:
-                    changed[:, k] += beyond[name]
-            return self._courses(names, c10, c20, factor, changed, at) + along
+                along, changed = (along + change, changed) if apart else (along, changed + change)
+                taken = taken + own_loss
+            if beyond:
+                without = np.zeros(len(self.responses.grid) + 1)
+                rows = np.column_stack([beyond.get(name, without) for name in names])
+                along = along + self._grid.at(pressed + taken)(rows)
+            return self._courses(names, c10, c20, factor, changed, self._grid.at(pressed)) + along
 
         return force, factors, courses_of
 
