@@ -37,7 +37,7 @@ def solved(variants, tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["fat-sliding", "contact-slip"])
 def test_a_tangent_that_is_kept_changes_no_other_model(variants, name):
-    """Not that of fat that slides either, whose face meets other parts as it goes: as one that is assembled each time."""
+    """Nor that of fat that slides, whose face meets other parts as it goes: as one that is assembled each time."""
     mechanism = mechanism_named(name)
     at = mechanism.parameters[0].name
     forces = []
