@@ -13,11 +13,13 @@ from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
 from legfem.channels import Sight
+from legfem.channels.kind import PlacedReadings
+from legfem.channels.kinds import FILE_OF
 from legfem.channels.kinds.contact import PRESSURE
 from legfem.common.errors import InputError
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.inverse.errors import errors_of_places
+from legfem.inverse.errors import covariance_of_places, errors_of_places
 from legfem.inverse.observations import observe
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings
@@ -114,6 +116,39 @@ def test_a_film_is_read_above_its_threshold_and_creeps(tmp_path):
     (one,) = observe(leg.trials).channels
     creep = errors_of_places(one, one.values)["contact pressure: creep"]
     np.testing.assert_allclose(creep, 0.05 * np.log10(1 + one.time) * one.values)
+
+
+def test_a_film_laid_beside_where_it_is_said_to_be_reads_its_neighbours_pressure():
+    """Of half an ellipse of pressure, whose means over sensels are known, but for the contact's steep edge."""
+    half, middles, moved = 14.0, np.arange(-11.0, 12.0, 2.0), 0.8
+
+    def means(shift: float) -> np.ndarray:
+        ends = (np.column_stack([middles - 1.0, middles + 1.0]) + shift) / half
+        primitive = 0.5 * (ends * np.sqrt(1 - ends**2) + np.arcsin(ends)) * half
+        return 9.0 * np.diff(primitive, axis=1).ravel() / 2.0
+
+    places = np.column_stack([middles - 1.0, middles + 1.0])
+    order = np.random.default_rng(1).permutation(2 * len(middles))
+    frame = np.repeat([0, 1], len(middles))[order]
+    read = np.concatenate([means(0.0), 0.5 * means(0.0)])[order]
+    both = PlacedReadings(np.tile(places, (2, 1))[order], np.ones(len(order)), frame, read)
+    effect = FILE_OF[PRESSURE.name].shared(both, replace(PRESSURE.usual, shift=moved))["place"]
+    expected = np.concatenate([means(moved) - means(0.0), 0.5 * (means(moved) - means(0.0))])[order]
+    inner = np.abs(np.tile(middles, 2)[order]) < 10.0
+    np.testing.assert_allclose(effect[inner], expected[inner], atol=0.05)
+    assert np.abs(expected[inner]).max() > 0.3
+
+
+def test_each_sensel_s_own_scale_is_alike_in_all_its_readings(tmp_path):
+    """Readings that a sensel's scale multiplies are as likely as the factor is, and no neighbour takes part."""
+    leg = load_subject(folder(tmp_path / "leg"))
+    (one,) = observe(leg.trials).channels
+    covariance = covariance_of_places(one, one.values, {})
+    own = one.course == one.course[0]
+    off = 0.08 * one.values[own]
+    part = covariance[np.ix_(own, own)] + 1e-8 * np.eye(own.sum())
+    assert off @ np.linalg.solve(part, off) == pytest.approx((0.08 / PRESSURE.usual.each) ** 2, rel=1e-3)
+    assert not covariance[np.ix_(own, ~own)].any()
 
 
 def test_a_film_s_noise_above_the_threshold_is_no_pressure(tmp_path):

@@ -143,7 +143,10 @@ def test_what_two_effects_do_at_once_is_beyond_each() -> None:
     np.testing.assert_allclose(found[FAT], 0.02 * beyond * np.concatenate([[0.0], GRID]))
     for name, values in solved.pair_change((fat, (tissue(FACTORS[1]), {"factor": 1.0})), POINT).items():
         np.testing.assert_allclose(values, 0.0, atol=1e-12, err_msg=name)
-    assert solved.pair_change((fat, (tissue("support-compliance"), {"compliance": 0.1})), POINT) == {}
+    relaxing = tissue("viscoelasticity")
+    assert not pair_strength(relaxing)
+    tense, springs = {"tension": 50.0}, {"compliance": 0.1, "at_bones": 0.5}
+    assert solved.pair_change(((tissue("prestress"), tense), (tissue("support-compliance"), springs)), POINT) == {}
 
 
 def test_a_full_prediction_of_two_effects_has_what_they_do_at_once() -> None:
@@ -159,6 +162,44 @@ def test_a_full_prediction_of_two_effects_has_what_they_do_at_once() -> None:
     np.testing.assert_allclose(whole[fat] - alone[fat], 0.02 * beyond * observed.data.channels[1].station, rtol=1e-6)
     one = {name: value for name, value in values.items() if "fascia" not in name}
     np.testing.assert_array_equal(together(one, both[:1]), apart(one, both[:1]))
+
+
+class OnSprings(SolvedResponses):
+    """Fat stiffens a force in proportion to the way; bones on springs yield by more than such springs in series."""
+
+    def _solve(self, asked: PathRequest) -> dict[str, np.ndarray]:
+        springs = asked.solution.parameters.get("tibia.springs.x", np.inf)
+        stiff, thinner = of_fat(asked.solution.scaled.get("superficial.C10", 1.0))
+        compliance = 0.5 / springs
+        return columns(stiff / (1 + 1.3 * compliance * stiff), **{FAT: thinner / (1 + 1.5 * compliance * stiff)})
+
+    @property
+    def grid(self) -> np.ndarray:
+        return GRID
+
+
+def of_fat(factor: float) -> tuple[float, float]:
+    """Return the force (N) and the thickness (mm) per mm that a fat so many times as stiff makes."""
+    return factor**0.2, -0.05 + 0.01 * float(np.log(factor))
+
+
+@pytest.mark.parametrize("at_bones", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("factor", [1.0, 3.0])
+def test_a_leg_of_stiff_fat_on_springs_is_solved_as_one(at_bones: float, factor: float) -> None:
+    """Force and thickness are those of the leg with both, in series, on its bones, or between: no sum of each alone."""
+    observed = blank_observations([Protocol.ramp(20.0, 0.4)], [PlannedChannel(FAT)])
+    predictor = Predictor(observed, OnSprings(Tilted(), 20.0, None, {}), "neo-hookean")  # type: ignore[arg-type]
+    values = {DEEP_C10: 0.8e-3, "superficial-stiffness.factor": factor}
+    springs = {"support-compliance.compliance": 0.2, "support-compliance.at_bones": at_bones}
+    found = predictor(values | springs, [mechanism_named(name) for name in (FACTORS[0], "support-compliance")])
+    force, fat = observed.data.spans
+    stiff, thinner = of_fat(factor)
+    in_series, on_bones = (1 / (1 + more * 0.2 * stiff) for more in (1.0, 1.3))
+    slope = stiff * ((1 - at_bones) * in_series + at_bones * on_bones)
+    inner = observed.displacement > 2.0
+    np.testing.assert_allclose(found[force][inner], (slope * observed.displacement)[inner], rtol=1e-6)
+    yields = (1 - at_bones) * in_series + at_bones / (1 + 1.5 * 0.2 * stiff)
+    np.testing.assert_allclose(found[fat], thinner * yields * observed.data.channels[1].station, rtol=1e-6, atol=1e-9)
 
 
 def test_a_tabulated_pair_is_in_proportion_to_both_departures() -> None:

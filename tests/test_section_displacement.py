@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,15 +13,18 @@ from making_derivatives import PRECISE
 from making_mechanics import COARSE, fixed_steps, subject_3
 
 from legfem.channels import Sight
-from legfem.channels.kind import PlacedReadings
+from legfem.channels.kind import FramesFile
 from legfem.channels.kinds.section_image import INSIDE, SectionDisplacements
+from legfem.channels.laid import STEP_DEG, STEP_MM, WAYS, Laid
+from legfem.channels.seen import ChannelReader, ReadState, Seen, SeenModel
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.outlines import PointsInside
-from legfem.inverse.errors import errors_of_places, misplaced_covariance, reading_covariance
+from legfem.inverse.errors import IMAGE_LEFT, covariance_of_places, error_model, reading_covariance
 from legfem.inverse.observations import observe
+from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.loading import load_subject
 from legfem.mechanics.contact import ContactSettings
 
@@ -52,9 +56,10 @@ def solved(test) -> Solved:
     return test.solve(depth=DEPTH, sensitivities=NAMES)
 
 
-def columns(solved: Solved, at: int = -1) -> FloatArray:
-    """Displacements (m, 2) at a step."""
+def columns(solved: Solved, at: int = -1, way: str = "") -> FloatArray:
+    """Displacements (m, 2) at a step, or what an image does that lies elsewhere."""
     names = [name for name in solved.path.channels if name.startswith(INSIDE.name)]
+    names = [name for name in names if (name.endswith(way) if way else name.count(":") == 1)]
     return np.array([solved.path.channels[name][at] for name in names]).reshape(-1, 2)
 
 
@@ -63,7 +68,7 @@ def test_derivatives_are_those_of_differences(test, solved, name):
     value, change = test.parameters[name], 1e-4
     ahead, behind = (test.solve({name: value * (1 + by)}, DEPTH).path for by in (change, -change))
     seen = [channel for channel in solved.path.channels if channel.startswith(INSIDE.name)]
-    assert len(seen) == 32
+    assert len(seen) == 32 * (1 + len(WAYS))
     largest = max(np.abs(solved.path.channel_sensitivities[channel][name]).max() for channel in seen)
     for channel in seen:
         difference = (ahead.channels[channel] - behind.channels[channel]) / (2 * change * value)
@@ -92,32 +97,60 @@ def test_a_quadratic_field_is_read_exactly_and_points_in_air_are_not(test):
     assert np.isnan(PointsInside.found(spaces, outside).values(field(places))).all()
 
 
-def test_an_image_that_lies_elsewhere_reads_what_registration_says(test, solved):
-    """A shift of 1 mm and a turn of 1 degree, against solving for the points where they truly lie."""
+def state_of(test: PlaneStrainIndentation, field: Callable[[FloatArray], FloatArray]) -> Seen:
+    """A state whose displacements are a field's."""
+    system = test.system
+    unknown = np.zeros_like(system.unknown.x.array)
+    places = system.spaces.displacement_space.tabulate_dof_coordinates()[:, :2]
+    unknown[system.spaces.displacement_dofs] = field(places).ravel()
+    none = np.zeros((0, 2))
+    state = ReadState(unknown, np.zeros((0, len(unknown))), np.zeros(2), none, none, np.zeros((0, 0, 2)))
+    return Seen(SeenModel(system, test.sights), state)
+
+
+def test_a_field_of_known_gradient_has_its_own_registration(test):
+    """u = A X and a parabola: A s for a shift, A (e_z x X) - e_z x u for a small turn about the image's middle."""
+    gradient, points = np.array([[0.02, -0.05], [0.01, -0.08]]), lattice(test)
+    middle = points.mean(axis=0)
+
+    def field(at: FloatArray) -> FloatArray:
+        away = at - middle
+        return away @ gradient.T + np.column_stack([0.002 * away[:, 0] ** 2, -0.003 * away[:, 0] * away[:, 1]])
+
+    read = of_images(SectionDisplacements(), state_of(test, field))
+    away, u = points - middle, field(points)
+    slope = np.tile(gradient, (len(points), 1, 1))
+    slope[:, 0, 0] += 0.004 * away[:, 0]
+    slope[:, 1] += np.column_stack([-0.003 * away[:, 1], -0.003 * away[:, 0]])
+    beside = np.column_stack([-away[:, 1], away[:, 0]])
+    turned = np.einsum("pij,pj->pi", slope, beside) - np.column_stack([-u[:, 1], u[:, 0]])
+    np.testing.assert_allclose(read["shift in x"], slope[:, :, 0] * STEP_MM, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(read["shift in y"], slope[:, :, 1] * STEP_MM, rtol=1e-6, atol=1e-9)
+    # Of the third order in the step.
+    np.testing.assert_allclose(read["turn"], np.deg2rad(STEP_DEG) * turned, atol=2e-3 * np.abs(read["turn"]).max())
+
+
+def of_images(file: FramesFile, seen: Seen) -> dict[str, FloatArray]:
+    """What a step in each way does, (m, 2)."""
+    found = ChannelReader(seen.model.system, [file], seen.model.sights).read(seen.state)
+    return {way: np.array([found[n][0] for n in found if n.endswith(way)]).reshape(-1, 2) for way in WAYS}
+
+
+def test_an_image_that_lies_elsewhere_reads_what_its_steps_say(test, solved):
+    """A shift of 1.6 mm and a turn of 2.5 degrees, against solving for the points where they truly lie."""
     points = lattice(test)
-    places = np.array(sight(points).places)
-    accuracy = replace(INSIDE.usual, shift=1.0, turn=1.0)
-    values = columns(solved)
-    frame = np.zeros(len(places), dtype=int)
-    modes = SectionDisplacements().shared(
-        PlacedReadings(places, np.zeros(len(places)), frame, values.ravel()), accuracy
-    )
-    middle, angle = points.mean(axis=0), np.deg2rad(1.0)
+    away, image = points - points.mean(axis=0), Laid((1.3, -0.9), 2.5)
+    angle = np.deg2rad(2.5)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    squares = np.zeros(2)
-    for name, where, back in (
-        ("shift in x", points + np.array([1.0, 0.0]), np.eye(2)),
-        ("shift in y", points + np.array([0.0, 1.0]), np.eye(2)),
-        ("turn", middle + (points - middle) @ turn.T, turn),
-    ):
-        there = columns(replace(test, sights=(sight(where),)).solve(depth=DEPTH))
-        change = (there @ back - values).ravel()
-        squares += np.sum((modes[name] - change) ** 2), np.sum(change**2)
-    # Between sixteen points a strained layer's gradient isn't seen well; a wrong sign of one of the three makes 1.
-    off = np.sqrt(squares[0] / squares[1])
-    assert off < 0.4
-    # What is allowed for that, at each place.
-    assert off < 1.3 * SectionDisplacements().shared_is_off(places) < 1.3
+    truly = points.mean(axis=0) + np.array([1.3, -0.9]) + away @ turn.T
+    np.testing.assert_allclose(image.truly(points, points.mean(axis=0)), truly)
+    there = columns(replace(test, sights=(sight(truly),)).solve(depth=DEPTH)) @ turn
+    times = {"shift in x": 1.3 / STEP_MM, "shift in y": -0.9 / STEP_MM, "turn": 2.5 / STEP_DEG}
+    said = sum(times[way] * columns(solved, way=way) for way in WAYS)
+    change = there - columns(solved)
+    assert np.abs(change).max() > 0.2
+    # What is left is of the second order.
+    assert np.sqrt(np.mean((said - change) ** 2)) < 2 * IMAGE_LEFT * np.sqrt(np.mean(change**2))
 
 
 def moved(points: FloatArray, leg, depth: FloatArray) -> FloatArray:
@@ -191,7 +224,13 @@ def test_readings_of_one_frame_share_errors_and_the_image_s_place(tmp_path):
     far = same & np.equal.outer(one.place[:, 2], one.place[:, 2])
     apart = np.linalg.norm(one.place[:, None, :2] - one.place[None, :, :2], axis=-1)
     assert alike[far & (apart > 20)].max() < alike[far & (apart > 0) & (apart < 8)].max()
-    beyond = misplaced_covariance(one, errors_of_places(one, one.values))
+    laid = {way: times * np.sin(one.place[:, 0] / 9.0) for way, times in one.accuracy.laid.items()}
+    beyond = covariance_of_places(one, one.values, laid)
     assert np.all(beyond[np.not_equal.outer(one.course, one.course)] == 0) and beyond.diagonal().max() > 0.01
-    names = set(errors_of_places(one, one.values))
-    assert {f"section displacement: {name}" for name in ("shift in x", "shift in y", "turn")} == names
+    noise = estimate_noise(observed := observe(leg.trials), leg.instrument, 50.0)
+    errors = error_model(observed, noise, observed.values, images={one.name: laid})
+    span, plain = observed.data.spans[1], error_model(observed, noise, observed.values)
+    known = dict(zip(errors.names, errors.known.T, strict=True))
+    assert set(errors.names) - set(plain.names) == {f"image of displacements: {way}" for way in WAYS}
+    np.testing.assert_allclose(known["image of displacements: turn"][span], laid["turn"])
+    np.testing.assert_allclose((errors.dense - plain.dense)[span, span], beyond, atol=1e-12)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from making_diagnosis import coarse_leg, observations, ramps
@@ -15,6 +17,7 @@ from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import SolvedResponses, Stopped
 from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.mechanisms import mechanism_named
+from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0
 SOFT = (0.8e-3, 0.9e-3)
@@ -30,6 +33,22 @@ def variants():
 @pytest.fixture(scope="module")
 def solved(variants, tmp_path_factory):
     return SolvedResponses(variants, DEPTH, tmp_path_factory.mktemp("support"), {"test": 1})
+
+
+@pytest.mark.parametrize("name", ["fat-sliding", "contact-slip"])
+def test_a_tangent_that_is_kept_changes_no_other_model(variants, name):
+    """Nor that of fat that slides, whose face meets other parts as it goes: as one that is assembled each time."""
+    mechanism = mechanism_named(name)
+    at = mechanism.parameters[0].name
+    forces = []
+    for keeps in (False, True):
+        settings = replace(variants.settings, newton=replace(variants.settings.newton, keeps_body=keeps))
+        path = replace(variants, settings=settings).follow(
+            Protocol.ramp(14.0, 1.0), {DEEP_C10: 1e-3, DEEP_C20: 0.0}, mechanism.solution({at: 0.78})
+        )
+        assert not isinstance(path, Stopped)
+        forces.append(path.force_at(np.array([5.0, 14.0])))
+    np.testing.assert_allclose(forces[0], forces[1], rtol=1e-5)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.channels.laid import STEP_DEG, STEP_MM, Laid
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 
@@ -33,15 +34,23 @@ class ChannelAccuracy:
     lag: float = 0.0
     """Lag of the channel's clock behind the recording's, s."""
     shift: float = 0.0
-    """Of where an image lies in the section, in either direction, mm."""
+    """Of where an image lies in the section, in either direction, or a film along the face, mm."""
     turn: float = 0.0
     """Of how an image is turned against the section, degrees."""
     apart: float = 0.0
     """Distance over which the errors of readings at different places of one frame are alike, mm."""
+    each: float = 0.0
+    """Of a relative error of each place's own, the same in all of its readings, dimensionless."""
     creep: float = 0.0
     """Relative error for every tenfold of the time under load, the same in all of a site's readings."""
     threshold: float | None = None
     """Below which readings say nothing, and are left out."""
+
+    @property
+    def laid(self) -> Mapping[str, float]:
+        """Standard deviations of how an image lies, over a step, by those of the ways that aren't exact."""
+        steps = {"shift in x": self.shift / STEP_MM, "shift in y": self.shift / STEP_MM, "turn": self.turn / STEP_DEG}
+        return {way: times for way, times in steps.items() if times > 0}
 
 
 @dataclass(frozen=True)
@@ -68,10 +77,14 @@ class ChannelKind:
     words: str
     usual: ChannelAccuracy
     model_share: float = 0.0
+    model_alike: float = 10.0
+    """Distance over which that error is alike at different places, mm."""
     models: frozenset[str] = frozenset({"2d"})
     """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
     at_rest: float = 0.0
     """Value that is read as it is whatever the instrument's gain: what readings are shares of."""
+    image: str = ""
+    """What is laid into the section, and may lie beside where it is said to, to read this in it; nothing of others."""
 
     @property
     def column(self) -> str:
@@ -242,6 +255,10 @@ class ChannelFile(ABC):
     def read(self, seen: "Seen") -> Channels:
         """Return what there is of its kinds in a state; collective over the system's ranks."""
 
+    def laid(self, seen: "Seen", image: Laid) -> Channels:
+        """Return what there is in a state of its kinds that are read in images, of one that is laid elsewhere."""
+        return {}
+
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Return why a recorded channel can't be one of the kind; None where it can."""
         return None
@@ -264,7 +281,7 @@ class ChannelFile(ABC):
     def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
         """Return by name what one standard deviation of an error does that all readings share, (k,).
 
-        Of how an image lies in the section, or of a film that creeps: what only channels with places have.
+        Of a film that creeps: what only channels with places have.
 
         Parameters
         ----------
@@ -274,10 +291,6 @@ class ChannelFile(ABC):
             Of the instrument.
         """
         return {}
-
-    def shared_is_off(self, places: FloatArray) -> float:
-        """Return the share of themselves by which effects of `shared` are off, at each of the places (k, q) alone."""
-        return 0.0
 
 
 class FramesFile(ChannelFile):

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from legfem.channels import Sight
+from legfem.channels.laid import WAYS, Laid, laid_course
 from legfem.common.units import FloatArray
 from legfem.fem.outlines import Crossing, Outline, PointsInside, first_crossing, outline_between, outline_of_facets
 from legfem.fem.system import System
@@ -270,6 +271,27 @@ class Reads(Protocol):
     def read(self, seen: Seen) -> Mapping[str, tuple[float, FloatArray]]:
         """Return value and derivatives (p,) by a course's name."""
 
+    def laid(self, seen: Seen, image: Laid) -> Mapping[str, tuple[float, FloatArray]]:
+        """Return those of images that are laid elsewhere."""
+
+
+def _of_images(
+    file: Reads, seen: Seen, stated: Mapping[str, tuple[float, FloatArray]]
+) -> dict[str, tuple[float, FloatArray]]:
+    """Return what a step in each of the ways does that images may lie elsewhere.
+
+    Where one to a side shows nothing, beyond the tissue, it is the step to the other; nothing where both don't.
+    """
+    found = {}
+    for way, image in WAYS.items():
+        sides = file.laid(seen, image), file.laid(seen, image.other_side)
+        for name in (name for name in stated if name in sides[0] or name in sides[1]):
+            ahead, behind = (one[name] if name in one and np.isfinite(one[name][0]) else None for one in sides)
+            (high, high_rates), (low, low_rates) = ahead or stated[name], behind or stated[name]
+            span = 2.0 if ahead and behind else 1.0
+            found[laid_course(name, way)] = (high - low) / span, (high_rates - low_rates) / span
+    return found
+
 
 @dataclass(frozen=True, eq=False)
 class ChannelReader:
@@ -298,8 +320,11 @@ class ChannelReader:
 
     def read(self, state: ReadState) -> Mapping[str, tuple[float, FloatArray]]:
         """Return the channels there are in a state; collective over the system's ranks."""
-        seen = Seen(self._model, state)
-        return {name: found for file in self.files for name, found in file.read(seen).items()}
+        seen, found = Seen(self._model, state), dict[str, tuple[float, FloatArray]]()
+        for file in self.files:
+            stated = file.read(seen)
+            found |= {**stated, **_of_images(file, seen, stated)}
+        return found
 
 
 class ChannelLog:

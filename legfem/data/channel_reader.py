@@ -29,6 +29,7 @@ _OF_IMAGES_AND_FILMS = {
     "shift_mm": "shift",
     "turn_deg": "turn",
     "apart_mm": "apart",
+    "each_percent": "each",
     "creep_percent": "creep",
     "threshold_kPa": "threshold",
 }
@@ -59,11 +60,14 @@ class RecordedChannelEntry(FileTable):
     lag_s: NotNegative | None = None
     """Standard deviation of the difference between the channel's clock and the recording's."""
     shift_mm: NotNegative | None = None
-    """Standard deviation of how far an image lies beside where it is said to, in either direction."""
+    """Standard deviation of how far an image lies beside where it is said to, in either direction, or a film along the
+    face."""
     turn_deg: NotNegative | None = None
     """Standard deviation of how an image is turned against the section."""
     apart_mm: NotNegative | None = None
     """Distance over which errors of an image's readings are alike."""
+    each_percent: NotNegative | None = None
+    """Standard deviation of the scale of each of a film's sensels by itself."""
     creep_percent: NotNegative | None = None
     """Standard deviation of what a film reads more for every tenfold of the time under load."""
     threshold_kPa: NotNegative | None = None
@@ -114,6 +118,7 @@ class RecordedChannelEntry(FileTable):
             "shift": self.shift_mm,
             "turn": self.turn_deg,
             "apart": self.apart_mm,
+            "each": None if self.each_percent is None else self.each_percent / 100,
             "creep": None if self.creep_percent is None else self.creep_percent / 100,
             "threshold": self.threshold_kPa,
         }

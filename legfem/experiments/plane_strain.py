@@ -112,7 +112,7 @@ class PlaneStrainSettings:
 
     mesh: SectionMeshSettings = field(default_factory=SectionMeshSettings)
     contact: ContactSettings = field(default_factory=ContactSettings)
-    newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(reuse=0.7))
+    newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(1e-8, reuse=0.7, keeps_body=True))
     # The same steps at about any stiffness: curves are compared, and differences of them taken.
     steps: StepSettings = field(default_factory=lambda: StepSettings.regular(first=0.125, curve_tolerance=2e-3))
     formulation: Formulation = "mixed"

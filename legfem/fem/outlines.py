@@ -92,8 +92,8 @@ def first_crossing(
     beside
         How far the line is shifted to the left of its direction (mm).
     """
-    offset = (points - origin) @ across(direction) - beside
-    along = (points - origin) @ direction
+    away = points - origin
+    offset, along = away @ across(direction) - beside, away @ direction
     first, last, middle = offset.T
     # The edge is within the hull of its Bezier points.
     hull = np.stack([first, last, 2 * middle - 0.5 * (first + last)])
@@ -103,8 +103,8 @@ def first_crossing(
         for position in _roots(square, linear, constant):
             slope = 2 * square * position + linear
             if slope != 0.0:
-                bend, rise, _ = _coefficients(along[edge])
-                place = float(edge_shapes(position) @ along[edge])
+                bend, rise, start = _coefficients(along[edge])
+                place = (bend * position + rise) * position + start
                 found.append(Crossing(int(edge), position, place, (2 * bend * position + rise) / slope))
     return min(found, key=lambda crossing: crossing.along, default=None)
 

@@ -96,6 +96,8 @@ class System:
             rounding,
         )
         self.tangent_matrix = self._matrix()
+        self._kept: PETSc.Mat | None = None
+        self._kept_serves = False
         self._skin_matrix = fem.create_matrix(self.skin.tangent)
         self._skin_force = fem.Function(spaces.skin_space)
         self._nodal_contact_force = fem.Function(spaces.skin_space)
@@ -111,7 +113,7 @@ class System:
         self._volume_ratio = self.body.history.expression(J)
         dofmap = spaces.space.dofmap
         self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
-        self.evaluations = 0
+        self.evaluations, self.body_tangents = 0, 0
 
     @property
     def owned_supports(self) -> NDArray[np.int32]:
@@ -125,6 +127,7 @@ class System:
         self.skin_symbols.assign(values)
         for face in self.faces:
             face.assign(values)
+        self._kept_serves = False
 
     def set_displacement(self, displacement: float) -> None:
         """Move the indenter to a displacement (mm) along its line of travel."""
@@ -177,13 +180,30 @@ class System:
         owned = self.residual_vector.x.array[: self._owned]
         return float(np.sqrt(self.comm.allreduce(float(owned @ owned))))
 
-    def assemble_tangent(self) -> PETSc.Mat:
-        """Assemble the tangent at the present unknown."""
+    def assemble_tangent(self, *, keep: bool = False, reuse: bool = False) -> PETSc.Mat:
+        """Assemble the tangent at the present unknown.
+
+        Parameters
+        ----------
+        keep
+            Whether to keep the body's part.
+        reuse
+            Whether the body's part may be the one kept since the system was reset or given other numbers; the skin's
+            and the faces' are new.
+        """
         self._trace()
         matrix = self.tangent_matrix
-        matrix.zeroEntries()
-        fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=self._boundary)
-        matrix.assemble()
+        if reuse and self._kept_serves:
+            assert self._kept is not None
+            self._kept.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        else:
+            matrix.zeroEntries()
+            fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=self._boundary)
+            matrix.assemble()
+            self.body_tangents += 1
+            # What meets what on a face changes as it slides, and the matrix has entries more than one that was kept.
+            if keep and not self.faces:
+                self._keep(matrix)
         for face in self.faces:
             own = face.tangent(self.unknown.x.array)
             matrix.setValuesLocalIJV(own.indptr, own.indices, own.data, addv=PETSc.InsertMode.ADD)
@@ -205,6 +225,13 @@ class System:
         matrix.assemble()
         return matrix
 
+    def _keep(self, body: PETSc.Mat) -> None:
+        if self._kept is None:
+            self._kept = body.duplicate(copy=True)
+        else:
+            body.copy(self._kept, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        self._kept_serves = True
+
     def advance(self) -> None:
         """End a step: update the history and what the next step starts from."""
         self._trace()
@@ -221,6 +248,7 @@ class System:
         self.set_time(0.0, 1.0)
         self.set_displacement(0.0)
         self._centre_before.value[:] = self._centre.value
+        self._kept_serves = False
 
     def state(self) -> dict[str, FloatArray]:
         """Return the rank's part of the state at the end of a step, by name."""
@@ -234,6 +262,7 @@ class System:
         self.seek()
         self.set_displacement(displacement)
         self._centre_before.value[:] = self._centre.value
+        self._kept_serves = False
 
     def _state(self) -> dict[str, Any]:
         both = {"body": self.body, "skin": self.skin}

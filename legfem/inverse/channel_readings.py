@@ -4,7 +4,7 @@ A reading is a mean of a few samples of one segment. Each sample lies between tw
 cylinder moves and by time where it is held, so that a dense record and a single ultrasound frame are read alike.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,6 +15,7 @@ from scipy.ndimage import minimum_filter1d
 
 from legfem.channels.kind import ChannelAccuracy, ChannelKind
 from legfem.channels.kinds import CHANNELS, FILE_OF
+from legfem.channels.laid import laid_course
 from legfem.common.units import FloatArray
 from legfem.data.phases import HOLD, LOADING
 from legfem.data.recording import RecordedChannel
@@ -73,6 +74,17 @@ class ChannelReadings:
         if self.course is None:
             return (np.arange(len(self.values)),)
         return tuple(np.flatnonzero(self.course == k) for k in range(len(self.places)))
+
+    @cached_property
+    def laid_courses(self) -> Mapping[str, tuple[str, ...]]:
+        """Of what is read in an image, by the way in which it may lie elsewhere: what a step does to each course."""
+        ways = self.accuracy.laid if self.kind.image else ()
+        return {way: tuple(laid_course(name, way) for name in self.courses) for way in ways}
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Names of all courses that a model has to give for it."""
+        return self.courses + tuple(name for names in self.laid_courses.values() for name in names)
 
     @cached_property
     def place(self) -> FloatArray:

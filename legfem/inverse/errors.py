@@ -43,7 +43,8 @@ _OWN = 0.05
 _SHAPE_LENGTH_MM = 10.0
 """Of what outlines that are off, and two effects at once, do beyond the sum of their single effects
 (`ChannelKind.model_share`): with skin and fascia 1 mm off, an aim of 1 mm and bones of 0.5 to 1.4 mm, 0.15 mm of the
-skin's rise at 20 mm; fat 2.7 and fascia 12 times as stiff, 0.12 mm at 10 mm; 0.03 mm of thickness each."""
+skin's rise at 20 mm; fat 2.7 and fascia 12 times as stiff, 0.12 mm at 10 mm; 0.03 mm of thickness each. Along the
+displacement; from place to place it is alike over `ChannelKind.model_alike`."""
 
 
 def reading_covariance(
@@ -78,13 +79,17 @@ def _white(one: ChannelReadings, alike: FloatArray) -> FloatArray:
     return np.asarray(np.outer(sd, sd) * alike * np.equal.outer(one.frame, one.frame) + np.diag(_OWN * sd**2))
 
 
-def model_covariance(one: ChannelReadings, change: float) -> FloatArray:
-    """Return the covariance (k, k) of the model's own error; ``change`` is what it changes by, in its unit."""
+def model_covariance(one: ChannelReadings, since_touch: FloatArray) -> FloatArray:
+    """Return the covariance (k, k) of the model's own error; ``since_touch`` (k,) is what it says of the change since.
+
+    Meshes err by a share of all that a channel changes by; of what is read at many places, by a share of each reading.
+    """
     apart = np.subtract.outer(one.displacement, one.displacement)
-    of_meshes = (_MODEL_SHARE * change) ** 2 * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
+    changes = np.full(len(since_touch), np.ptp(since_touch)) if one.course is None else np.abs(since_touch)
+    of_meshes = _MODEL_SHARE**2 * np.outer(changes, changes) * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
     deeper = one.kind.model_share * one.displacement
     total = of_meshes + np.outer(deeper, deeper) * np.exp(-0.5 * (apart / _SHAPE_LENGTH_MM) ** 2)
-    return np.asarray(total * one.alike(_SHAPE_LENGTH_MM))
+    return np.asarray(total * one.alike(one.kind.model_alike))
 
 
 def _excess_of_repeats(one: ChannelReadings, own: FloatArray, repeated: Sequence[Sequence[int]]) -> float:
@@ -135,13 +140,36 @@ def errors_of_places(one: ChannelReadings, predicted: FloatArray) -> dict[str, F
     return {f"{one.kind.title}: {name}": effect for name, effect in found.items()}
 
 
-def misplaced_covariance(one: ChannelReadings, effects: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the covariance (k, k) of what `errors_of_places` are off by: at each place alone, alike in all frames."""
-    if one.course is None or not effects:
-        return np.zeros((len(one.values), len(one.values)))
-    each = np.array(list(effects.values()))
-    off = FILE_OF[one.name].shared_is_off(one.place)
-    return np.asarray(off**2 * np.equal.outer(one.course, one.course) * (each.T @ each))
+IMAGE_LEFT = 0.1
+"""Of what an image does that lies elsewhere: what is left of a second order. By another code, at nine points of three
+legs, images laid evenly within 2 mm and 3 degrees of their place err by 0.31 to 0.40 mm in the mean square over a
+loading of 20 mm, and by 0.028 to 0.051 mm once the three ways in which they may lie have what they do
+(tests/verification/test_diagnosed_inside.py)."""
+type Elsewhere = Mapping[str, FloatArray]
+"""By the way in which an image lies elsewhere, what one standard deviation of it does to a channel's readings, (k,)."""
+
+
+def errors_of_image(one: ChannelReadings, laid: Elsewhere) -> dict[str, FloatArray]:
+    """Return the same by the names of errors: channels that are read in one image have them together."""
+    return {f"{one.kind.image}: {way}": effect for way, effect in laid.items()}
+
+
+def covariance_of_places(one: ChannelReadings, predicted: FloatArray, laid: Elsewhere) -> FloatArray:
+    """Return the covariance (k, k) of errors at each place alone, alike in all frames, in its unit squared.
+
+    Parameters
+    ----------
+    one
+        The readings.
+    predicted
+        (k,), by the model.
+    laid
+        Of its image: what is left of a second order is at each place by itself.
+    """
+    rows = [one.accuracy.each * (predicted - one.kind.at_rest)] if one.course is not None else []
+    each = np.array([*rows, *(IMAGE_LEFT * effect for effect in laid.values())]).reshape(-1, len(predicted))
+    here = np.equal.outer(one.course, one.course) if one.course is not None else 1.0
+    return np.asarray(here * (each.T @ each))
 
 
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
@@ -249,6 +277,7 @@ def error_model(
     prediction: FloatArray,
     unknowns: Sequence[tuple[str, FloatArray]] = (),
     numerical: float = NUMERICAL_ERROR,
+    images: Mapping[str, Elsewhere] | None = None,
 ) -> ErrorModel:
     """Return the errors of observations about a model, of the force and of every further channel.
 
@@ -264,6 +293,8 @@ def error_model(
         Names and effects (N,) of one standard deviation of what the model doesn't know.
     numerical
         Relative error of the model's force.
+    images
+        By channel; see `legfem.inverse.predictor.Predictor.images_elsewhere`.
     """
     own = trial_covariance(observed, noise)
     force, others = prediction[: len(own)], prediction[len(own) :]
@@ -276,14 +307,14 @@ def error_model(
         here = slice(first, first + len(one.values))
         predicted = prediction[here]
         own = reading_covariance(one, one.slope(predicted), noise.correlation_time, observed.repeated)
-        of_places = errors_of_places(one, predicted)
-        model = model_covariance(one, float(np.ptp(predicted))) + misplaced_covariance(one, of_places)
+        laid = (images or {}).get(one.name, {})
+        model = model_covariance(one, predicted) + covariance_of_places(one, predicted, laid)
         blocks.append(own + model)
         spread.append(np.sqrt(np.diag(blocks[-1])))
-        shared = shared_errors(one, predicted, one.weights @ force) | of_places
+        shared = shared_errors(one, predicted, one.weights @ force)
+        shared |= errors_of_places(one, predicted) | errors_of_image(one, laid)
         for name, effect in shared.items():
-            columns[name] = np.zeros(len(prediction))
-            columns[name][here] = effect
+            columns.setdefault(name, np.zeros(len(prediction)))[here] = effect
         first = here.stop
     none = np.zeros((len(others), trials.shape[1]))
     return ErrorModel(

@@ -11,6 +11,7 @@ from scipy.special import expit, logit
 from legfem.common.units import FloatArray
 from legfem.inverse.estimates import Estimate, Shown
 from legfem.inverse.evidence import Discrepancy, discrepancy_scales
+from legfem.inverse.form import ShareOfPart, shares_by_part
 from legfem.inverse.intervals import Estimated
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, variance_degrees
 from legfem.inverse.posterior import Mixture, MixtureComponents, Posterior
@@ -23,6 +24,8 @@ MORE_THAN_ALONE = 3.0
 """ln of the Bayes factor from which a second mechanism counts beside a first."""
 INEXACT = 0.5
 """Prior probability that a mechanism's form leaves something."""
+_SAID_FROM = 0.05
+"""Probability of a statement from which it is asked whether the form of what it names is met."""
 _COUNTS = 0.01
 """Share of the most probable unknown error from which another one counts."""
 
@@ -99,10 +102,17 @@ class Explanation:
     def in_part(self) -> bool:
         """Whether the recordings ask for something unknown beside its mechanisms, or their trials do.
 
-        Where they tell nothing of it, its probability is its prior's.
+        Where they tell nothing of it, its probability is its prior's. A part that lacks a mechanism asks for it, too.
         """
         asked_for = expit(logit(INEXACT) + ADDS_FROM)
-        return bool(self.names and (self.posterior.discrepancy_probability > asked_for or self.trials_differ))
+        differs = self.posterior.discrepancy_probability > asked_for or self.trials_differ
+        return bool(self.names and (differs or self.missing))
+
+    @cached_property
+    def missing(self) -> dict[str, tuple[ShareOfPart, ...]]:
+        """Parts of the recordings that a mechanism is missing from, by its name; see `legfem.inverse.form`."""
+        found = shares_by_part(self.problem, self.fit_without_discrepancy or self.fit)
+        return {name: own for name, parts in found.items() if (own := tuple(one for one in parts if one.missing))}
 
     @property
     def trials_differ(self) -> bool:
@@ -179,6 +189,8 @@ class Statement:
     """Of mechanisms."""
     unnamed: bool
     probability: float
+    like: tuple[str, ...] = ()
+    """Mechanisms that something unknown is like; it isn't they, whose form isn't met."""
 
     @property
     def nothing_shows(self) -> bool:
@@ -215,8 +227,11 @@ class Explained:
 
         "Nothing at all" isn't among them: no data tell it from what is too small to show.
         """
+        by_names = {one.names: one for one in self.every if not one.is_base}
         found = [Statement((), False, self.adequacy)]
-        found += [Statement(names, not names, held) for names, held in self._held().items()]
+        for names, held in self._held().items():
+            like = names if names and held > _SAID_FROM and by_names[names].missing else ()
+            found.append(Statement(() if like else names, not names or bool(like), held, like))
         return tuple(sorted(found, key=lambda one: -one.probability))
 
     @cached_property

@@ -82,10 +82,9 @@ class ChannelTables:
     changes: Mapping[tuple[str, str], Table]
     """As those of `Library`, absolute; at stations without zero."""
 
-    def columns(self, row: FloatArray, names: Sequence[str]) -> FloatArray:
-        """Return some of the channels of a row, as columns."""
-        every = row.reshape(-1, len(self.names))
-        return every if tuple(names) == self.names else every[:, [self.names.index(name) for name in names]]
+    def columns(self, row: FloatArray) -> FloatArray:
+        """Return the channels of a row, as columns."""
+        return row.reshape(-1, len(self.names))
 
     def of(self, names: Sequence[str]) -> "ChannelTables":
         """Return what is known of some of the channels."""
@@ -110,8 +109,8 @@ _USUAL, _MOST_OF_PAIR = 1.2, 2.0
 
 
 def pair_strength(mechanism: TissueMechanism) -> float | None:
-    """Return the strength at which what it does beside another is solved; None where the base model doesn't show it."""
-    if {mechanism.variant, mechanism.null_variant} != {"elastic"} or mechanism.along_path or mechanism.stands_for_C20:
+    """Return the strength at which what it does beside another is solved; None where that isn't an elastic course."""
+    if mechanism.along_path or mechanism.stands_for_C20:
         return None
     return min(mechanism.strengths, key=lambda one: abs(_departure(mechanism, one) - _USUAL), default=None)
 
@@ -119,7 +118,7 @@ def pair_strength(mechanism: TissueMechanism) -> float | None:
 def _share_of_pair(mechanism: TissueMechanism, values: Values) -> float:
     solved = pair_strength(mechanism)
     assert solved is not None
-    share = _departure(mechanism, mechanism.tabulated(values)) / _departure(mechanism, solved)
+    share = _departure(mechanism, values[mechanism.parameters[0].name]) / _departure(mechanism, solved)
     return float(np.clip(share, -_MOST_OF_PAIR, _MOST_OF_PAIR))
 
 
@@ -150,8 +149,12 @@ class Library:
     pairs: Mapping[frozenset[str], Columns] = field(default_factory=dict)
     """What two mechanisms at their `pair_strength` do at once beyond each by itself, by their names; see
     `Responses.pair_change`."""
-    _curves: dict[tuple[str, str, bool], list[PchipInterpolator]] = field(default_factory=dict, init=False, repr=False)
+    _curves: dict[tuple[str, str, tuple[str, ...]], list[PchipInterpolator]] = field(
+        default_factory=dict, init=False, repr=False
+    )
     """Over the strength, at each of a table's stiffnesses."""
+    _seen: dict[tuple[str, ...], ChannelTables] = field(default_factory=dict, init=False, repr=False)
+    """What is known of some of the channels, by their names."""
     _weights: list[tuple[Observations, FloatArray]] = field(default_factory=list, init=False, repr=False)
     """Of the recordings last asked for: see `_to_stations`."""
 
@@ -188,14 +191,18 @@ class Library:
         changes = [self._at_strength(self.changes, mechanism, k, values, at[0]) for k in keys]
         return mechanism.share(values) * observed.spread(changes)
 
-    def seeing(self, names: Sequence[str]) -> "Library":
-        """Return the library with some of its channels alone, which is quicker."""
-        return replace(self, beside=self.beside.of(names))
+    def _of(self, names: Sequence[str]) -> ChannelTables:
+        """Return what is known of some of the channels, which is quicker to ask."""
+        key = tuple(names)
+        if key not in self._seen:
+            self._seen[key] = self.beside.of(key)
+        return self._seen[key]
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
-        assert self.beside.elastic is not None
-        return self.beside.columns(self.beside.elastic(_place(c10, c20)), names)
+        own = self._of(names)
+        assert own.elastic is not None
+        return own.columns(own.elastic(_place(c10, c20)))
 
     def channel_changes(
         self,
@@ -207,14 +214,12 @@ class Library:
         at: At,
     ) -> FloatArray:
         """Return what a mechanism adds to channels (n, k); see `Responses`."""
+        own = self._of(names)
 
         def row(key: str) -> FloatArray:
             if mechanism.derivatives:
-                found = np.asarray(mechanism.shares(values) @ self.beside.changes[mechanism.name, key](stiffness[0]))
-                return self.beside.columns(found, names)
-            return self.beside.columns(
-                self._at_strength(self.beside.changes, mechanism, key, values, stiffness[0]), names
-            )
+                return own.columns(mechanism.shares(values) @ own.changes[mechanism.name, key](stiffness[0]))
+            return own.columns(self._at_strength(own.changes, mechanism, key, values, stiffness[0], own.names))
 
         share = 1.0 if mechanism.derivatives else mechanism.share(values)
         if mechanism.along_path:
@@ -228,12 +233,18 @@ class Library:
         return {name: share * row for name, row in found.items()}
 
     def _at_strength(
-        self, tables: Mapping[tuple[str, str], Table], mechanism: TissueMechanism, key: str, values: Values, c10: float
+        self,
+        tables: Mapping[tuple[str, str], Table],
+        mechanism: TissueMechanism,
+        key: str,
+        values: Values,
+        c10: float,
+        names: tuple[str, ...] = (),
     ) -> FloatArray:
-        """Return a table's row at a strength: smooth between, in proportion beyond."""
+        """Return a table's row at a strength: smooth between, in proportion beyond. Of channels that have names."""
         first, table = mechanism.parameters[0], tables[mechanism.name, key]
         prior = prior_of(first)
-        place = mechanism.name, key, tables is self.changes
+        place = mechanism.name, key, names
         if place not in self._curves:
             nodes = np.array([prior.departure(v) for v in (null_of(first), *mechanism.strengths)])
             order = np.argsort(nodes)

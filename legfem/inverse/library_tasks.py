@@ -141,8 +141,14 @@ def tasks_for(
     if pairs:
         beside = [(m, strength) for m in tissue if (strength := pair_strength(m)) is not None]
         # Where each by itself is solved, too.
-        tasks += [Task(where[0], pair=pair) for pair in combinations(beside, 2)]
+        tasks += [Task(where[0], pair=pair) for pair in combinations(beside, 2) if _has_model(pair)]
     return tasks + [Task(centre, m, node=node) for m in tissue if not m.along_path for node in m.nodes]
+
+
+def _has_model(pair: Sequence[tuple[TissueMechanism, float]]) -> bool:
+    """Return whether some model shows both of two mechanisms."""
+    one, other = (mechanism.solution(_values_at(mechanism, strength)) for mechanism, strength in pair)
+    return one.joined(other) is not None
 
 
 def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:

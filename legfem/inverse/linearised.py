@@ -227,11 +227,12 @@ class LinearisedProblem:
         return replace(self, errors=errors)
 
     def with_nuisances(
-        self, noise: Noise, prediction: FloatArray, effects: Sequence[NuisanceEffect]
+        self, noise: Noise, about: LinearisedFit, effects: Sequence[NuisanceEffect]
     ) -> "LinearisedProblem":
-        """Return the problem with the errors of noise and nuisance parameters about a prediction (N,)."""
+        """Return the problem with the errors of noise, nuisance parameters and images' places about a fit."""
         known = [(one.name, one.effect) for one in effects]
-        errors = error_model(self.predictor.observed, noise, prediction, known)
+        images = self.predictor.images_elsewhere(about.values, about.mechanisms)
+        errors = error_model(self.predictor.observed, noise, about.prediction, known, images=images)
         return replace(self, errors=errors, causes={one.name: one.cause for one in effects})
 
     @cached_property

@@ -7,7 +7,7 @@ indenter stands, how stiff the deep tissue is at a time or in a trial, or what t
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 import numpy as np
@@ -300,11 +300,23 @@ class Solution:
     null_in_series: float = 0.0
     """Compliance (mm/N) of springs that this one is in series with."""
 
+    @property
+    def of_base(self) -> bool:
+        """Whether it is one of the base model, ..."""
+        return {self.variant, self.null} == {"elastic"}
+
+    @property
+    def of_any(self) -> bool:
+        """... and whether any other model shows it, too: it changes numbers or the travel that all have."""
+        return self.of_base and not self.parameters
+
     def joined(self, other: "Solution") -> "Solution | None":
-        """Return the solution with what both change of the base model; None where one is of another model."""
-        if {self.variant, self.null, other.variant, other.null} != {"elastic"}:
+        """Return the solution with what both change of a model that shows both; None where there is none."""
+        if not ((self.of_base and other.of_base) or self.of_any or other.of_any):
             return None
-        return Solution(
+        model = self if other.of_any else other
+        return replace(
+            model,
             parameters={**self.parameters, **other.parameters},
             scaled={**self.scaled, **other.scaled},
             tilt_deg=self.tilt_deg + other.tilt_deg,

@@ -212,9 +212,9 @@ class Observations:
         remarks = tuple(
             f"{one.kind.words} was recorded, but isn't solved for on this leg, so it isn't weighed."
             for one in self.channels
-            if not known.issuperset(one.courses)
+            if not known.issuperset(one.needed)
         )
-        kept = tuple(one for one in self.channels if known.issuperset(one.courses))
+        kept = tuple(one for one in self.channels if known.issuperset(one.needed))
         return replace(self, channels=kept, remarks=(*self.remarks, *remarks)) if remarks else self
 
     def with_values(self, values: FloatArray) -> "Observations":

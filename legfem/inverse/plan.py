@@ -28,12 +28,12 @@ from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
+from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.inverse.mechanism import AssumedAccuracy, Mechanism, measured_strength, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.predictor import Predictor, onset_name, values_of
 from legfem.inverse.trial_noise import Noise
-from legfem.inverse.weighing import INEXACT_SHARE
 from legfem.solve.protocol import Protocol
 
 
@@ -165,7 +165,8 @@ def evaluate_design(
     chances = {}
     for one, mine in zip(candidates, told, strict=True):
         effects = [(one.name, one.effect) for one in nuisances(design, blank, mine.readings)]
-        errors = error_model(blank.with_values(mine.readings), noise, mine.readings, effects)
+        images = new.images_elsewhere(one.fit.moved(one.mean), one.fit.mechanisms)
+        errors = error_model(blank.with_values(mine.readings), noise, mine.readings, effects, images=images)
         known = replace(errors, gain_sd=gain_sd).covariance
         for other, its in zip(candidates, told, strict=True):
             if other is one:

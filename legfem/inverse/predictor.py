@@ -153,6 +153,37 @@ class Predictor:
 
     def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
         """Return all readings (N,); NaN where a full solution stopped, and of channels that it hasn't."""
+        force, factors, courses_of = self._predicted(values, mechanisms)
+        if not self.observed.channels:
+            return force + self.offset
+        if np.isnan(force).any():
+            return np.full(len(self.observed.values), np.nan)
+        courses = courses_of(self._names)
+        if self._follows.any():
+            courses[:, self._follows] *= factors[:, None]
+        places, weights = self._read
+        return np.concatenate([force, np.einsum("rw,rw->r", weights, courses.ravel()[places])]) + self.offset
+
+    def images_elsewhere(
+        self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()
+    ) -> dict[str, dict[str, FloatArray]]:
+        """Return what images do that lie elsewhere, by channel and by way: one standard deviation, (k,) readings."""
+        seen_in = [one for one in self.observed.channels if one.laid_courses]
+        if not seen_in:
+            return {}
+        courses_of = self._predicted(values, mechanisms)[2]
+        found: dict[str, dict[str, FloatArray]] = {}
+        for one in seen_in:
+            found[one.name] = {}
+            for way, times in one.accuracy.laid.items():
+                by_name = dict(zip(one.courses, courses_of(one.laid_courses[way]).T, strict=True))
+                found[one.name][way] = times * one.read(by_name.__getitem__)
+        return found
+
+    def _predicted(
+        self, values: Mapping[str, float], mechanisms: Sequence[Mechanism]
+    ) -> tuple[FloatArray, FloatArray, Callable[[tuple[str, ...]], FloatArray]]:
+        """Return forces (n,), what acts on them by a factor (n,), and what gives courses (n, k) by their names."""
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
         c10, c20 = deep_stiffness(values)
@@ -169,7 +200,7 @@ class Predictor:
             return sum((m.displacement_loss(own[m.name], observed, force) for m in mechanisms), onset[observed.trial])
 
         force = _pressed(elastic, observed.displacement, loss)
-        pressed = observed.displacement
+        pressing, pressed = force, observed.displacement
         if self.ends is not None or observed.channels:
             pressed = pressed - loss(force)
         factors: FloatArray = np.ones(len(force))
@@ -188,33 +219,33 @@ class Predictor:
                     factors = factors * (1 + change)
             own_factor = mechanism.force_factor(mine, observed)
             force, factors = force * own_factor, factors * own_factor
-        acting = [(m, its) for m, its in tissue if not m.along_path and not m.derivatives]
+        acting = [(m, its) for m, its in tissue if not m.along_path]
         beyond = self.responses.pair_change(acting, (c10, c20)) if len(acting) == 2 else {}
         if beyond:
             force = force * (1 + np.interp(observed.displacement, self.responses.grid, beyond["force"]))
         for mechanism in mechanisms:
             force = force + mechanism.added_force(own[mechanism.name], observed)
-        if not observed.channels:
-            return force + self.offset
-        names = self._names
-        at = self._grid.at(pressed)
-        if np.isnan(force).any():
-            return np.full(len(observed.values), np.nan)
-        changed: FloatArray = np.zeros((len(self.responses.grid) + 1, len(names)))
-        along: FloatArray = np.zeros((len(force), len(names)))
-        for mechanism, its in tissue:
-            # What is known at the grid is evaluated once, all together.
-            read = at if mechanism.along_path else _as_it_is
-            change = self.responses.channel_changes(names, mechanism, its, (c10, c20), observed, read)
-            along, changed = (along + change, changed) if mechanism.along_path else (along, changed + change)
-        for k, name in enumerate(names):
-            if name in beyond:
-                changed[:, k] += beyond[name]
-        courses = self._courses(names, c10, c20, factor, changed, at) + along
-        if self._follows.any():
-            courses[:, self._follows] *= factors[:, None]
-        places, weights = self._read
-        return np.concatenate([force, np.einsum("rw,rw->r", weights, courses.ravel()[places])]) + self.offset
+
+        def courses_of(names: tuple[str, ...]) -> FloatArray:
+            changed: FloatArray = np.zeros((len(self.responses.grid) + 1, len(names)))
+            along: FloatArray = np.zeros((len(force), len(names)))
+            taken: FloatArray = np.zeros(len(force))
+            for mechanism, its in tissue:
+                # What is known at the grid is evaluated once, all together, but for what takes up a part of the way
+                # by itself: its solution knows of that.
+                own_loss = mechanism.displacement_loss(its, observed, pressing)
+                apart = mechanism.along_path or bool(np.any(own_loss))
+                read = self._grid.at(pressed + own_loss) if apart else _as_it_is
+                change = self.responses.channel_changes(names, mechanism, its, (c10, c20), observed, read)
+                along, changed = (along + change, changed) if apart else (along, changed + change)
+                taken = taken + own_loss
+            if beyond:
+                without = np.zeros(len(self.responses.grid) + 1)
+                rows = np.column_stack([beyond.get(name, without) for name in names])
+                along = along + self._grid.at(pressed + taken)(rows)
+            return self._courses(names, c10, c20, factor, changed, self._grid.at(pressed)) + along
+
+        return force, factors, courses_of
 
     @cached_property
     def _names(self) -> tuple[str, ...]:

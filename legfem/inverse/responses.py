@@ -270,16 +270,48 @@ class SolvedResponses:
         return found
 
     def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
-        """Return what two mechanisms do at once beyond each; nothing of other models than the base one."""
+        """Return what two mechanisms do at once beyond each; nothing where no model shows both.
+
+        Of one that has a share of its whole response, what both do is that share of the way from what its null model
+        does with the other's changes.
+        """
         one, other = (mechanism.solution(values) for mechanism, values in pair)
         joint = one.joined(other)
         if joint is None:
             return {}
+        shares = [mechanism.share(values) for mechanism, values in pair]
         both, first, second = (self.elastic_change(solution, stiffness) for solution in (joint, one, other))
-        found: Columns = {"force": (1 + both["force"]) / ((1 + first["force"]) * (1 + second["force"])) - 1}
+        share = shares[0] * shares[1]
+        if share != 1.0:
+            without = self._null_change(joint, stiffness)
+            both = {name: share * both[name] + (1.0 - share) * without[name] for name in both if name in without}
+        force_alone = [1 + own * alone["force"] for own, alone in zip(shares, (first, second), strict=True)]
+        found: Columns = {"force": (1 + both["force"]) / (force_alone[0] * force_alone[1]) - 1}
+        null = self._solve(self._at_grid(stiffness, Solution(joint.null)))
+        pushed = _pushed(self.grid, null["force"], joint.null_in_series)
+        each = zip(shares, (one, other), (first, second), strict=True)
+        # Springs in series take up a part of the way, and the other's changes are those of the rest.
+        alone = [(own, changes, bool(solution.null_in_series)) for own, solution, changes in each]
         for name in channels_of(both):
             if name in first and name in second:
-                found[name] = both[name] - first[name] - second[name]
+                found[name] = both[name] - sum(
+                    own * (changes[name] if knows else _in_series(pushed, self.grid, changes[name]))
+                    for own, changes, knows in alone
+                )
+        return found
+
+    def _null_change(self, joint: Solution, stiffness: Stiffness) -> Columns:
+        """Return the changes of the model that a solution is compared with, by what that changes of any model."""
+        null = self._solve(self._at_grid(stiffness, Solution(joint.null)))
+        changed = self._solve(
+            self._at_grid(stiffness, Solution(joint.null, scaled=joint.scaled, tilt_deg=joint.tilt_deg))
+        )
+        before, after = (_pushed(self.grid, one["force"], joint.null_in_series) for one in (null, changed))
+        force = [_in_series(at, self.grid, one["force"])[1:] for at, one in ((before, null), (after, changed))]
+        found: Columns = {"force": force[1] / np.maximum(force[0], _SMALLEST_FORCE_N) - 1.0}
+        for name in channels_of(changed):
+            if name in null:
+                found[name] = _in_series(after, self.grid, changed[name]) - _in_series(before, self.grid, null[name])
         return found
 
     def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> Columns:

@@ -264,7 +264,7 @@ class Search[C: Comparison]:
             step = self.domain.inside(self.best.point + self.newton_step())
             # Along a curved valley it goes too far; the emulator knows better once that is solved.
             tried = self._solved(step)
-            settled = self.is_stationary() or (self._reads and is_settled(gained))
+            settled = self.is_stationary() or self._moves_little() or (self._reads and is_settled(gained))
             if near and (settled or (tried and self._is_settled_at(step, emulated, proposal))):
                 ends = far_ends(self.linearised(self.best), self.trials)
                 if len(ends) and len(self.trials) + len(ends) <= self.settings.most_solves:
@@ -341,6 +341,11 @@ class Search[C: Comparison]:
     def is_stationary(self) -> bool:
         """Whether Gauss-Newton hardly leaves the best full solve."""
         return self._is_short(self.newton_step(), _STEP_OF_ERROR, _STEP_OF_VALUE)
+
+    def _moves_little(self) -> bool:
+        """Whether Gauss-Newton's step is too short, for errors and for values, to be worth a solve."""
+        step = self.newton_step()
+        return self._is_short(step, _LAST_STEP_OF_ERROR, 0.0) and self._is_short(step, 0.0, _AGREE_OF_VALUE)
 
     def is_near_optimum(self) -> bool:
         """Whether Gauss-Newton's step from the best full solve is well within its errors."""

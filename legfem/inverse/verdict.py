@@ -329,7 +329,7 @@ def _fitted(
     problem = LinearisedProblem(predictor, error_model(observed, noise, observed.values))
     found = ordinary_fit(problem, starts(predictor.law, middle))
     noise = estimate_noise(observed, instrument, slowest, found.residual[: len(observed.force)])
-    return problem.with_nuisances(noise, found.prediction, nuisances(found)), found
+    return problem.with_nuisances(noise, found, nuisances(found)), found
 
 
 def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:

@@ -7,14 +7,13 @@ import numpy as np
 
 from legfem.inverse.evidence import Discrepancy, Evidence, discrepancy_scales, possible_discrepancies, with_discrepancy
 from legfem.inverse.explanation import INEXACT, Explanation
+from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.laplace import gain_of_widths, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.posterior import Posterior
 
-INEXACT_SHARE = 0.4
-"""Of what shows of a mechanism, what its form may leave at most."""
 FORM_SHARE = 0.1
 """Of all that a mechanism changes, what its form may leave at most: a law, a place or a mesh is off by some per cent of
 the whole effect, of which a refit of the stiffness hides most."""

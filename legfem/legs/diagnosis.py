@@ -133,7 +133,6 @@ class Diagnoser:
         observed, accuracy = self.observations(subject), accuracy_of(subject)
         library, solved = self.library(subject, observed, progress)
         observed = observed.with_channels(library.beside.names)
-        library = library.seeing([course for one in observed.channels for course in one.courses])
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose_body(
             observed,

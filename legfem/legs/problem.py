@@ -93,8 +93,14 @@ class LegProblem:
         """What solves are differentiated by; the stiffnesses always, since back-substitutions cost next to nothing."""
         return tuple(dict.fromkeys((*_ALWAYS_BY, *free_of_model(self.unknowns))))
 
-    def refined(self, search: Search[JointComparison]) -> None:
-        """Nothing: the sites' curves stay as they are."""
+    def refined(self, search: Search[JointComparison]) -> JointComparison | None:
+        """Comparison with what images do that lie elsewhere, as the best solve shows it; None where that is known."""
+        comparison, curves = search.misfit, search.best.outcome.curves
+        sites = [test for test in comparison.tests if isinstance(test, SiteTest)]
+        seen = [test.seen_in(curve) for test, curve in zip(sites, curves, strict=True)]
+        if all(one is None for one in seen):
+            return None
+        return replace(comparison, tests=tuple(one or test for one, test in zip(seen, sites, strict=True)))
 
     def corrected(self, corrections: Sequence[Correction | None]) -> "LegProblem":
         """The same with other corrections, one a site."""

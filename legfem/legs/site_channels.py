@@ -1,7 +1,7 @@
 """Channels beside the force at a site: their readings along the loading, and what these err by."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,10 +16,14 @@ from legfem.data.recording import RecordedChannel
 from legfem.geometry.section import layer_thicknesses
 from legfem.inverse import errors
 from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
+from legfem.inverse.errors import Elsewhere
 from legfem.inverse.readings import Channel
 from legfem.legs.nuisances import accuracy_of_shape
 from legfem.legs.plausible_recordings import loading_depths
 from legfem.legs.subject import Subject
+from legfem.solve.path import ForceCurve
+
+_SAME = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,18 +34,22 @@ class SiteChannel:
     ----------
     readings : ChannelReadings
         k of them, along the loading.
-    slope : (k,) array
-        Of the values by the depth, per mm, smoothed.
-    instrument : (k, k) array
+    level, slope : (k,) array
+        The values and their slope by the depth, per mm, smoothed.
+    own : (k, k) array
         Of a reading, a bias, a gain, slow errors, a lag, and of where contact is put.
     outlines : (k, k) array
         By the outlines' error: a thickness is compared with that of the section.
+    laid : Mapping[str, ndarray]
+        By the way in which an image lies elsewhere, what one standard deviation does, (k,).
     """
 
     readings: ChannelReadings
+    level: FloatArray
     slope: FloatArray
-    instrument: FloatArray
+    own: FloatArray
     outlines: FloatArray
+    laid: Elsewhere = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of readings."""
@@ -52,6 +60,25 @@ class SiteChannel:
         """Displacement after first contact, (k,), mm."""
         return self.readings.displacement
 
+    @property
+    def instrument(self) -> FloatArray:
+        """Covariance (k, k) by the instrument, but for `image_errors`."""
+        return np.asarray(self.own + errors.covariance_of_places(self.readings, self.level, self.laid))
+
+    def seen_in(self, curve: ForceCurve) -> "SiteChannel":
+        """Return the channel whose image lies elsewhere in what a model's solve shows."""
+        laid = {way: np.zeros(len(self)) for way in self.readings.laid_courses}
+        for way, names in self.readings.laid_courses.items():
+            for name, rows in zip(names, self.readings.rows, strict=True):
+                laid[way][rows] = self.readings.accuracy.laid[way] * curve.channel(name, self.depth[rows])
+        return replace(self, laid=laid)
+
+    def as_seen(self, other: "SiteChannel") -> bool:
+        """Whether its image does as in another solve, but for a twentieth."""
+        return self.laid.keys() == other.laid.keys() and all(
+            np.abs(self.laid[way] - effect).max() <= _SAME * np.abs(effect).max() for way, effect in other.laid.items()
+        )
+
     @cached_property
     def parts(self) -> list[tuple[str, FloatArray]]:
         """Names of the courses that were read, and at which depths each, in the readings' order."""
@@ -61,7 +88,8 @@ class SiteChannel:
     @cached_property
     def channel(self) -> Channel:
         """The readings as all tests have them."""
-        return replace(self.readings.channel, sd=np.sqrt(np.diag(self.instrument + self.outlines)))
+        of_image = sum((effect**2 for effect in self.laid.values()), np.zeros(len(self)))
+        return replace(self.readings.channel, sd=np.sqrt(np.diag(self.instrument + self.outlines) + of_image))
 
     @cached_property
     def size(self) -> float:
@@ -71,7 +99,17 @@ class SiteChannel:
     @cached_property
     def numerical(self) -> FloatArray:
         """Covariance (k, k) of the model's own error, about the measured change."""
-        return errors.model_covariance(self.readings, float(np.abs(self.slope * self.depth).max()))
+        return errors.model_covariance(self.readings, self.slope * self.depth)
+
+
+def image_errors(beside: Sequence[SiteChannel]) -> FloatArray:
+    """Return the covariance (k, k) of channels, one after the other, by where the images lie that they are read in."""
+    modes: dict[str, FloatArray] = {}
+    ends = np.cumsum([0, *map(len, beside)])
+    for one, start, end in zip(beside, ends[:-1], ends[1:], strict=True):
+        for name, effect in errors.errors_of_image(one.readings, one.laid).items():
+            modes.setdefault(name, np.zeros(ends[-1]))[start:end] = effect
+    return np.asarray(sum((np.outer(mode, mode) for mode in modes.values()), np.zeros((ends[-1], ends[-1]))))
 
 
 def site_channels(subject: Subject, curve: LoadingCurve, model: str = "2d") -> tuple[SiteChannel, ...]:
@@ -139,16 +177,15 @@ def _site_channel(subject: Subject, curve: LoadingCurve, readings: ChannelReadin
     )
     own = errors.reading_covariance(readings, slope, slowest, [sorted({int(k) for k in readings.trial})])
     force = np.interp(readings.displacement, curve.displacement, curve.force, left=0.0)
-    of_places = errors.errors_of_places(readings, level)
-    shared = errors.shared_errors(readings, level, force) | of_places
+    shared = errors.shared_errors(readings, level, force) | errors.errors_of_places(readings, level)
     alike = [np.outer(effect, effect) for effect in shared.values()]
     # Where contact is put, in each trial by itself and in all.
     contact = curve.noise.shift_sd**2 * np.equal.outer(readings.trial, readings.trial) + curve.noise.common_shift_sd**2
-    instrument = own + errors.misplaced_covariance(readings, of_places) + sum(alike) + contact * np.outer(slope, slope)
+    instrument = own + sum(alike) + contact * np.outer(slope, slope)
     # An outline that is off makes a layer thicker in proportion all along the test.
     share = np.abs(level) / at_rest if at_rest else np.zeros(len(level))
     both = np.sqrt(2) * accuracy_of_shape(subject).contour_sd * share
-    return SiteChannel(readings, slope, np.asarray(instrument), np.outer(both, both))
+    return SiteChannel(readings, level, slope, np.asarray(instrument), np.outer(both, both))
 
 
 def _smooth(depth: FloatArray, values: FloatArray, at_rest: float) -> Polynomial:

@@ -19,7 +19,7 @@ from legfem.inverse.fit import TestFit
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Channel, Data, Reading
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
-from legfem.legs.site_channels import SiteChannel
+from legfem.legs.site_channels import SiteChannel, image_errors
 from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.solve.path import ForceCurve
 
@@ -108,6 +108,12 @@ class SiteTest(Test):
         """Whether a solve came to the grid's end; one that stops short says nothing of the greatest forces."""
         told = all(course in curve.channels for _, course, _ in self._parts)
         return told and curve.depth >= self.grid[-1] - 1e-9
+
+    def seen_in(self, curve: ForceCurve) -> "SiteTest | None":
+        """Same test with what images do that lie elsewhere, as a solve shows it; None where that is known already."""
+        beside = tuple(one.seen_in(curve) for one in self.beside)
+        known = all(one.as_seen(other) for one, other in zip(self.beside, beside, strict=True))
+        return None if known else replace(self, beside=beside)
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Readings (..., n) that the instrument shows of the model's (..., m)."""
@@ -212,11 +218,12 @@ class SiteTest(Test):
             return {"recordings": recordings, "few_repeats": few, "model": numerical}
         blank = [np.zeros((len(one), len(one))) for one in self.beside]
         own = block_diag(numerical, *(one.numerical + one.outlines for one in self.beside))
+        instruments = block_diag(*(one.instrument for one in self.beside))
         return {
             "recordings": np.asarray(block_diag(recordings, *blank)),
             "few_repeats": np.asarray(block_diag(few, *blank)),
             "model": np.asarray(own),
-            "channels": np.asarray(block_diag(np.zeros_like(numerical), *(one.instrument for one in self.beside))),
+            "channels": np.asarray(block_diag(np.zeros_like(numerical), instruments + image_errors(self.beside))),
         }
 
     def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:

@@ -47,7 +47,8 @@ def model_name(model: Explanation) -> str:
 def statement_name(one: Statement) -> str:
     """Return what a statement says, in short."""
     if one.unnamed:
-        return UNKNOWN_NAME
+        like = " + ".join(plain(name) for name in one.like)
+        return f"{UNKNOWN_NAME}, like {like}" if like else UNKNOWN_NAME
     return " + ".join(plain(name) for name in one.names) or "nothing detectable"
 
 

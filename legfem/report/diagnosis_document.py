@@ -83,7 +83,12 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "verdict": found.verdict,
             "probability_that_nothing_shows": found.explained.adequacy,
             "statements": [
-                {"mechanisms": list(one.names), "unknown": one.unnamed, "probability": one.probability}
+                {
+                    "mechanisms": list(one.names),
+                    "unknown": one.unnamed,
+                    "like": list(one.like),
+                    "probability": one.probability,
+                }
                 for one in found.explained.statements()
                 if one.nothing_shows or one.probability > 1e-4
             ],

@@ -16,7 +16,7 @@ from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share, residual
 from legfem.legs.mechanisms import Mechanism
 from legfem.legs.mechanisms.time_dependence import TissueRelaxation
 from legfem.report import page as web
-from legfem.report.diagnosis_curves import determined, places_of, relative_change
+from legfem.report.diagnosis_curves import determined, places_of, plain, relative_change
 from legfem.report.estimates import high_or_low
 from legfem.report.words import MODULI, capital, moduli_text, number, share
 
@@ -82,6 +82,8 @@ def air(found: Diagnosis) -> str:
 def _in_part(found: Diagnosis, model: Explanation) -> str:
     if not model.in_part:
         return ""
+    if model.missing:
+        return f" {missing_sentence(model)}"
     left = residual_intervals(found, model)
     explained = f" It explains {percent(explained_share(found, model))} of the misfit"
     if model.trials_differ and not left:
@@ -99,9 +101,23 @@ def _digits(value: float) -> str:
 
 
 def statements(model: Explanation) -> str:
-    """Return what a model's mechanisms say was left out."""
+    """Return what a model's mechanisms say was left out, or that it is like that."""
     every = [m.statement for m in model.fit.mechanisms]
-    return ("; and also " if any(":" in one for one in every) else " and ").join(every)
+    said = ("; and also " if any(":" in one for one in every) else " and ").join(every)
+    return f"something unknown that looks as if {said}" if model.missing else said
+
+
+def missing_sentence(model: Explanation) -> str:
+    """Return where what a model names isn't seen, though it would be."""
+    each = [
+        f"{plain(name)} is not seen in {_listed([part.part for part in parts])}"
+        for name, parts in model.missing.items()
+    ]
+    return f"It is not that, or not alone: {' and '.join(each)}, where it would be."
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
 def kin_sentence(models: Sequence[Explanation]) -> str:
@@ -225,6 +241,7 @@ def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
         return "caution", f"Good enough: the model misses by {share(found.misfit.size)} of the largest force."
     if _wide(found):
         fits = "The model fits" if found.verdict == "consistent" else "The corrected model fits"
+        fits += ", but not in all parts" if found.models and found.models[0].missing else ""
         return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
     if found.verdict == "consistent":
         return ("sound", "Yes.") if found.aside is None else ("caution", f"Yes, without {found.aside.described}.")
@@ -271,8 +288,10 @@ def _wrong(found: Diagnosis) -> str:
             f"this program knows explains the difference.{_place(found)}"
         )
     if found.verdict == "named":
-        part = " That explains only a part of the difference." if found.models[0].in_part else ""
-        return f"Most likely {statements(found.models[0])}. The computer model left that out.{part}"
+        first = found.models[0]
+        part = " That explains only a part of the difference." if first.in_part else ""
+        part = f" {missing_sentence(first)}" if first.missing else part
+        return f"Most likely {statements(first)}. The computer model left that out.{part}"
     shown = found.models[:_MOST_CAUSES]
     causes = [f"{statements(m)} ({percent(m.probability)} likely)" for m in shown]
     more = len(found.models) - len(causes)
@@ -308,6 +327,8 @@ def _sure(found: Diagnosis) -> str:
         return f"{capital(wrong)}; the recordings do not show what."
     if found.verdict == "named":
         share = found.models[0].probability
+        if found.models[0].missing:
+            return f"{capital(wrong)}; what it is like is not what it is. The range also allows for other causes."
         return (
             f"{capital(percent(share))} sure of this cause, and {wrong}. The range "
             f"also allows for other causes, and {_NINETEEN_OF_20}"

@@ -1,10 +1,10 @@
 """Newton's method for one step: a thin wrapper of PETSc's SNES.
 
-The wrapper adds three things to SNES. The tangent is assembled and factorised anew only while that
-pays: an iteration that went well is followed by one with the same factors. An update is shortened
-until every J is positive and the residual is acceptable. The outcome is a value, and a state is
-accepted only where the residual is small; SNES' test on the length of the update is off, since it
-accepts impossible steps.
+The wrapper adds three things to SNES. The tangent is assembled and factorised anew only while that pays: an iteration
+that went well is followed by one with the same factors, and after an easy step the next one's first tangent may take
+the body's part from the last before. An update is shortened until every J is positive and the residual is acceptable.
+The outcome is a value, and a state is accepted only where the residual is small; SNES' test on the length of the update
+is off, since it accepts impossible steps.
 """
 
 from dataclasses import dataclass, replace
@@ -22,6 +22,7 @@ from legfem.solve.settings import NewtonSettings
 
 _SMALLEST = 1e-8
 """Singular values of the updates' products, over the largest, below which they are rounding."""
+_FEW = 3  # factorisations of an easy step
 
 
 class AndersonMixing:
@@ -179,7 +180,7 @@ class NewtonSolver:
         self._settings = settings or NewtonSettings()
         self._norms: list[float] = []
         self._damper = Damper(system)
-        self._factorisations, self._fresh = 0, False
+        self._factorisations, self._fresh, self._went_well = 0, False, False
         self._mixing = AndersonMixing(system.comm, self._settings.mixing)
         matrix = system.tangent_matrix
         vector = system.residual_vector.x.petsc_vec
@@ -233,6 +234,7 @@ class NewtonSolver:
         if converged:
             self._load(self._solution)
             converged = self._system.minimum_volume_ratio() > 0
+        self._went_well = converged and self._settings.keeps_body and self._factorisations <= _FEW
         return NewtonOutcome(
             converged,
             _describe(reason) if converged or reason <= 0 else "an element is inverted",
@@ -251,8 +253,8 @@ class NewtonSolver:
             renew_factors(self.linear_solver)
         self.linear_solver.setUp()
 
-    def _assemble_tangent(self) -> None:
-        tangent = self._system.assemble_tangent()
+    def _assemble_tangent(self, reuse: bool = False) -> None:
+        tangent = self._system.assemble_tangent(keep=self._settings.keeps_body, reuse=reuse)
         self._damper.stiffen(tangent)
         if self._saddle is not None:
             self._saddle.update()
@@ -296,9 +298,11 @@ class NewtonSolver:
         if gained and self._factorisations and not self._iterates:
             self._fresh = False
             return
-        self._fresh = True
+        # Since an easy step the body has changed little, and the contact may have much.
+        reuse = self._went_well and not self._factorisations and not self._damper.acts
+        self._fresh = not reuse
         self._load(state)
-        self._assemble_tangent()
+        self._assemble_tangent(reuse)
         self._factorisations += 1
         self._mixing.forget()
 

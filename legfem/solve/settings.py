@@ -20,6 +20,9 @@ class NewtonSettings:
         Greatest number of factorisations in one step.
     reuse : float
         The factors are used again after an iteration that reduced the residual by this factor.
+    keeps_body : bool
+        Whether after an easy step the next one's first tangent takes the body's part from the last before; what goes
+        on from a kept state then agrees with what wasn't interrupted to the tolerance alone.
     mixing : int
         Updates by the same factors from which the next is improved, see `legfem.solve.newton`.
     floor : float
@@ -38,6 +41,7 @@ class NewtonSettings:
     absolute_tolerance: float = 1e-13
     max_factorisations: int = 12
     reuse: float = 0.3
+    keeps_body: bool = False
     mixing: int = 5
     floor: float = 10.0
     memory: int = 2

@@ -179,6 +179,8 @@ class NuisanceSlopes:
         The change of Laplace's pressure with the shape doesn't depend on the stiffness; how far the
         shape moves does.
         """
+        if self._sensors is None:
+            return np.zeros((0, len(self.sd)))
         _, skin = self._skin_response(parameters)
         sensed = np.mean([sample.sensed for sample in self._samples], axis=0)
         by_modes, by_pressure = _coupled(sensed, skin)

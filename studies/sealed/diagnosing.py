@@ -112,9 +112,9 @@ class Said:
             return None
         if self.verdict == "consistent":
             return True
-        if self.verdict == "unexplained":
+        if not self.stated:
             return not self.truth or self.kind == "outside"
-        return bool(self.stated) and set(self.stated) <= set(self.truth)
+        return set(self.stated) <= set(self.truth)
 
     @property
     def holds(self) -> bool:
@@ -247,7 +247,7 @@ class Lab:
             observed,
             INSTRUMENT,
             subject.tissues["deep"].law,
-            library.seeing([course for one in observed.channels for course in one.courses]),
+            library,
             solved,
             Silent(),
             accuracy_of(subject),

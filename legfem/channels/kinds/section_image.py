@@ -5,21 +5,13 @@ outlines' coordinates, and by how much they have moved since. Errors of tracking
 that points are taken together in cells of a few millimetres; a cell's mean moves as the tissue at the points' middle
 does.
 
-An image is laid into the section by hand, or by its outline: it may lie :math:`s` beside where it is said to, and be
-turned by :math:`\theta` about its middle :math:`c`. To first order a reading at :math:`X` then is
-
-.. math:: u(X) + \nabla u\,(s + \theta\, e_z \times (X - c)) - \theta\, e_z \times u,
-
-with the gradient of a thin-plate spline through what is predicted of the frame; between cells of 6 mm it is off by a
-third of itself, which is an error of each place alone (`gradient_error`).
-
 A file of strains along the travel, as strain elastography shows them, has the same points, and the strain there since,
 below zero where the tissue is shortened. An estimator fits a line to displacements along the beam over a window of
 length w, so that a reading at :math:`X` is
 
 .. math:: \frac{e \cdot (u(X + w e / 2) - u(X - w e / 2))}{w}
 
-with the travel's direction :math:`e`.
+with the travel's direction :math:`e`. The image may lie beside where it is said to: `legfem.channels.laid`.
 """
 
 from collections.abc import Sequence
@@ -29,7 +21,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 
 from legfem.channels.kind import (
     ChannelAccuracy,
@@ -39,10 +30,10 @@ from legfem.channels.kind import (
     FramesError,
     FramesFile,
     Impossible,
-    PlacedReadings,
     Read,
     ReadingsAtSite,
 )
+from legfem.channels.laid import AS_STATED, Laid
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import BONES
@@ -53,10 +44,6 @@ if TYPE_CHECKING:
 
 CELL_MM = 6.0
 """Points are taken together in cells of this size, or of more where there would be too many."""
-_FEWEST, _STEP_MM = 4, 0.5
-"""Places of a frame that have a gradient, and the step that it is taken over."""
-_ALL_OFF_MM = 18.0
-"""Distance of places between which the field bends too much for any gradient."""
 
 
 def _in_tissue(points: FloatArray, site: Site, beyond: float) -> NDArray[np.bool_]:
@@ -125,55 +112,6 @@ def cell_means(
     return keys[:, 0], keys[:, 1].astype(int), means
 
 
-def displaced_image(
-    at: FloatArray, values: FloatArray, group: NDArray[np.int_], accuracy: ChannelAccuracy
-) -> dict[str, FloatArray]:
-    """Return by name what a shift of the image in either direction does, and a turn about its middle, (k,).
-
-    By where readings are taken alone: what a turn does to a reading's direction is its kind's.
-
-    Parameters
-    ----------
-    at
-        Places of the readings, (k, 2), mm.
-    values
-        Predicted, (k,).
-    group
-        Number of the field that each is of, one a frame and direction, (k,).
-    accuracy
-        Of the image's place.
-    """
-    slopes = np.zeros((len(values), 2))
-    for number in np.unique(group):
-        rows = group == number
-        slopes[rows] = _gradient(at[rows], values[rows])
-    x, y = (at - at.mean(axis=0)).T
-    return {
-        "shift in x": accuracy.shift * slopes[:, 0],
-        "shift in y": accuracy.shift * slopes[:, 1],
-        "turn": np.deg2rad(accuracy.turn) * (slopes[:, 1] * x - slopes[:, 0] * y),
-    }
-
-
-def gradient_error(at: FloatArray) -> float:
-    """Return the share of itself by which a gradient between places (k, 2) is off: a third at 6 mm, and as they lie."""
-    places = np.unique(at, axis=0)
-    if len(places) < 2:
-        return 1.0
-    apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
-    np.fill_diagonal(apart, np.inf)
-    return min(1.0, float(np.median(apart.min(axis=1))) / _ALL_OFF_MM)
-
-
-def _gradient(at: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the gradient (n, 2) at places (n, 2) of a thin-plate spline through values (n,) there; 0 of a few."""
-    if len(at) < _FEWEST or np.linalg.matrix_rank(at - at.mean(axis=0)) < 2:
-        return np.zeros((len(at), 2))
-    spline = RBFInterpolator(at, values)
-    steps = _STEP_MM * np.eye(2)
-    return np.column_stack([(spline(at + step) - spline(at - step)) / (2 * _STEP_MM) for step in steps])
-
-
 _TRACKING = ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
 """Of a cell; what is slow is tracking's drift from frame to frame. The image is laid into the section by hand."""
 INSIDE = ChannelKind(
@@ -182,6 +120,7 @@ INSIDE = ChannelKind(
     "displacement of points inside the section since before the cylinder pressed",
     _TRACKING,
     0.006,
+    image="image of displacements",
 )
 _MOST_CELLS = 20
 _OUTSIDE_MM = 1.0
@@ -199,10 +138,15 @@ class SectionDisplacements(FramesFile):
 
     def read(self, seen: "Seen") -> Channels:
         """Return the displacements at the places where somebody looked."""
+        return self.laid(seen, AS_STATED)
+
+    def laid(self, seen: "Seen", image: Laid) -> Channels:
+        """Return the displacements that an image shows there."""
         places = seen.places(INSIDE.name)
         if not len(places):
             return {}
-        values, rates = seen.moves(places[:, :2])
+        at = places[:, :2]
+        values, rates = map(image.shown, seen.moves(image.truly(at, at.mean(axis=0))))
         rows, way = np.arange(len(places)), places[:, 2].astype(int)
         return {
             name: (float(value), rate)
@@ -247,23 +191,6 @@ class SectionDisplacements(FramesFile):
         between = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=-1)
         return np.where(np.equal.outer(places[:, 2], places[:, 2]), between, np.inf)
 
-    def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
-        """Return what a shift of the image in either direction does, and a turn about its middle."""
-        at, way = read.places[:, :2], read.places[:, 2].astype(int)
-        found = displaced_image(at, read.values, 2 * read.frame + way, accuracy)
-        for number in np.unique(read.frame):
-            for k, sign in ((0, 1.0), (1, -1.0)):
-                mine, others = (np.flatnonzero((read.frame == number) & (way == one)) for one in (k, 1 - k))
-                # e_z x u is (-uy, ux).
-                found["turn"][mine] += (
-                    sign * np.deg2rad(accuracy.turn) * _beside(at[mine], at[others], read.values[others])
-                )
-        return found
-
-    def shared_is_off(self, places: FloatArray) -> float:
-        """Return by how much the gradient is off that the image's place is weighed with."""
-        return gradient_error(places[:, :2])
-
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the cells' mean displacements, of points that lie in tissue."""
         inside = tissue_points(frames, site, _OUTSIDE_MM)
@@ -286,19 +213,13 @@ def _means(time: FloatArray, cell: NDArray[np.int_], moved: FloatArray, places: 
     return Read(INSIDE.name, np.repeat(times, 2), means.ravel(), course, places)
 
 
-def _beside(at: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the values (n,) of the places that are nearest to points (n, 2); 0 without any."""
-    if not len(places):
-        return np.zeros(len(at))
-    return np.asarray(values[np.linalg.norm(at[:, None] - places[None], axis=-1).argmin(axis=1)])
-
-
 STRAIN = ChannelKind(
     "section_strain",
     "-",
     "strain along the travel inside the section, since before the cylinder pressed",
     ChannelAccuracy(reading=0.02, gain=0.05, slow=0.005, lag=0.1, shift=2.0, turn=3.0, apart=4.0),
     0.0005,
+    image="image of strain",
 )
 """Accuracies of a cell, by what quasi-static elastography reports of phantoms: a few per cent of strain."""
 WINDOW_MM = 3.0
@@ -318,12 +239,17 @@ class SectionStrains(FramesFile):
 
     def read(self, seen: "Seen") -> Channels:
         """Return the strains at the places where somebody looked."""
+        return self.laid(seen, AS_STATED)
+
+    def laid(self, seen: "Seen", image: Laid) -> Channels:
+        """Return the strains that an image shows there, along a beam that is turned with it."""
         places = seen.places(STRAIN.name)
         if not len(places):
             return {}
-        way = seen.model.system.direction
-        ahead, ahead_rates = seen.moves(places + 0.5 * WINDOW_MM * way)
-        behind, behind_rates = seen.moves(places - 0.5 * WINDOW_MM * way)
+        way, middle = seen.model.system.direction, places.mean(axis=0)
+        half = 0.5 * WINDOW_MM * way
+        ahead, ahead_rates = map(image.shown, seen.moves(image.truly(places + half, middle)))
+        behind, behind_rates = map(image.shown, seen.moves(image.truly(places - half, middle)))
         values, rates = ((ahead - behind) @ way) / WINDOW_MM, ((ahead_rates - behind_rates) @ way) / WINDOW_MM
         names = STRAIN.courses(len(places))
         return {name: (float(value), rate) for name, value, rate in zip(names, values, rates.T, strict=True)}
@@ -353,17 +279,6 @@ class SectionStrains(FramesFile):
     def apart(self, places: FloatArray) -> FloatArray:
         """Return how far readings are apart."""
         return np.asarray(np.linalg.norm(places[:, None] - places[None], axis=-1))
-
-    def shared(self, read: PlacedReadings, accuracy: ChannelAccuracy) -> dict[str, FloatArray]:
-        """Return what a shift of the image in either direction does, and a turn about its middle.
-
-        By where strains are read; that the beam is turned too is a share of the turn's square, and of the shear.
-        """
-        return displaced_image(read.places, read.values, read.frame, accuracy)
-
-    def shared_is_off(self, places: FloatArray) -> float:
-        """Return by how much the gradient is off that the image's place is weighed with."""
-        return gradient_error(places)
 
     def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
         """Return the cells' mean strains, of points whose window lies in tissue."""
