@@ -10,10 +10,15 @@ from mpi4py import MPI
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 # Where an update's gain is near what is asked of it, rounding says whether factors are made anew.
-settings = PlaneStrainSettings(mesh=COARSE, formulation=sys.argv[1], steps=StepSettings.regular(curve_tolerance=2e-3))
+settings = PlaneStrainSettings(
+    mesh=COARSE,
+    formulation=sys.argv[1],
+    steps=StepSettings.regular(curve_tolerance=2e-3),
+    newton=NewtonSettings(1e-10, reuse=0.7, keeps_body=True),
+)
 test = PlaneStrainIndentation(*subject_3(), settings, comm=MPI.COMM_WORLD)
 parameters = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
 solved = test.solve(None, Protocol.through((3.0, 2.0), rate=1.0), parameters)
