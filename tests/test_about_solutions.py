@@ -11,9 +11,8 @@ from making_diagnosis import GRID, problem_of, ramps
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
-from legfem.inverse.explain import base_about_solution, refitted_about_solutions
 from legfem.inverse.linearised import LinearisedProblem
-from legfem.inverse.map_fit import fit
+from legfem.inverse.map_fit import base_about_solution, fit, refitted_about_solutions
 from legfem.inverse.predictor import Responses
 from legfem.legs.mechanisms import mechanism_named
 

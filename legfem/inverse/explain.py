@@ -11,10 +11,17 @@ from functools import partial
 
 import numpy as np
 
-from legfem.common.units import FloatArray
-from legfem.inverse.evidence import probabilities
+from legfem.inverse.evidence import (
+    Discrepancy,
+    Evidence,
+    discrepancy_scales,
+    possible_discrepancies,
+    probabilities,
+    with_discrepancy,
+)
 from legfem.inverse.explanation import (
     ADDS_FROM,
+    INEXACT,
     Explained,
     Explanation,
     better_of,
@@ -22,12 +29,138 @@ from legfem.inverse.explanation import (
     log_bayes_factor,
     singles_of,
 )
-from legfem.inverse.laplace import integrate_strength
+from legfem.inverse.form import INEXACT_SHARE
+from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
-from legfem.inverse.map_fit import fit, ordinary_fit
-from legfem.inverse.mechanism import Mechanism
-from legfem.inverse.predictor import Predictor, Responses
-from legfem.inverse.weighing import Weighing
+from legfem.inverse.map_fit import fit
+from legfem.inverse.mechanism import Mechanism, null_of
+from legfem.inverse.posterior import Posterior
+
+FORM_SHARE = 0.1
+"""Of all that a mechanism changes, what its form may leave at most: a law, a place or a mesh is off by some per cent of
+the whole effect, of which a refit of the stiffness hides most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """What explanations of the same recordings are weighed by.
+
+    Parameters
+    ----------
+    base
+        The base model's fit.
+    unknowns
+        Errors of no known form that there may be, none among them.
+    evidence
+        With the errors and these.
+    """
+
+    base: LinearisedFit
+    unknowns: Sequence[Discrepancy]
+    evidence: Evidence
+
+    @classmethod
+    def about(cls, problem: LinearisedProblem, base: LinearisedFit) -> "Weighing":
+        """Return the weighing of explanations about a base model's fit."""
+        unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
+        return cls(base, unknowns, Evidence(problem.errors, unknowns))
+
+    def base_model(self, problem: LinearisedProblem, log_prior: float, unknown: bool) -> Explanation:
+        """Return the base model alone, or with something unknown."""
+        shares = [
+            (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
+            for u in self.unknowns
+        ]
+        posterior = laplace_posterior(problem, self.evidence, self.base, shares)
+        return Explanation(problem, self.base, posterior, log_prior, unknown, False)
+
+    def of(
+        self, problem: LinearisedProblem, fitted: LinearisedFit, log_prior: float, confirmed: bool = False
+    ) -> Explanation:
+        """Return a fit with mechanisms as an explanation, beside what their forms may leave."""
+        shares = self._shares_beside(problem, fitted)
+        posterior, plain = laplace_posterior(problem, self.evidence, fitted, shares), fitted
+        if posterior.discrepancy_probability > 0.5:
+            # Beside something unknown the parameters are elsewhere than a fit without it finds them,
+            # and the evidence is linear about where they are.
+            aware = _beside(problem, fitted, self.aware(problem, posterior))
+            again = laplace_posterior(problem, self.evidence, aware, shares)
+            if again.log_evidence > posterior.log_evidence:
+                fitted, posterior = aware, again
+        of_any_width = posterior.log_evidence + gain_of_widths(fitted, posterior)
+        return Explanation(
+            problem,
+            fitted,
+            replace(posterior, log_evidence=of_any_width),
+            log_prior,
+            False,
+            confirmed,
+            log_discrepancy_weights=tuple(shares),
+            fit_without_discrepancy=None if fitted is plain else plain,
+        )
+
+    def with_strength_held(self, one: Explanation, hides: bool, held: LinearisedFit) -> Posterior:
+        """Return what the data say of a fit with its strength held, beside what so strong an effect's form may leave.
+
+        Parameters
+        ----------
+        one
+            Explanation that the fit is of.
+        hides
+            Whether it explains no more than nothing does.
+        held
+            The fit.
+        """
+        shares = self._shares_beside(one.problem, held, True) if hides else one.log_discrepancy_weights
+        return laplace_posterior(one.problem, self.evidence, held, shares)
+
+    def aware(self, problem: LinearisedProblem, posterior: Posterior) -> LinearisedProblem:
+        """Return the problem with the most probable of the unknown errors among its own."""
+        most = self.unknowns[int(np.argmax(posterior.discrepancy_weights))]
+        return problem.with_errors(with_discrepancy(problem.errors, most))
+
+    def _shares_beside(self, problem: LinearisedProblem, fitted: LinearisedFit, hides: bool = False) -> list[float]:
+        """Return the logarithms of the shares of unknown errors beside a model with mechanisms, or one that hides."""
+        scales = discrepancy_scales(problem.predictor.observed, self.base.prediction)
+        # In a channel that a mechanism doesn't change its form leaves nothing either.
+        shown = shown_effects(problem, fitted, self.base)
+        whole = _whole_effects(problem, fitted) if hides else [0.0] * len(shown)
+        most = [
+            max(INEXACT_SHARE * effect / scale, FORM_SHARE * all_of_it / scale, self.unknowns[1].size)
+            for effect, all_of_it, scale in zip(shown, whole, scales, strict=True)
+        ]
+        fits = [
+            u.covariance is not None and all(size <= own for size, own in zip(u.by_channel, most, strict=True))
+            for u in self.unknowns
+        ]
+        share = np.log(INEXACT / max(sum(fits), 1))
+        return [
+            float(np.log(1 - INEXACT)) if u.covariance is None else (float(share) if small else -np.inf)
+            for u, small in zip(self.unknowns, fits, strict=True)
+        ]
+
+
+def _beside(problem: LinearisedProblem, fitted: LinearisedFit, aware: LinearisedProblem) -> LinearisedFit:
+    """Refit with something unknown among the errors; its misfit is told by the errors alone."""
+    refit = fit(aware, fitted.mechanisms, fitted.values)
+    return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.sensitivities))
+
+
+def shown_effects(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> list[float]:
+    """Return the root mean square of what a mechanism changes that the base model can't, by channel in its unit."""
+    change = fitted.prediction - base.prediction
+    basis = np.linalg.qr(base.jacobian)[0]
+    white = problem.whitened(change)
+    rest = problem.errors.lower @ (white - basis @ (basis.T @ white)) if problem.kept is None else change
+    return [float(np.sqrt(np.mean(rest[span] ** 2))) for span in problem.predictor.observed.data.spans]
+
+
+def _whole_effects(problem: LinearisedProblem, fitted: LinearisedFit) -> list[float]:
+    """Return the root mean square of all that mechanisms change at the fitted stiffness, by channel in its unit."""
+    nulls = {f"{m.name}.{m.parameters[0].name}": null_of(m.parameters[0]) for m in fitted.mechanisms}
+    change = fitted.prediction - problem.predictor({**fitted.values, **nulls}, fitted.mechanisms)
+    return [float(np.sqrt(np.mean(change[span] ** 2))) for span in problem.predictor.observed.data.spans]
+
 
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
 """Of all explanations of a kind together: one effect is expected in a test, by Poisson's
@@ -242,80 +375,3 @@ def _led_by(one: Explanation, found: Sequence[Explanation], every: bool) -> list
 def _as_confirmed(one: Explanation) -> Explanation:
     """Return an explanation that can't be confirmed: its solution stopped."""
     return replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
-
-
-_REFITS = 3
-"""About full solutions, at most."""
-_STAYS = 0.25
-"""Of a trial's noise: a refit that moves the prediction by less stays."""
-
-
-def base_about_solution(
-    problem: LinearisedProblem, base: LinearisedFit, solved: Responses | None
-) -> tuple[LinearisedProblem, LinearisedFit, float]:
-    """Refit the base model about a full solution; return also the emulator's error there.
-
-    Parameters
-    ----------
-    problem
-        The observations.
-    base
-        The base model's fit.
-    solved
-        Full solutions; the fit stands without them.
-    """
-    if solved is None:
-        return problem, base, float("nan")
-    offset = _offset(problem.predictor, base, solved)
-    if offset is None:
-        return problem, base, float("nan")
-    problem = problem.corrected(offset)
-    forces = slice(len(problem.predictor.observed.force))
-    error = float(np.abs(offset[forces]).max() / np.abs(base.prediction[forces]).max())
-    return problem, ordinary_fit(problem, [base.values]), error
-
-
-def refitted_about_solutions(
-    solved: Responses, problem: LinearisedProblem, fitted: LinearisedFit
-) -> tuple[LinearisedProblem, LinearisedFit, bool]:
-    """Refit about full solutions until the refit stays; return also whether there was one.
-
-    Fat that slides folds in one way or in another, so that a model may have solutions on several
-    branches at about the same stiffness, and a refit need not stay: then that stands which leaves
-    least.
-
-    Parameters
-    ----------
-    solved
-        Full solutions.
-    problem
-        The observations.
-    fitted
-        What is to be refitted.
-    """
-    made: list[tuple[LinearisedProblem, LinearisedFit]] = []
-    for _ in range(_REFITS):
-        offset = _offset(problem.predictor, fitted, solved)
-        if offset is None:
-            break
-        before = fitted.prediction
-        problem = problem.corrected(offset)
-        fitted = fit(problem, fitted.mechanisms, fitted.values)
-        made.append((problem, fitted))
-        moved, spread = np.abs(fitted.prediction - before), problem.errors.trial_sd
-        spans = problem.predictor.observed.data.spans
-        if all(moved[span].max() < _STAYS * np.median(spread[span]) for span in spans):
-            return *made[-1], True
-    if not made:
-        return problem, fitted, False
-    return *min(made, key=lambda one: one[1].cost), True
-
-
-def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
-    """Return the full prediction less the emulated one (N,), 0 of channels that it hasn't; None where it stopped."""
-    plain = replace(predictor, offset=0.0)
-    full = replace(plain, responses=solved)
-    difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
-    if np.isnan(difference[: len(predictor.observed.force)]).any():
-        return None
-    return np.nan_to_num(difference, nan=0.0)

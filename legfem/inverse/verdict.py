@@ -16,13 +16,13 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.evidence import possible_discrepancies
-from legfem.inverse.explain import base_about_solution, explain, refitted_about_solutions
+from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect, variance_degrees
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
-from legfem.inverse.map_fit import equally_weighted, fit, ordinary_fit
+from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit, held_out, misfit_of
