@@ -302,12 +302,12 @@ class Solution:
 
     @property
     def of_base(self) -> bool:
-        """Whether it is one of the base model, ..."""
+        """Whether it is one of the base model."""
         return {self.variant, self.null} == {"elastic"}
 
     @property
     def of_any(self) -> bool:
-        """... and whether any other model shows it, too: it changes numbers or the travel that all have."""
+        """Whether other models than the base one show it, too: it changes numbers or the travel that all have."""
         return self.of_base and not self.parameters
 
     def joined(self, other: "Solution") -> "Solution | None":
