@@ -88,6 +88,11 @@ class SeenModel:
         }
 
     @cached_property
+    def met(self) -> "dict[str, dict[bytes, Crossing | None]]":
+        """Where lines were found to meet each of the undeformed outlines."""
+        return {name: {} for name in self.outlines}
+
+    @cached_property
     def _inside(self) -> dict[bytes, PointsInside]:
         return {}
 
@@ -147,9 +152,15 @@ class Seen:
 
         NaN of those that lie outside the tissue.
         """
-        inside, state, dofs = self.model.inside(points), self.state, self.model.system.spaces.displacement_dofs
-        found = [inside.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
-        return found[0], np.array(found[1:]).reshape(-1, *found[0].shape)
+        found = self.model.inside(points).values(self._moved)
+        return found[0], found[1:]
+
+    @cached_property
+    def _moved(self) -> FloatArray:
+        """Displacements of a section's nodes, mm, and derivatives (1 + p, nodes, 2)."""
+        dofs = self.model.system.spaces.displacement_dofs
+        every = np.vstack([self.state.unknown[dofs], self.state.unknown_rates[:, dofs]])
+        return every.reshape(len(every), -1, 2)
 
     @property
     def radius(self) -> float:
@@ -217,14 +228,11 @@ class Seen:
 
     @cached_property
     def _lines(self) -> "dict[str, CrossedOutline]":
-        model, state = self.model, self.state
-        system = model.system
-        dofs = system.spaces.displacement_dofs
-        found = {}
-        for name, outline in model.outlines.items():
-            moved = [outline.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
-            places = outline.places
-            found[name] = CrossedOutline(places, places + moved[0], moved[1:], system.start, system.direction)
+        system, found = self.model.system, {}
+        for name, outline in self.model.outlines.items():
+            moved = [outline.values(one) for one in self._moved]
+            places, met = outline.places, self.model.met[name]
+            found[name] = CrossedOutline(places, places + moved[0], moved[1:], system.start, system.direction, met)
         return found
 
 
@@ -245,6 +253,8 @@ class CrossedOutline:
         Derivatives of the points.
     origin, direction
         Of the line.
+    met
+        Where lines were found to meet the undeformed outline.
     """
 
     places: FloatArray
@@ -252,10 +262,14 @@ class CrossedOutline:
     rates: list[FloatArray]
     origin: FloatArray
     direction: FloatArray
+    met: dict[bytes, Crossing | None]
 
     def undeformed(self, beside: float) -> Crossing | None:
         """Return where the line, shifted to its left (mm), first meets the undeformed outline."""
-        return first_crossing(self.places, self.origin, self.direction, beside)
+        key = np.array([*self.origin, *self.direction, beside]).tobytes()
+        if key not in self.met:
+            self.met[key] = first_crossing(self.places, self.origin, self.direction, beside)
+        return self.met[key]
 
     def place(self, beside: float = 0.0) -> tuple[float, FloatArray] | None:
         """Return where the shifted line first meets the deformed outline (mm), and the derivatives."""
