@@ -238,7 +238,7 @@ def explain(
         for unknown in (False, True)
     ]
     priors = ExplanationPriors.among(mechanisms)
-    singles = [weighing.of(problem, fit(problem, [m], start or base.values), priors.log_of(m.name)) for m in mechanisms]
+    singles = [weighing.of(*_single(problem, m, start or base.values), priors.log_of(m.name)) for m in mechanisms]
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
     pairs = _pairs(singles) if _open(found) else []
@@ -254,6 +254,15 @@ def explain(
         if not pairs:
             found = _integrated(found, weighing)
             return Explained(tuple(found), _nothing(found))
+
+
+def _single(
+    problem: LinearisedProblem, mechanism: Mechanism, start: Mapping[str, float]
+) -> tuple[LinearisedProblem, LinearisedFit]:
+    """Return the fit of one mechanism, and the problem with what nuisances do beside it."""
+    fitted = fit(problem, [mechanism], start)
+    beside = problem.beside(fitted)
+    return beside, fitted if beside is problem else fit(beside, [mechanism], fitted.values)
 
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:

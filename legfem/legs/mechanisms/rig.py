@@ -164,6 +164,7 @@ class ContactSlip(TissueMechanism):
         strength("slip", "-", "share of the way from sticking to free", 0.6, (0.0, 1.0)),
     )
     would_be: ClassVar[str] = "a skin that slips along the cylinder, {} of the way to no friction"
+    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
     measured_sd: ClassVar[float | None] = 0.15
     """An estimate: marks are read to 0.5 mm beside ways of some mm."""
@@ -200,6 +201,7 @@ class IndenterTilt(TissueMechanism):
         strength("angle", "degrees", "of the travel from the one stated", 8.0, (-20.0, 20.0)),
     )
     would_be: ClassVar[str] = "a travel turned by {} from the one stated"
+    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = "photograph the cylinder against the leg at both ends of the travel"
     measured_sd: ClassVar[float | None] = 1.5
     """An estimate."""
