@@ -202,6 +202,23 @@ def test_a_leg_of_stiff_fat_on_springs_is_solved_as_one(at_bones: float, factor:
     np.testing.assert_allclose(found[fat], thinner * yields * observed.data.channels[1].station, rtol=1e-6, atol=1e-9)
 
 
+def test_nuisances_beside_a_mechanism_are_in_proportion_to_its_departure() -> None:
+    """Solved at one strength: what is linear in its logarithm is exact at any, and those of two add up."""
+
+    def changes(aim: float, rise: float) -> NuisanceChanges:
+        own = NuisanceChanges(np.append(0.0, GRID), {"aim": np.full(len(GRID) + 1, rise)}, {})
+        return NuisanceChanges(GRID, {"aim": np.full(len(GRID), aim), "tibia": GRID}, {}, {FAT: own, "other": own})
+
+    altered = {FACTORS[0]: changes(0.02, 0.3), FACTORS[1]: changes(0.1, -0.2)}
+    library = Library(GRID, None, {}, changes(0.01, 0.5), POINT[0], altered=altered)  # type: ignore[arg-type]
+    fat, fascia = ((tissue(name), strength) for name, strength in zip(FACTORS[:2], (3.5, 9.0), strict=True))
+    assert library.nuisances_beside([]) is library.nuisances
+    present = [(fat[0], {"factor": fat[1] ** 0.5}), (fascia[0], {"factor": fascia[1] ** 2})]
+    found = library.nuisances_beside([*present, (mechanism_named("force-drift"), {"rate": 0.1})])
+    np.testing.assert_allclose(found.geometric["aim"], 0.01 + 0.5 * 0.02 + 2 * 0.1)
+    np.testing.assert_allclose(found.channels[FAT].geometric["aim"], 0.5 + 0.5 * 0.3 - 2 * 0.2)
+
+
 def test_a_tabulated_pair_is_in_proportion_to_both_departures() -> None:
     """Solved at one strength of each: what is bilinear in their logarithms is exact at any, softer ones too."""
     fat, fascia = (tissue(name) for name in FACTORS[:2])
