@@ -164,7 +164,6 @@ class ContactSlip(TissueMechanism):
         strength("slip", "-", "share of the way from sticking to free", 0.6, (0.0, 1.0)),
     )
     would_be: ClassVar[str] = "a skin that slips along the cylinder, {} of the way to no friction"
-    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
     measured_sd: ClassVar[float | None] = 0.15
     """An estimate: marks are read to 0.5 mm beside ways of some mm."""
