@@ -248,12 +248,23 @@ class Library:
         return {name: share * row for name, row in found.items()}
 
     def nuisances_beside(self, present: Sequence[tuple[Mechanism, Values]]) -> NuisanceChanges:
-        """Return the changes by what isn't known exactly beside mechanisms, in proportion to their departures."""
+        """Return the changes by what isn't known exactly beside mechanisms, in proportion to what those do."""
         found = self.nuisances
         for mechanism, values in present:
             if isinstance(mechanism, TissueMechanism) and mechanism.name in self.altered:
-                found = found.plus(_share_of_pair(mechanism, values), self.altered[mechanism.name])
+                found = found.plus(self._done(mechanism, values), self.altered[mechanism.name])
         return found
+
+    def _done(self, mechanism: TissueMechanism, values: Values) -> float:
+        """Return what a mechanism does to the channels over what it does at its `pair_strength`, of the same form."""
+        solved = pair_strength(mechanism)
+        assert solved is not None
+        here, there = (
+            mechanism.share(v)
+            * self._at_strength(self.beside.changes, mechanism, "", v, self.middle, self.beside.names)
+            for v in (values, {**values, mechanism.parameters[0].name: solved})
+        )
+        return float(np.clip(here @ there / (there @ there), -_MOST_OF_PAIR, _MOST_OF_PAIR))
 
     def _at_strength(
         self,

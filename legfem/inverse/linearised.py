@@ -214,7 +214,7 @@ class LinearisedProblem:
     aside: NDArray[np.bool_] | None = None
     """(N,): readings that are set aside, whose errors have no bounds; none without it."""
     nuisances: Nuisances | None = None
-    """Told of a fit whose mechanisms alter what nuisances do; they do the same beside all without it."""
+    """Told of a fit, beside whose mechanisms they may do something else; they do the same beside all without it."""
 
     def without(self, left_out: NDArray[np.bool_]) -> "LinearisedProblem":
         """Return the problem with observations left out."""
@@ -243,7 +243,7 @@ class LinearisedProblem:
 
     def beside(self, fitted: LinearisedFit) -> "LinearisedProblem":
         """Return the problem with what nuisances and images' places do beside a fit's mechanisms."""
-        if self.nuisances is None or not any(m.alters_nuisances for m in fitted.mechanisms):
+        if self.nuisances is None or not fitted.mechanisms:
             return self
         made = self.with_nuisances(self.errors.noise, fitted, self.nuisances(fitted)).errors
         # Errors of the readings themselves are one for all explanations.
