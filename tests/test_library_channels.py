@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from legfem.experiments.plane_strain import LateralPlacement
+from legfem.inverse.body_models import Columns, Displaced, PathRequest
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.channel_readings import PlannedChannel
 from legfem.inverse.library import ChannelTables, Library, NuisanceChanges, Table, pair_strength
@@ -15,7 +16,7 @@ from legfem.inverse.library_tasks import Task
 from legfem.inverse.mechanism import Stiffness, Values
 from legfem.inverse.observations import blank_observations
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import Columns, Displaced, PathRequest, SolvedResponses
+from legfem.inverse.responses import SolvedResponses
 from legfem.legs.mechanisms import TissueMechanism, mechanism_named
 from legfem.meshing.section import MeshMotion
 from legfem.solve.protocol import Protocol

@@ -7,12 +7,13 @@ from scipy.interpolate import make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
+from legfem.inverse.body_models import Columns, channels_of, derivative_of
 from legfem.inverse.emulator import Emulator, Kriging, Samples
 from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.inverse.library_tasks import ONE, Outcome, Task, middle_of, outcomes_of, tasks_for
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import ELASTIC_DERIVATIVES, Columns, SolvedResponses, channels_of, derivative_of
+from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
 
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""

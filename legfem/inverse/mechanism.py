@@ -18,7 +18,7 @@ from legfem.inverse.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.indenter import Indenter
+    from legfem.geometry.indenter import Indenter, Site
     from legfem.geometry.section import LegSection
     from legfem.mechanics.contact import TangentialName
     from legfem.mechanics.materials import Hyperelastic
@@ -128,6 +128,14 @@ class Mechanism:
 
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""
+        return None
+
+    def experiment_after(self, observed: Observations) -> str:
+        """Return the measurement that would settle it beside what was recorded."""
+        return self.next_experiment
+
+    def acts_in(self, values: Values, site: "Site") -> tuple[FloatArray, float] | None:
+        """Return the middle (2,) and the radius, mm, of where in the section it acts; None of no one place."""
         return None
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:

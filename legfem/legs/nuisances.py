@@ -15,12 +15,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
+from legfem.inverse.body_models import Displaced
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import Cause, NuisanceEffect
 from legfem.inverse.mechanism import Stiffness
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
-from legfem.inverse.responses import Displaced
 from legfem.legs.subject import TYPICAL_ACCURACY, MeasuredEffect, Subject
 
 if TYPE_CHECKING:
