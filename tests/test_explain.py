@@ -311,7 +311,7 @@ def test_a_mechanism_is_fitted_anew_from_where_a_pair_has_it(monkeypatch):
         return alone.fit.values[f"{name}.offset"]
 
     assert offset() == pytest.approx(0.3, abs=0.1)
-    monkeypatch.setattr(explain_module, "_begun_anew", lambda found, *_: found)
+    monkeypatch.setattr(explain_module, "_begun_anew", lambda found, _: found)
     assert offset() < 0.1
 
 

@@ -249,7 +249,7 @@ def explain(
             weighing.of(one.problem, _joint(one.problem, one, other), priors.log_of(*one.names, *other.names))
             for one, other in pairs
         ]
-        found = with_probabilities(_begun_anew(with_probabilities(found), weighing, problem))
+        found = _begun_anew(with_probabilities(found), weighing)
         if confirm is not None:
             found = _confirmed(found, weighing, confirm)
         pairs = _untried(found)
@@ -334,7 +334,7 @@ def _joint(problem: LinearisedProblem, one: Explanation, other: Explanation) -> 
     return fit(problem, both, {**one.fit.values, **shapes})
 
 
-def _begun_anew(found: list[Explanation], weighing: Weighing, problem: LinearisedProblem) -> list[Explanation]:
+def _begun_anew(found: list[Explanation], weighing: Weighing) -> list[Explanation]:
     """Fit mechanisms anew alone from where the leading pairs have them, which may be at another minimum.
 
     A stiff region lies on one side or on the other: beside a tilt of nothing a search may find the right one, and the
@@ -344,10 +344,10 @@ def _begun_anew(found: list[Explanation], weighing: Weighing, problem: Linearise
     for pair in leading:
         for single in [e for e in found if len(e.names) == 1 and e.names[0] in pair.names]:
             start = {k: v for k, v in pair.fit.values.items() if k in single.fit.values}
-            beside, again = _single(problem, single.fit.mechanisms[0], start)
+            beside, again = _single(pair.problem, single.fit.mechanisms[0], start)
             if again.cost < single.fit.cost - ANEW:
                 found[found.index(single)] = weighing.of(beside, again, single.log_prior)
-    return found
+    return with_probabilities(found)
 
 
 def _confirmed(found: list[Explanation], weighing: Weighing, confirm: Confirm) -> list[Explanation]:
@@ -383,7 +383,7 @@ def _confirmed(found: list[Explanation], weighing: Weighing, confirm: Confirm) -
                 about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
                 found[found.index(pair)] = weighing.of(shifted, about, pair.log_prior)
             found[found.index(one)] = again if made else _as_confirmed(one)
-        found = with_probabilities(found)
+        found = _begun_anew(with_probabilities(found), weighing)
     return found
 
 
