@@ -106,6 +106,10 @@ class ClosedForm:
             strength = np.log(strength)
         return strength * shapes.get(mechanism.name, np.zeros(len(x)))
 
+    def nuisances_beside(self, present: object) -> NuisanceChanges:
+        """Return the nuisances, which no mechanism alters."""
+        return self.nuisances
+
     def pair_change(self, pair: object, stiffness: Stiffness) -> Columns:
         """Return nothing: two effects act each as if alone."""
         return {}

@@ -24,6 +24,8 @@ class Displaced:
     name: str
     moved: "MeshMotion | None" = None
     placement: "LateralPlacement | None" = None
+    near: bool = True
+    """Whether it is one of what the indenter touches, or as near, and may do something else beside a mechanism."""
 
     @property
     def opposite(self) -> "Displaced":

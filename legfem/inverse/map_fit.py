@@ -305,7 +305,7 @@ def refitted_about_solutions(
         if offset is None:
             break
         before = fitted.prediction
-        problem = problem.corrected(offset)
+        problem = problem.corrected(offset).beside(fitted)
         fitted = fit(problem, fitted.mechanisms, fitted.values)
         made.append((problem, fitted))
         moved, spread = np.abs(fitted.prediction - before), problem.errors.trial_sd

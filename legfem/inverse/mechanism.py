@@ -123,6 +123,8 @@ class Mechanism:
     """What is sure where one of several mechanisms is there that do much the same, as a sentence; theirs alone."""
     stands_for_C20: ClassVar[bool] = False
     """Whether its strength is C20 itself where the base law has none, which then is its response."""
+    alters_nuisances: ClassVar[bool] = False
+    """Whether outlines, aim, direction and what is assumed that are off do something else beside it than without it."""
 
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""

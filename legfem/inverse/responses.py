@@ -204,11 +204,15 @@ class SolvedResponses:
             found[channel] = rows if stations is None else rows[:, 1:]
         return found
 
-    def sensitivities(self, names: Sequence[str], stiffness: Stiffness) -> Mapping[str, Columns]:
-        """Return the changes at the grid by relative ones of parameters, by the parameters' names."""
-        columns = self._solve(replace(self._at_grid(stiffness, PLAIN), derivatives=tuple(names)))
+    def sensitivities(
+        self, names: Sequence[str], stiffness: Stiffness, solution: Solution = PLAIN
+    ) -> Mapping[str, Columns]:
+        """Return the changes at the grid by relative ones of a solution's parameters, by the parameters' names."""
+        columns = self._solve(replace(self._at_grid(stiffness, solution), derivatives=tuple(names)))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
-        own = self.variants.parameters(PLAIN.variant)
+        nominal = self.variants.parameters(solution.variant)
+        deep = dict(zip(ELASTIC_DERIVATIVES, stiffness, strict=True))
+        own = {**nominal, **solution.values(deep, nominal)}
         return {
             name: {
                 "force": own[name] * columns[name] / force,
@@ -217,15 +221,15 @@ class SolvedResponses:
             for name in names
         }
 
-    def displaced(self, geometry: Displaced, stiffness: Stiffness) -> Columns:
-        """Return the changes at the grid by another geometry: of the force relative, of channels absolute.
+    def displaced(self, geometry: Displaced, stiffness: Stiffness, solution: Solution = PLAIN) -> Columns:
+        """Return a solution's changes at the grid by another geometry: of the force relative, of channels absolute.
 
         A channel that isn't there in it, such as a bone that the line of travel then misses, is taken from the
         geometry as far to the other side.
         """
         if self.rougher is not None:
-            return self.rougher.displaced(geometry, stiffness)
-        asked = self._at_grid(stiffness, PLAIN)
+            return self.rougher.displaced(geometry, stiffness, solution)
+        asked = self._at_grid(stiffness, solution)
         before = self._solve(asked)
 
         def after(one: Displaced) -> Columns:

@@ -1,6 +1,6 @@
 """From recordings to a verdict: noise, fit of the base model, location of its misfit, explanations, limits."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal, Protocol
@@ -20,7 +20,7 @@ from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.least_squares import sandwich
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect, variance_degrees
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, Nuisances, variance_degrees
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
@@ -201,10 +201,6 @@ class FullSolutions(Responses, Protocol):
         ...
 
 
-type Nuisances = Callable[[LinearisedFit], Sequence[NuisanceEffect]]
-"""What isn't known exactly does to the prediction of the base model's fit."""
-
-
 def diagnose(
     predictor: Predictor,
     instrument: Instrument,
@@ -247,7 +243,12 @@ def diagnose(
     made = solved.solutions if solved is not None else 0
     problem, ordinary = _fitted(predictor, instrument, nuisances)
     problem, ordinary, error = base_about_solution(problem, ordinary, solved)
-    problem = replace(problem, measured=tuple(measured), possible=dict(possible or {}))
+    problem = replace(
+        problem,
+        measured=tuple(measured),
+        possible=dict(possible or {}),
+        nuisances=nuisances if observed.channels else None,
+    )
     base = fit(problem, (), ordinary.values)
     progress.stage(f"weighing {len(mechanisms)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)

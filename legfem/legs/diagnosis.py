@@ -14,7 +14,7 @@ from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
 from legfem.inverse.mechanism import MeasuredStrength, Occurrence, measured_strength, null_of, prior_of, testable
 from legfem.inverse.observations import Observations, observe
-from legfem.inverse.predictor import LawName, Predictor
+from legfem.inverse.predictor import LawName, Predictor, values_of
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis, diagnose
 from legfem.legs.correction import TabulatedCorrection
@@ -120,7 +120,7 @@ class Diagnoser:
         fine, coarse = solved_responses(subject, observed, self.folder)
         leg = repr(sorted(fine.fingerprint.items()))
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
-        keys = leg + "".join(sorted(stations.key for stations in observed.protocols))
+        keys = f"{leg}{bool(observed.channels)}" + "".join(sorted(stations.key for stations in observed.protocols))
         if keys not in self._libraries:
             able, _ = shown_mechanisms(observed, self.correction)
             self._libraries[keys] = build_library(
@@ -197,9 +197,10 @@ def diagnose_body(
     able, untested = shown_mechanisms(observed, None, ruled_out, every)
     able = [m for m in able if m.name not in library.missing]
 
-    def nuisances(base: LinearisedFit) -> list[NuisanceEffect]:
-        stiffness = deep_stiffness(base.values)
-        return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
+    def nuisances(fitted: LinearisedFit) -> list[NuisanceEffect]:
+        stiffness = deep_stiffness(fitted.values)
+        changes = library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
+        return nuisance_effects(changes, observed, fitted.prediction, accuracy, ends, stiffness)
 
     return diagnose(
         Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),

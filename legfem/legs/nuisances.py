@@ -146,7 +146,7 @@ def displaced_geometries() -> list[Displaced]:
         for arc in _HATS
     ]
     found += [
-        Displaced(f"{bone} {way}", MeshMotion(bone, turned=turned))
+        Displaced(f"{bone} {way}", MeshMotion(bone, turned=turned), near=False)
         for bone in _BONES
         for way, turned in _BONES_WAYS.items()
     ]
