@@ -64,6 +64,15 @@ def fit(
     return _fit_from(problem, mechanisms, starts[0], held, evaluations or _MANY)
 
 
+def fit_beside(
+    problem: LinearisedProblem, mechanisms: Sequence[Mechanism], start: Mapping[str, float]
+) -> tuple[LinearisedProblem, LinearisedFit]:
+    """Return the problem with what nuisances do beside mechanisms where they fit, and the fit by that."""
+    fitted = fit(problem, mechanisms, start)
+    beside = problem.beside(fitted)
+    return beside, fitted if beside is problem else fit(beside, mechanisms, fitted.values)
+
+
 def fit_base(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
     """Fit the base model from several starts."""
     return min((fit(problem, (), start) for start in starts), key=lambda f: f.cost)
