@@ -25,7 +25,6 @@ from legfem.inverse.location import MisfitAssessment, runs, score_tests
 from legfem.inverse.map_fit import (
     base_about_solution,
     equally_weighted,
-    fit,
     fit_beside,
     ordinary_fit,
     refitted_about_solutions,
