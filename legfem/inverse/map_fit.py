@@ -259,7 +259,7 @@ def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> Linearis
     return problem.with_errors(equal if problem.aside is None else equal.without_bounds(problem.aside))
 
 
-_REFITS = 3
+_REFITS = 8
 """About full solutions, at most."""
 _STAYS = 0.25
 """Of a trial's noise: a refit that moves the prediction by less stays."""
