@@ -10,6 +10,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, segment_all
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import error_model
 from legfem.inverse.library import NuisanceChanges
@@ -17,7 +18,6 @@ from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import Columns
 from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
 from legfem.legs.finite_element_models import LegVariants, tissues_of
@@ -105,6 +105,10 @@ class ClosedForm:
         if first.scale == "log":
             strength = np.log(strength)
         return strength * shapes.get(mechanism.name, np.zeros(len(x)))
+
+    def nuisances_beside(self, present: object) -> NuisanceChanges:
+        """Return the nuisances, which no mechanism alters."""
+        return self.nuisances
 
     def pair_change(self, pair: object, stiffness: Stiffness) -> Columns:
         """Return nothing: two effects act each as if alone."""

@@ -10,6 +10,7 @@ from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
+from legfem.inverse.body_models import Stopped
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.emulator import GridSpline
 from legfem.inverse.library_build import build_library
@@ -17,7 +18,7 @@ from legfem.inverse.library_tasks import rounded
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.observations import observe
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses, Stopped
+from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import ruled_out_of, shown_mechanisms

@@ -88,6 +88,14 @@ def test_evidence_is_the_density_of_the_data_with_all_unknowns_integrated_out(de
     assert of(errors, given, unknowns).log_evidence == pytest.approx(in_full(errors, given, unknowns), abs=1e-8)
 
 
+def test_nuisances_that_do_something_else_beside_an_explanation_count_as_if_they_did_so_beside_all():
+    errors, unknowns, given = errors_of(), [NONE, ripple(0.01)], about((0.8, -0.5))
+    altered = replace(errors, known=1.7 * errors.known, gains=0.8 * errors.gains)
+    beside = Evidence(errors, unknowns).of(given, errors=altered)
+    assert beside.log_evidence == pytest.approx(in_full(altered, given, unknowns), abs=1e-8)
+    assert abs(beside.log_evidence - of(errors, given, unknowns).log_evidence) > 0.1
+
+
 def test_about_what_fit_a_linear_model_is_seen_does_not_matter():
     errors = errors_of()
     one, other = (of(errors, about(at), [NONE]) for at in ((0.0, 0.0), (3.0, -1.0)))

@@ -294,6 +294,27 @@ def test_an_explanation_that_a_full_solution_cannot_confirm_loses_weight():
     assert odds(plain) - odds(found) == pytest.approx(3.0, abs=1e-6)
 
 
+def test_a_mechanism_is_fitted_anew_from_where_a_pair_has_it(monkeypatch):
+    """Its own search ended beside the minimum; without that it stays there."""
+    problem, base = problem_of(ramps(), {"contact-onset.offset": 0.3}, seed=3)
+    name = "contact-onset"
+
+    def search_that_ends_early(own, mechanisms, start):
+        early = mechanisms[0].name == name and f"{name}.offset" not in start
+        begun = {f"{name}.offset": 0.05, **start} if early else start
+        return own, fit(own, mechanisms, begun, evaluations=1 if early else None)
+
+    monkeypatch.setattr(explain_module, "fit_beside", search_that_ends_early)
+
+    def offset() -> float:
+        alone = next(e for e in explain(problem, base, SOUGHT).every if e.names == (name,))
+        return alone.fit.values[f"{name}.offset"]
+
+    assert offset() == pytest.approx(0.3, abs=0.1)
+    monkeypatch.setattr(explain_module, "_begun_anew", lambda found, _: found)
+    assert offset() < 0.1
+
+
 def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch):
     """By the same errors as its fit's, with the same shares of what is unknown beside it."""
     observed = problem_of(ramps())[0].predictor.observed

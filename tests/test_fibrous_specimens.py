@@ -15,8 +15,8 @@ from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.bodies import PunchOnLayer, UniaxialSpecimen
 from legfem.experiments.plane_strain import LateralCylinder
+from legfem.inverse.body_models import Stopped
 from legfem.inverse.parse_parameters import ParameterTexts
-from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean

@@ -17,7 +17,8 @@ from legfem.inverse.predictor import Predictor
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.mechanisms import mechanism_named
 from legfem.report.diagnosis_curves import statement_name
-from legfem.report.diagnosis_sentences import headline, verdict_sentence
+from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_sentences import verdict_sentence
 
 DRIFT = mechanism_named("force-drift")
 CHANNELS = ("fat_thickness", "muscle_thickness", "lateral_force")

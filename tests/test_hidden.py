@@ -19,7 +19,8 @@ from legfem.inverse.mechanism import MeasuredStrength, Occurrence
 from legfem.inverse.verdict import TRUSTED, shift_of
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import OCCURRENCES, mechanism_named
-from legfem.report.diagnosis_sentences import headline, hidden_sentence
+from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_sentences import hidden_sentence
 
 DRIFT = "force-drift.rate"
 

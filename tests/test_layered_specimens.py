@@ -14,8 +14,8 @@ import legfem as lf
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
 from legfem.experiments.bodies import BallOnLayer, PunchOnLayer
+from legfem.inverse.body_models import Stopped
 from legfem.inverse.parse_parameters import ParameterTexts
-from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import Scale, mechanisms_of

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 from legfem.experiments.plane_strain import LateralPlacement
+from legfem.inverse.body_models import Columns, Displaced, PathRequest
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.channel_readings import PlannedChannel
-from legfem.inverse.library import Library, NuisanceChanges, pair_strength
+from legfem.inverse.library import ChannelTables, Library, NuisanceChanges, Table, pair_strength
 from legfem.inverse.library_build import _filled, _known_channels
 from legfem.inverse.library_tasks import Task
 from legfem.inverse.mechanism import Stiffness, Values
 from legfem.inverse.observations import blank_observations
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import Columns, Displaced, PathRequest, SolvedResponses
+from legfem.inverse.responses import SolvedResponses
 from legfem.legs.mechanisms import TissueMechanism, mechanism_named
 from legfem.meshing.section import MeshMotion
 from legfem.solve.protocol import Protocol
@@ -200,6 +201,28 @@ def test_a_leg_of_stiff_fat_on_springs_is_solved_as_one(at_bones: float, factor:
     np.testing.assert_allclose(found[force][inner], (slope * observed.displacement)[inner], rtol=1e-6)
     yields = (1 - at_bones) * in_series + at_bones / (1 + 1.5 * 0.2 * stiff)
     np.testing.assert_allclose(found[fat], thinner * yields * observed.data.channels[1].station, rtol=1e-6, atol=1e-9)
+
+
+def test_nuisances_beside_a_mechanism_are_in_proportion_to_what_it_does() -> None:
+    """Solved at one strength; a dermis of twice that stretches little more, and those of two add up."""
+
+    def changes(aim: float, rise: float) -> NuisanceChanges:
+        own = NuisanceChanges(np.append(0.0, GRID), {"aim": np.full(len(GRID) + 1, rise)}, {})
+        return NuisanceChanges(GRID, {"aim": np.full(len(GRID), aim), "tibia": GRID}, {}, {FAT: own, "other": own})
+
+    fat, dermis = tissue("superficial-stiffness"), tissue("dermis")
+    done = {fat.name: np.log(fat.strengths), dermis.name: np.sqrt(dermis.strengths)}
+    tables = {(name, ""): Table(np.zeros(1), np.outer(row, GRID)[None]) for name, row in done.items()}
+    altered = {fat.name: changes(0.02, 0.3), dermis.name: changes(0.1, -0.2)}
+    beside = ChannelTables((FAT,), None, tables)
+    library = Library(GRID, None, {}, changes(0.01, 0.5), POINT[0], beside=beside, altered=altered)  # type: ignore[arg-type]
+    assert library.nuisances_beside([]) is library.nuisances
+    assert (pair_strength(fat), pair_strength(dermis)) == (3.5, 0.3)
+    present = [(fat, {"factor": 1.7}), (dermis, {"stiffness": 1.0})]
+    found = library.nuisances_beside([*present, (mechanism_named("force-drift"), {"rate": 0.1})])
+    shares = np.log(1.7) / np.log(3.5), np.sqrt(1.0 / 0.3)
+    np.testing.assert_allclose(found.geometric["aim"], 0.01 + shares[0] * 0.02 + shares[1] * 0.1)
+    np.testing.assert_allclose(found.channels[FAT].geometric["aim"], 0.5 + shares[0] * 0.3 - shares[1] * 0.2)
 
 
 def test_a_tabulated_pair_is_in_proportion_to_both_departures() -> None:

@@ -27,7 +27,8 @@ from legfem.legs.mechanisms import mechanism_named, mechanisms
 from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import MeasuredEffect
-from legfem.report.diagnosis_sentences import headline, next_experiments
+from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_sentences import next_experiments
 
 DRIFT = mechanism_named("force-drift")
 SUPPORT = mechanism_named("support-compliance")

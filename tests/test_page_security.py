@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
+from making_stocking import COARSEST, short_leg, write_shape
 
+from legfem.common.progress import Silent
+from legfem.legs.subject import ShearModulus
 from legfem.report.curves import Curves, Line
 from legfem.report.page import (
     Bars,
@@ -32,6 +37,9 @@ from legfem.report.page import (
     WebTable,
 )
 from legfem.report.render import embed, markdown_page, rendered, write_tables
+from legfem.report.stocking_page import stocking_web_page
+from legfem.stockings.identification import StockingSettings, identify_in_stocking
+from legfem.stockings.loading import load_leg
 
 PLANTED = (
     "<planted>x</planted>",
@@ -144,3 +152,35 @@ def test_a_spreadsheet_takes_no_name_for_a_formula(tmp_path):
     with (tmp_path / "numbers.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["name"] == row["subject"] == "'=HYPERLINK(1)"
+
+
+def written_from(folder: Path, text: str) -> Elements:
+    """The page of a short leg's folder with a text wherever the folder may have one."""
+    folder.mkdir()
+    write_shape(short_leg(), folder / "bare.csv")
+    quoted = json.dumps(text)
+    (folder / "leg.toml").write_text(f"""id = "x"
+title = {quoted}
+origin = "simulated"
+bare.contours = "bare.csv"
+stocking.compression_class = "2"
+tissues = {{deep = {{C10_kPa = 3.0}}, superficial = {{C10_kPa = 2.0}}}}
+posture.heart_mm = 1200
+veins = [{{name = {quoted}, position_mm = [0.0, 0.0, 80.0]}}]
+sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 200, instrument = "PicoPress"}}]
+""")
+    shear = ShearModulus("superficial", "along", 4e-3, 1e-3, text)
+    leg = replace(load_leg(folder), elastography=(shear,))
+    found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSEST)
+    page = Elements()
+    page.feed(rendered(stocking_web_page(found, f"run {text}")))
+    return page
+
+
+def test_markup_in_any_text_of_a_folder_is_text_in_its_page(tmp_path):
+    planted = "".join(PLANTED)
+    plain, page = written_from(tmp_path / "plain", "words"), written_from(tmp_path / "planted", planted)
+    assert page.tags == plain.tags and page.attributes == plain.attributes and page.comments == plain.comments
+    (turned,) = [content for attributes, content in page.scripts if attributes.get("id") == "turn-data"]
+    names = [marked["name"] for marked in json.loads("".join(turned))["marked"]]
+    assert [name.startswith(planted) for name in names] == [True], "the vein's name is as it was given"

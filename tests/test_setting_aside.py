@@ -12,7 +12,8 @@ from making_diagnosis import noisy, observations, two_rates
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.predictive import Misfit, misfit_of
 from legfem.inverse.setting_aside import touched_part
-from legfem.report.diagnosis_sentences import headline, verdict_sentence
+from legfem.report.diagnosis_headline import headline
+from legfem.report.diagnosis_sentences import verdict_sentence
 
 BASE = {DEEP_C10: 0.001, DEEP_C20: 0.0006}
 ASKED = ("preconditioning", "force-drift", "muscle-contraction", "superficial-stiffness")

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock, UniaxialSpecimen
+from legfem.inverse.body_models import BodyModels, Stopped
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.inverse.responses import BodyModels, Stopped
 from legfem.legs.mechanisms import Solution
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
 from legfem.solve.protocol import Protocol

@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_stocking import COARSEST, short_leg, write_shape
 from matplotlib.image import imread
 from reading_page import read
-from test_page_security import PLANTED, Elements
 
 from legfem.api import LegInStocking
 from legfem.common.errors import Doubt
@@ -42,7 +40,6 @@ from legfem.stockings.estimates import expected_rms, starts_agree, stiffness_est
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
 from legfem.stockings.identification import SearchSettings, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import Posture, StockingLeg, default_veins
-from legfem.stockings.loading import load_leg
 from legfem.stockings.pressures import too_low_by
 from legfem.stockings.scan_fit import stiffness_priors
 from studies.legs.shapes import parametric_leg, read_legs, round_leg
@@ -165,38 +162,6 @@ def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
     assert '<span class="tag measured">' not in html
 
 
-def written_from(folder: Path, text: str) -> Elements:
-    """The page of a short leg's folder with a text wherever the folder may have one."""
-    folder.mkdir()
-    write_shape(short_leg(), folder / "bare.csv")
-    quoted = json.dumps(text)
-    (folder / "leg.toml").write_text(f"""id = "x"
-title = {quoted}
-origin = "simulated"
-bare.contours = "bare.csv"
-stocking.compression_class = "2"
-tissues = {{deep = {{C10_kPa = 3.0}}, superficial = {{C10_kPa = 2.0}}}}
-posture.heart_mm = 1200
-veins = [{{name = {quoted}, position_mm = [0.0, 0.0, 80.0]}}]
-sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 200, instrument = "PicoPress"}}]
-""")
-    shear = ShearModulus("superficial", "along", 4e-3, 1e-3, text)
-    leg = replace(load_leg(folder), elastography=(shear,))
-    found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSEST)
-    page = Elements()
-    page.feed(rendered(stocking_web_page(found, f"run {text}")))
-    return page
-
-
-def test_markup_in_any_text_of_a_folder_is_text_in_its_page(tmp_path):
-    planted = "".join(PLANTED)
-    plain, page = written_from(tmp_path / "plain", "words"), written_from(tmp_path / "planted", planted)
-    assert page.tags == plain.tags and page.attributes == plain.attributes and page.comments == plain.comments
-    (turned,) = [content for attributes, content in page.scripts if attributes.get("id") == "turn-data"]
-    names = [marked["name"] for marked in json.loads("".join(turned))["marked"]]
-    assert [name.startswith(planted) for name in names] == [True], "the vein's name is as it was given"
-
-
 def test_a_page_of_a_state_that_was_not_found_or_a_scan_that_is_missed_says_so(result):
     report = replace(result.details.equilibrium.state.report, complete=False, reason="step too small")
     state = replace(result.details.equilibrium.state, report=report)
@@ -204,11 +169,7 @@ def test_a_page_of_a_state_that_was_not_found_or_a_scan_that_is_missed_says_so(r
     page = stocking_web_page(lost)
     assert page.headline.tone == "wrong" and "could not be computed" in page.headline.sentence
     read(rendered(page))
-    missed = replace(
-        result.details.best,
-        distances=2 * expected_rms(result.details.leg.accuracy) * np.ones_like(result.details.best.distances),
-    )
-    page = stocking_web_page(changed(result, searches=(missed,)))
+    page = stocking_web_page(changed(result, searches=(missing(result),)))
     assert page.headline.tone == "wrong"
     assert page.headline.answers[-1][1].startswith("Don't use the stiffness")
 
@@ -300,10 +261,7 @@ def test_intervals_are_the_profile_s(result):
 
 def test_a_fit_that_misses_the_scan_is_weak_at_best_and_warned_of(result):
     other = widened(result, 0.05)
-    missed = replace(
-        other.details.best,
-        distances=2 * expected_rms(result.details.leg.accuracy) * np.ones_like(result.details.best.distances),
-    )
+    missed = missing(other)
     assert {k.identifiability for k in estimates_of(missed, result)} == {"weakly identifiable"}
     other = changed(other, searches=(missed, *other.details.searches[1:]))
     assert any("The model misses the scan" in text for text in other.warnings)

@@ -9,12 +9,13 @@ import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
+from legfem.inverse.body_models import Stopped
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import CHANGES_AT, rounded
 from legfem.inverse.predictor import Predictor
-from legfem.inverse.responses import SolvedResponses, Stopped
+from legfem.inverse.responses import SolvedResponses
 from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.mechanisms import mechanism_named
 from legfem.solve.protocol import Protocol

@@ -27,7 +27,7 @@ from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.curves import Curves, Line, ways
 from legfem.report.diagnosis import diagnosis_web_page
-from legfem.report.diagnosis_sentences import headline
+from legfem.report.diagnosis_headline import headline
 from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.kinds.leg import leg_page
 from legfem.report.leg_figure import DrawnSection

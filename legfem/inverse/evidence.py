@@ -187,7 +187,7 @@ class Evidence:
 
     def __init__(self, errors: ErrorModel, unknowns: Sequence[Discrepancy]) -> None:
         self.errors = errors
-        shared = np.hstack([errors.known, errors.gains, errors.zeros])
+        shared = _shared(errors)
         self._factors = []
         for unknown in unknowns:
             dense = errors.dense
@@ -208,7 +208,9 @@ class Evidence:
             for j, zero in enumerate(errors.zero_sds)
         ]
 
-    def of(self, about: Linearisation, log_unknown: Sequence[float] | None = None) -> Posterior:
+    def of(
+        self, about: Linearisation, log_unknown: Sequence[float] | None = None, errors: ErrorModel | None = None
+    ) -> Posterior:
         """Return the evidence of an explanation and what the data say of its parameters.
 
         Parameters
@@ -218,9 +220,14 @@ class Evidence:
         log_unknown
             Logarithms of the shares of the unknown errors beside this explanation; those that they
             were made with by default.
+        errors
+            With what nuisances, gains and zeros do beside this explanation; those of all explanations by default.
         """
+        errors = errors or self.errors
+        alike = errors.known is self.errors.known
+        shared = _shared(errors)
         n, p = about.jacobian.shape
-        k, trials = self.errors.known.shape[1], self.errors.gains.shape[1]
+        k, trials = errors.known.shape[1], errors.gains.shape[1]
         centred = about.residual + about.jacobian @ about.prior_z
         logs, means, spreads, effects = [], [], [], []
         scales = np.array([np.repeat([gain, zero], trials) for gain, zero, _ in self._sizes])
@@ -236,7 +243,8 @@ class Evidence:
                 continue
             mine = np.column_stack([centred, about.jacobian])
             white = solve_triangular(factor.lower, mine, lower=True, check_finite=False)
-            fixed, sized = np.hstack([white[:, 1:], factor.columns[:, :k]]), factor.columns[:, k:]
+            columns = factor.columns if alike else solve_triangular(factor.lower, shared, lower=True)
+            fixed, sized = np.hstack([white[:, 1:], columns[:, :k]]), columns[:, k:]
             # What has one size is eliminated once, by its Schur complement; then all sizes of gains and zeros at once.
             lower = factor_of(fixed)
             given = np.column_stack([fixed.T @ white[:, 0], fixed.T @ sized, np.eye(p + k)[:, :p]])
@@ -277,6 +285,11 @@ class Evidence:
             weights @ np.array(effects),
             of_unknown,
         )
+
+
+def _shared(errors: ErrorModel) -> FloatArray:
+    """Return what nuisances, gains and zeros do to the readings, (N, k + 2 R)."""
+    return np.hstack([errors.known, errors.gains, errors.zeros])
 
 
 def _log_normal(number: int, count: int) -> float:

@@ -32,7 +32,7 @@ from legfem.inverse.explanation import (
 from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
-from legfem.inverse.map_fit import fit
+from legfem.inverse.map_fit import fit, fit_beside
 from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior
 
@@ -203,6 +203,8 @@ def with_probabilities(found: Sequence[Explanation]) -> list[Explanation]:
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 MOVED = 3.0
 """ln of the evidence by which a full solution may move a mechanism's before its pairs are fitted about it, too."""
+ANEW = 3.0
+"""Cost by which another minimum has to be lower, which isn't solved in full yet."""
 PAIRS_OF, PAIRS_WITH = 3, 7
 """The best single mechanisms are tried in pairs with more of them, the first with all; so are those
 that may be what was left out once full solutions stand behind them."""
@@ -238,7 +240,7 @@ def explain(
         for unknown in (False, True)
     ]
     priors = ExplanationPriors.among(mechanisms)
-    singles = [weighing.of(problem, fit(problem, [m], start or base.values), priors.log_of(m.name)) for m in mechanisms]
+    singles = [weighing.of(*fit_beside(problem, [m], start or base.values), priors.log_of(m.name)) for m in mechanisms]
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
     pairs = _pairs(singles) if _open(found) else []
@@ -247,7 +249,7 @@ def explain(
             weighing.of(one.problem, _joint(one.problem, one, other), priors.log_of(*one.names, *other.names))
             for one, other in pairs
         ]
-        found = with_probabilities(found)
+        found = _begun_anew(with_probabilities(found), weighing)
         if confirm is not None:
             found = _confirmed(found, weighing, confirm)
         pairs = _untried(found)
@@ -323,6 +325,22 @@ def _joint(problem: LinearisedProblem, one: Explanation, other: Explanation) -> 
     return fit(problem, both, {**one.fit.values, **shapes})
 
 
+def _begun_anew(found: list[Explanation], weighing: Weighing) -> list[Explanation]:
+    """Fit mechanisms anew alone from where the leading pairs have them, which may be at another minimum.
+
+    A stiff region lies on one side or on the other: beside a tilt of nothing a search may find the right one, and the
+    tilt would be what explains so much more.
+    """
+    leading = [e for e in found[:CONFIRMED_MOST] if len(e.names) == 2 and e.probability >= CONFIRMED_FROM]
+    for pair in leading:
+        for single in [e for e in found if len(e.names) == 1 and e.names[0] in pair.names]:
+            start = {k: v for k, v in pair.fit.values.items() if k in single.fit.values}
+            beside, again = fit_beside(pair.problem, single.fit.mechanisms, start)
+            if again.cost < single.fit.cost - ANEW:
+                found[found.index(single)] = weighing.of(beside, again, single.log_prior)
+    return with_probabilities(found)
+
+
 def _confirmed(found: list[Explanation], weighing: Weighing, confirm: Confirm) -> list[Explanation]:
     """Refit the leading explanations about full solutions, until none of them is emulated.
 
@@ -356,7 +374,7 @@ def _confirmed(found: list[Explanation], weighing: Weighing, confirm: Confirm) -
                 about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
                 found[found.index(pair)] = weighing.of(shifted, about, pair.log_prior)
             found[found.index(one)] = again if made else _as_confirmed(one)
-        found = with_probabilities(found)
+        found = _begun_anew(with_probabilities(found), weighing)
     return found
 
 

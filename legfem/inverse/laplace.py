@@ -31,6 +31,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
+from legfem.inverse.errors import ErrorModel
 from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
@@ -45,7 +46,11 @@ STARTS_AT_CONTACT = 0.5
 
 
 def contact_posterior(
-    evidence: Evidence, fitted: LinearisedFit, observed: Observations, shares: Sequence[float]
+    evidence: Evidence,
+    fitted: LinearisedFit,
+    observed: Observations,
+    shares: Sequence[float],
+    errors: ErrorModel | None = None,
 ) -> Posterior:
     """Return what the data say of a model, whether its trials begin at the skin or not.
 
@@ -59,12 +64,14 @@ def contact_posterior(
         The recordings.
     shares
         Logarithms of the shares of unknown errors beside it.
+    errors
+        Beside the model; see `Evidence.of`.
     """
-    touching = evidence.of(fitted.linearised, shares)
+    touching = evidence.of(fitted.linearised, shares, errors)
     if observed.starts_at_contact or observed.shows_air:
         return touching
     scale, shift = _to_detected(fitted, observed)
-    free = evidence.of(_rescaled(fitted.linearised, scale, shift), shares)
+    free = evidence.of(_rescaled(fitted.linearised, scale, shift), shares, errors)
     logs = np.array([free.log_evidence, touching.log_evidence])
     logs += np.log([1 - STARTS_AT_CONTACT, STARTS_AT_CONTACT])
     total = float(np.logaddexp(*logs))
@@ -110,7 +117,7 @@ def laplace_posterior(
     shares
         Logarithms of the shares of unknown errors beside it.
     """
-    posterior = contact_posterior(evidence, fitted, problem.predictor.observed, shares)
+    posterior = contact_posterior(evidence, fitted, problem.predictor.observed, shares, problem.errors)
     for reading in problem.measured:
         posterior = _told(reading, fitted, posterior)
     return posterior

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
+from legfem.inverse.body_models import Columns
 from legfem.inverse.emulator import At, Emulator, Kriging
-from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of, prior_of
+from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import Columns
 
 _REACH = 1.6
 
@@ -70,6 +70,19 @@ class NuisanceChanges:
     geometric: Mapping[str, FloatArray]
     material: Mapping[str, FloatArray]
     channels: Mapping[str, "NuisanceChanges"] = field(default_factory=dict)
+
+    def plus(self, times: float, more: "NuisanceChanges") -> "NuisanceChanges":
+        """Return these changes with ``times`` others added, of what those know."""
+
+        def added(own: Mapping[str, FloatArray], others: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+            return {name: row + times * others[name] if name in others else row for name, row in own.items()}
+
+        return NuisanceChanges(
+            self.grid,
+            added(self.geometric, more.geometric),
+            added(self.material, more.material),
+            {n: own.plus(times, more.channels[n]) if n in more.channels else own for n, own in self.channels.items()},
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +162,8 @@ class Library:
     pairs: Mapping[frozenset[str], Columns] = field(default_factory=dict)
     """What two mechanisms at their `pair_strength` do at once beyond each by itself, by their names; see
     `Responses.pair_change`."""
+    altered: Mapping[str, NuisanceChanges] = field(default_factory=dict)
+    """What ``nuisances`` are more beside a mechanism at its `pair_strength`, by its name."""
     _curves: dict[tuple[str, str, tuple[str, ...]], list[PchipInterpolator]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -231,6 +246,25 @@ class Library:
         found = self.pairs.get(frozenset(mechanism.name for mechanism, _ in pair), {})
         share = math.prod(_share_of_pair(*one) for one in pair) if found else 0.0
         return {name: share * row for name, row in found.items()}
+
+    def nuisances_beside(self, present: Sequence[tuple[Mechanism, Values]]) -> NuisanceChanges:
+        """Return the changes by what isn't known exactly beside mechanisms, in proportion to what those do."""
+        found = self.nuisances
+        for mechanism, values in present:
+            if isinstance(mechanism, TissueMechanism) and mechanism.name in self.altered:
+                found = found.plus(self._done(mechanism, values), self.altered[mechanism.name])
+        return found
+
+    def _done(self, mechanism: TissueMechanism, values: Values) -> float:
+        """Return what a mechanism does to the channels over what it does at its `pair_strength`, of the same form."""
+        solved = pair_strength(mechanism)
+        assert solved is not None
+        here, there = (
+            mechanism.share(v)
+            * self._at_strength(self.beside.changes, mechanism, "", v, self.middle, self.beside.names)
+            for v in (values, {**values, mechanism.parameters[0].name: solved})
+        )
+        return float(np.clip(here @ there / (there @ there), -_MOST_OF_PAIR, _MOST_OF_PAIR))
 
     def _at_strength(
         self,

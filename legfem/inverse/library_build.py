@@ -1,18 +1,19 @@
 """Building a body's library of responses: the tables of what was solved."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
+from legfem.inverse.body_models import Columns, channels_of, derivative_of
 from legfem.inverse.emulator import Emulator, Kriging, Samples
 from legfem.inverse.library import NO_CHANNELS, ChannelTables, Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.inverse.library_tasks import ONE, Outcome, Task, middle_of, outcomes_of, tasks_for
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, prior_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import ELASTIC_DERIVATIVES, Columns, SolvedResponses, channels_of, derivative_of
+from legfem.inverse.responses import ELASTIC_DERIVATIVES, SolvedResponses
 
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""
@@ -98,21 +99,12 @@ def _assembled(
                 missing[m.name] = "simulations did not reach the end of the protocol"
             else:
                 changes[m.name, key], beside[m.name, key] = table, other
-    geometric = {t.geometry.name: o[ONE] for t, o in done if t.geometry is not None}
-    material = next((o for t, o in done if t.material), {})
-    nuisances = NuisanceChanges(
-        solved.grid,
-        {name: smoothed(solved.grid, change["force"]) for name, change in geometric.items()},
-        {name: smoothed(solved.grid, change["force"]) for name, change in material.items()},
-        {
-            one: NuisanceChanges(
-                np.concatenate([[0.0], solved.grid]),
-                {name: change[one] for name, change in geometric.items()},
-                {name: change[one] for name, change in material.items()},
-            )
-            for one in names
-        },
-    )
+    nuisances = _nuisances(solved.grid, done, names)
+    altered = {
+        m.name: _nuisances(solved.grid, done, names, m).plus(-1.0, nuisances)
+        for m in tissue
+        if any(t.beside is not None and t.beside[0] is m for t, _ in done)
+    }
     tables = ChannelTables(names, _kriging(_samples(elastic, names)), beside) if names else NO_CHANNELS
     pairs = {
         frozenset(m.name for m, _ in t.pair): {
@@ -122,7 +114,28 @@ def _assembled(
         for t, o in done
         if t.pair
     }
-    return Library(solved.grid, emulator, changes, nuisances, middle, missing, beside=tables, pairs=pairs)
+    return Library(
+        solved.grid, emulator, changes, nuisances, middle, missing, beside=tables, pairs=pairs, altered=altered
+    )
+
+
+def _nuisances(
+    grid: FloatArray, done: Sequence[tuple[Task, Outcome]], names: Sequence[str], beside: TissueMechanism | None = None
+) -> NuisanceChanges:
+    """Return what is known of nuisances, beside a mechanism or without any."""
+    own = [(t, o) for t, o in done if (t.beside[0] if t.beside else None) is beside]
+    geometric = {t.geometry.name: o[ONE] for t, o in own if t.geometry is not None}
+    material = next((o for t, o in own if t.material), {})
+
+    def courses(of: Mapping[str, Columns], channel: str) -> dict[str, FloatArray]:
+        return {name: change[channel] for name, change in of.items() if channel in change}
+
+    def forces(of: Mapping[str, Columns]) -> dict[str, FloatArray]:
+        return {name: smoothed(grid, change) for name, change in courses(of, "force").items()}
+
+    from_zero = np.concatenate([[0.0], grid])
+    beside_force = {one: NuisanceChanges(from_zero, courses(geometric, one), courses(material, one)) for one in names}
+    return NuisanceChanges(grid, forces(geometric), forces(material), beside_force)
 
 
 def _is_elastic(task: Task) -> bool:
@@ -136,7 +149,7 @@ def _known_channels(done: Sequence[tuple[Task, Outcome]]) -> tuple[str, ...]:
     """
     found: dict[str, list[set[str]]] = {}
     for number, (task, outcome) in enumerate(done):
-        if task.pair:
+        if task.pair or task.beside is not None:
             continue
         there = [
             {name for name in channels_of(columns) if np.isfinite(columns[name]).all()} for columns in outcome.values()

@@ -11,10 +11,11 @@ from scipy.interpolate import CubicSpline
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data.phases import LOADING
+from legfem.inverse.body_models import BodyModels, Columns, Displaced
 from legfem.inverse.library import pair_strength
 from legfem.inverse.mechanism import Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import BodyModels, Columns, Displaced, NotKeptError, SolvedResponses
+from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses
 from legfem.inverse.stations import Stations
 from legfem.jobs.pool import Workers
 
@@ -42,6 +43,8 @@ class Task:
     material: bool = False
     node: Values | None = None
     pair: tuple[tuple[TissueMechanism, float], ...] = ()
+    beside: tuple[TissueMechanism, float] | None = None
+    """Mechanism, with its strength, beside which a geometry or what is assumed is off."""
 
     @property
     def label(self) -> str:
@@ -55,6 +58,8 @@ class Task:
             what = "derivatives by what is assumed"
         elif self.pair:
             what = " beside ".join(m.name for m, _ in self.pair)
+        if self.beside is not None:
+            what = f"{what} beside {self.beside[0].name}"
         at = "" if self.stations is None else f", {self.stations.label}"
         c10, c20 = map(mpa_to_kpa, self.point)
         return f"{what}{at} at C10 {c10:.3g}, C20 {c20:.3g} kPa"
@@ -73,10 +78,11 @@ def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Out
 
 def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Outcome:
     mechanism = task.mechanism
+    leg = PLAIN if task.beside is None else task.beside[0].solution(_values_at(*task.beside))
     if task.geometry is not None:
-        found = coarse.displaced(task.geometry, task.point)
+        found = coarse.displaced(task.geometry, task.point, leg)
     elif task.material:
-        return coarse.sensitivities(coarse.variants.assumed, task.point)
+        return coarse.sensitivities(coarse.variants.assumed, task.point, leg)
     elif task.pair:
         found = coarse.pair_change([(m, _values_at(m, strength)) for m, strength in task.pair], task.point)
     elif mechanism is None:
@@ -131,6 +137,11 @@ def tasks_for(
     tasks += [Task(point(log, q)) for log in LATTICE for q in stiffenings]
     tasks.append(Task(centre, material=True))
     tasks += [Task(centre, geometry=geometry) for geometry in models.displaced]
+    if observed.channels:
+        altering = [(m, at) for m in tissue if m.alters_nuisances and (at := pair_strength(m)) is not None]
+        near = [geometry for geometry in models.displaced if geometry.near]
+        tasks += [Task(centre, material=True, beside=one) for one in altering]
+        tasks += [Task(centre, geometry=geometry, beside=one) for one in altering for geometry in near]
     tasks += [
         Task(at, m, strength)
         for m in tissue

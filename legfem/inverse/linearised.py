@@ -1,7 +1,7 @@
 """Observations with their errors and a tabulated model, and a model fitted to them with its derivatives there."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -193,6 +193,10 @@ class LinearisedFit:
         return {**self.values, **{p.name: p.inside(prior_of(p).value_at(z)) for p, z in at}}
 
 
+type Nuisances = Callable[[LinearisedFit], Sequence[NuisanceEffect]]
+"""What isn't known exactly does to the prediction of a fit."""
+
+
 @dataclass(frozen=True, eq=False)
 class LinearisedProblem:
     """Observations with their errors and the model's predictions: what fits need."""
@@ -209,6 +213,8 @@ class LinearisedProblem:
     """Which strengths mechanisms may have, by their names; within their bounds without it."""
     aside: NDArray[np.bool_] | None = None
     """(N,): readings that are set aside, whose errors have no bounds; none without it."""
+    nuisances: Nuisances | None = None
+    """Told of a fit, beside whose mechanisms they may do something else; they do the same beside all without it."""
 
     def without(self, left_out: NDArray[np.bool_]) -> "LinearisedProblem":
         """Return the problem with observations left out."""
@@ -234,6 +240,14 @@ class LinearisedProblem:
         images = self.predictor.images_elsewhere(about.values, about.mechanisms)
         errors = error_model(self.predictor.observed, noise, about.prediction, known, images=images)
         return replace(self, errors=errors, causes={one.name: one.cause for one in effects})
+
+    def beside(self, fitted: LinearisedFit) -> "LinearisedProblem":
+        """Return the problem with what nuisances and images' places do to a fit, beside its mechanisms."""
+        if self.nuisances is None:
+            return self
+        made = self.with_nuisances(self.errors.noise, fitted, self.nuisances(fitted)).errors
+        # Errors of the readings themselves are one for all explanations.
+        return replace(self, errors=replace(made, dense=self.errors.dense, trial_sd=self.errors.trial_sd))
 
     @cached_property
     def _part(self) -> ErrorModel:

@@ -18,7 +18,7 @@ from legfem.inverse.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.indenter import Indenter
+    from legfem.geometry.indenter import Indenter, Site
     from legfem.geometry.section import LegSection
     from legfem.mechanics.contact import TangentialName
     from legfem.mechanics.materials import Hyperelastic
@@ -123,9 +123,19 @@ class Mechanism:
     """What is sure where one of several mechanisms is there that do much the same, as a sentence; theirs alone."""
     stands_for_C20: ClassVar[bool] = False
     """Whether its strength is C20 itself where the base law has none, which then is its response."""
+    alters_nuisances: ClassVar[bool] = False
+    """Whether outlines, aim, direction and what is assumed that are off do something else beside it than without it."""
 
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""
+        return None
+
+    def experiment_after(self, observed: Observations) -> str:
+        """Return the measurement that would settle it beside what was recorded."""
+        return self.next_experiment
+
+    def acts_in(self, values: Values, site: "Site") -> tuple[FloatArray, float] | None:
+        """Return the middle (2,) and the radius, mm, of where in the section it acts; None of no one place."""
         return None
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inverse.body_models import Columns
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, deep_stiffness
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Mechanism, Stiffness, TissueMechanism, TissueResponses, Values, null_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.inverse.responses import Columns
 
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4

@@ -5,16 +5,16 @@ so has all that is computed from them.
 """
 
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
+from legfem.inverse.body_models import BodyModels, Columns, Displaced, PathRequest, Stopped, channels_of, derivative_of
 from legfem.inverse.emulator import At, GridSpline
 from legfem.inverse.mechanism import Solution, Stiffness, TissueMechanism, Values, null_of
 from legfem.inverse.observations import Observations
@@ -22,149 +22,15 @@ from legfem.inverse.stations import Stations
 from legfem.jobs.store import Store, key_of
 from legfem.solve.protocol import Protocol as Motion
 
-if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import LateralPlacement
-    from legfem.meshing.section import MeshMotion
-    from legfem.solve.path import Path
-
-
-@dataclass(frozen=True)
-class Displaced:
-    """A geometry other than the stated one, to be solved for."""
-
-    name: str
-    moved: "MeshMotion | None" = None
-    placement: "LateralPlacement | None" = None
-
-    @property
-    def opposite(self) -> "Displaced":
-        """The geometry as far to the other side."""
-        moved, at = self.moved, self.placement
-        return Displaced(
-            self.name,
-            None if moved is None else replace(moved, size=-moved.size),
-            None if at is None else replace(at, tilt_deg=-at.tilt_deg, offset_mm=-at.offset_mm),
-        )
-
-
-class BodyModels(Protocol):
-    """The models of one body that show mechanisms, one for every variant."""
-
-    @property
-    def assumed(self) -> tuple[str, ...]:
-        """Full names of the numbers that are assumed, and may be somewhat off."""
-        ...
-
-    @property
-    def displaced(self) -> tuple[Displaced, ...]:
-        """Geometries other than the stated one, whose forces tell of what isn't known of it."""
-        ...
-
-    def moved_to(self, moved: "MeshMotion") -> "BodyModels":
-        """Return the body with its mesh moved."""
-        ...
-
-    def follow(
-        self,
-        protocol: Motion,
-        deep: Mapping[str, float],
-        solution: Solution,
-        sensitivities: Sequence[str] = (),
-        placement: "LateralPlacement | None" = None,
-    ) -> "Path | Stopped":
-        """Solve a protocol for a stiffness; see `legfem.legs.finite_element_models.LegVariants.follow`."""
-        ...
-
-    def parameters(self, variant: str) -> Mapping[str, float]:
-        """Return a variant's parameters by full name (MPa, 1/MPa)."""
-        ...
-
-    def described(self, variant: str) -> str:
-        """Return what tells a variant from others."""
-        ...
-
-
-@dataclass(frozen=True)
-class Stopped:
-    """A solution that didn't follow its protocol to the end."""
-
-    why: str
-
-
 GRID_STEP_MM = 0.5
 ELASTIC_DERIVATIVES = ("deep.C10", "deep.C20")
 _SMALLEST_FORCE_N = 1e-6
-
-if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import LateralPlacement
-    from legfem.meshing.section import MeshMotion
-    from legfem.solve.path import Path
-
 PLAIN = Solution("plain")
 """The base model with no term of any mechanism."""
 
 
 class NotKeptError(LookupError):
     """A solution would have to be made."""
-
-
-type Columns = dict[str, FloatArray]
-"""Arrays by channel: ``force`` along (m,) points, and every further channel at zero time and there, (m + 1,). Of
-derivatives by a parameter (`derivative_of`) likewise. Changes are relative of the force, and absolute of channels."""
-
-
-def derivative_of(channel: str, parameter: str) -> str:
-    """Return the name of a channel's derivative by a parameter; the parameter's own of the force."""
-    return parameter if channel == "force" else f"{channel} by {parameter}"
-
-
-def channels_of(columns: Mapping[str, FloatArray]) -> tuple[str, ...]:
-    """Return the names of the channels that a solution has beside the force."""
-    return tuple(name for name in columns if " by " not in name and name.partition(":")[0] in CHANNELS)
-
-
-@dataclass(frozen=True, eq=False)
-class PathRequest:
-    """A solution, and where on its path it is asked for.
-
-    Parameters
-    ----------
-    protocol
-        Of the indenter.
-    at
-        Times of it, s.
-    stiffness
-        Of the deep tissue.
-    solution
-        Which model, and its parameters.
-    derivatives
-        Full names of parameters by which the force is differentiated.
-    moved, placement
-        Another geometry.
-    """
-
-    protocol: Motion
-    at: FloatArray
-    stiffness: Stiffness
-    solution: Solution
-    derivatives: tuple[str, ...] = ()
-    moved: "MeshMotion | None" = None
-    placement: "LateralPlacement | None" = None
-
-    def entry(self, terms: str) -> dict[str, Any]:
-        """Return what its outcome is kept under; ``terms`` are those of its model."""
-        return {
-            "protocol": [list(self.protocol.time), list(self.protocol.displacement)],
-            "at": np.round(self.at, 9).tolist(),
-            "deep_MPa": [float(value) for value in self.stiffness],
-            "variant": self.solution.variant,
-            "terms": terms,
-            "parameters": {k: float(v) for k, v in self.solution.parameters.items()},
-            "scaled": {k: float(v) for k, v in self.solution.scaled.items()},
-            "tilt_deg": float(self.solution.tilt_deg),
-            "derivatives": list(self.derivatives),
-            "geometry": repr((self.moved, self.placement)),
-        }
 
 
 @dataclass(eq=False)
@@ -216,7 +82,7 @@ class SolvedResponses:
 
     def ramp(self, stiffness: Stiffness, solution: Solution) -> FloatArray:
         """Return a solution's force at the grid, N."""
-        return self._solve(self._at_grid(stiffness, solution))["force"]
+        return self._on_grid(stiffness, solution)["force"]
 
     def elastic(self, stiffness: Stiffness) -> Columns:
         """Return the elastic force and its derivatives (N per MPa or 1/MPa) at the grid."""
@@ -225,6 +91,15 @@ class SolvedResponses:
 
     def _at_grid(self, stiffness: Stiffness, solution: Solution) -> PathRequest:
         return PathRequest(Motion.ramp(self.depth, 1.0), self.grid, stiffness, solution)
+
+    def _on_grid(self, stiffness: Stiffness, solution: Solution) -> Columns:
+        return self._solve(self._at_grid(stiffness, solution))
+
+    def _sprung(self, stiffness: Stiffness, solution: Solution, compliance: float) -> Columns:
+        """Return force and channels at the grid of a model that is in series with springs (mm/N)."""
+        found = self._on_grid(stiffness, solution)
+        read = _in_series(self.grid, found["force"], compliance)
+        return {"force": read(found["force"])[1:], **{name: read(found[name]) for name in channels_of(found)}}
 
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
@@ -238,7 +113,7 @@ class SolvedResponses:
 
     def channel_curves(self, names: Sequence[str], c10: float, c20: float) -> FloatArray:
         """Return the elastic courses of channels at zero and at the grid (m + 1, k)."""
-        return _columns_of(self._solve(self._at_grid((c10, c20), Solution())), names, len(self.grid) + 1)
+        return _columns_of(self._on_grid((c10, c20), Solution()), names, len(self.grid) + 1)
 
     def channel_changes(
         self,
@@ -259,15 +134,8 @@ class SolvedResponses:
 
     def elastic_change(self, solution: Solution, stiffness: Stiffness) -> Columns:
         """Return the changes of the elastic courses at the grid: of the force relative, of channels absolute."""
-        null = self._solve(self._at_grid(stiffness, Solution(solution.null)))
-        changed = self._solve(self._at_grid(stiffness, solution))
-        pushed = _pushed(self.grid, null["force"], solution.null_in_series)
-        force = np.maximum(_in_series(pushed, self.grid, null["force"])[1:], _SMALLEST_FORCE_N)
-        found = {"force": changed["force"] / force - 1.0}
-        for name in channels_of(changed):
-            if name in null:
-                found[name] = changed[name] - _in_series(pushed, self.grid, null[name])
-        return found
+        before = self._sprung(stiffness, Solution(solution.null), solution.null_in_series)
+        return _changes(before, self._on_grid(stiffness, solution))
 
     def pair_change(self, pair: Sequence[tuple[TissueMechanism, Values]], stiffness: Stiffness) -> Columns:
         """Return what two mechanisms do at once beyond each; nothing where no model shows both.
@@ -287,39 +155,29 @@ class SolvedResponses:
             both = {name: share * both[name] + (1.0 - share) * without[name] for name in both if name in without}
         force_alone = [1 + own * alone["force"] for own, alone in zip(shares, (first, second), strict=True)]
         found: Columns = {"force": (1 + both["force"]) / (force_alone[0] * force_alone[1]) - 1}
-        null = self._solve(self._at_grid(stiffness, Solution(joint.null)))
-        pushed = _pushed(self.grid, null["force"], joint.null_in_series)
-        each = zip(shares, (one, other), (first, second), strict=True)
         # Springs in series take up a part of the way, and the other's changes are those of the rest.
+        null = self._on_grid(stiffness, Solution(joint.null))["force"]
+        rest = _in_series(self.grid, null, joint.null_in_series)
+        each = zip(shares, (one, other), (first, second), strict=True)
         alone = [(own, changes, bool(solution.null_in_series)) for own, solution, changes in each]
         for name in channels_of(both):
             if name in first and name in second:
                 found[name] = both[name] - sum(
-                    own * (changes[name] if knows else _in_series(pushed, self.grid, changes[name]))
-                    for own, changes, knows in alone
+                    own * (changes[name] if knows else rest(changes[name])) for own, changes, knows in alone
                 )
         return found
 
     def _null_change(self, joint: Solution, stiffness: Stiffness) -> Columns:
         """Return the changes of the model that a solution is compared with, by what that changes of any model."""
-        null = self._solve(self._at_grid(stiffness, Solution(joint.null)))
-        changed = self._solve(
-            self._at_grid(stiffness, Solution(joint.null, scaled=joint.scaled, tilt_deg=joint.tilt_deg))
-        )
-        before, after = (_pushed(self.grid, one["force"], joint.null_in_series) for one in (null, changed))
-        force = [_in_series(at, self.grid, one["force"])[1:] for at, one in ((before, null), (after, changed))]
-        found: Columns = {"force": force[1] / np.maximum(force[0], _SMALLEST_FORCE_N) - 1.0}
-        for name in channels_of(changed):
-            if name in null:
-                found[name] = _in_series(after, self.grid, changed[name]) - _in_series(before, self.grid, null[name])
-        return found
+        models = Solution(joint.null), Solution(joint.null, scaled=joint.scaled, tilt_deg=joint.tilt_deg)
+        return _changes(*(self._sprung(stiffness, model, joint.null_in_series) for model in models))
 
     def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> Columns:
         """Return the changes at a protocol's stations (m,): of the force relative, of channels absolute."""
         # A porous leg has another formulation: compared with itself, its own error cancels.
         porous = solution.variant == "porous"
         null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
-        elastic = self._solve(self._at_grid(stiffness, null))
+        elastic = self._on_grid(stiffness, null)
         before = _at_displacement(self.grid, elastic["force"], stations.displacement)
         changed = self._solve(PathRequest(stations.protocol, stations.time, stiffness, solution))
         found = {"force": changed["force"] / np.maximum(before, _SMALLEST_FORCE_N) - 1.0}
@@ -346,11 +204,15 @@ class SolvedResponses:
             found[channel] = rows if stations is None else rows[:, 1:]
         return found
 
-    def sensitivities(self, names: Sequence[str], stiffness: Stiffness) -> Mapping[str, Columns]:
-        """Return the changes at the grid by relative ones of parameters, by the parameters' names."""
-        columns = self._solve(replace(self._at_grid(stiffness, PLAIN), derivatives=tuple(names)))
+    def sensitivities(
+        self, names: Sequence[str], stiffness: Stiffness, solution: Solution = PLAIN
+    ) -> Mapping[str, Columns]:
+        """Return the changes at the grid by relative ones of a solution's parameters, by the parameters' names."""
+        columns = self._solve(replace(self._at_grid(stiffness, solution), derivatives=tuple(names)))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
-        own = self.variants.parameters(PLAIN.variant)
+        nominal = self.variants.parameters(solution.variant)
+        deep = dict(zip(ELASTIC_DERIVATIVES, stiffness, strict=True))
+        own = {**nominal, **solution.values(deep, nominal)}
         return {
             name: {
                 "force": own[name] * columns[name] / force,
@@ -359,24 +221,22 @@ class SolvedResponses:
             for name in names
         }
 
-    def displaced(self, geometry: Displaced, stiffness: Stiffness) -> Columns:
-        """Return the changes at the grid by another geometry: of the force relative, of channels absolute.
+    def displaced(self, geometry: Displaced, stiffness: Stiffness, solution: Solution = PLAIN) -> Columns:
+        """Return a solution's changes at the grid by another geometry: of the force relative, of channels absolute.
 
         A channel that isn't there in it, such as a bone that the line of travel then misses, is taken from the
         geometry as far to the other side.
         """
         if self.rougher is not None:
-            return self.rougher.displaced(geometry, stiffness)
-        asked = self._at_grid(stiffness, PLAIN)
+            return self.rougher.displaced(geometry, stiffness, solution)
+        asked = self._at_grid(stiffness, solution)
         before = self._solve(asked)
 
         def after(one: Displaced) -> Columns:
             return self._solve(replace(asked, moved=one.moved, placement=one.placement))
 
-        there = after(geometry)
-        found = {"force": there["force"] / np.maximum(before["force"], _SMALLEST_FORCE_N) - 1.0}
-        found |= {name: there[name] - before[name] for name in channels_of(there) if name in before}
-        if "force" in there and set(channels_of(before)) - set(found):
+        found = _changes(before, after(geometry))
+        if set(channels_of(before)) - set(found):
             mirrored = after(geometry.opposite)
             found |= {n: before[n] - mirrored[n] for n in channels_of(mirrored) if n in before and n not in found}
         return found
@@ -428,26 +288,27 @@ def _columns_of(columns: Columns, names: Sequence[str], length: int) -> FloatArr
     return np.column_stack([columns.get(name, np.full(length, np.nan)) for name in names])
 
 
-def _pushed(grid: FloatArray, force: FloatArray, compliance: float) -> FloatArray:
-    """Return how far springs (mm/N) in series are pushed, with what they press, at zero and at the grid (mm)."""
-    return np.concatenate([[0.0], grid]) + max(compliance, 0.0) * np.concatenate([[0.0], force])
+def _changes(before: Columns, after: Columns) -> Columns:
+    """Return what changed: of the force relative, of the channels that both have absolute."""
+    found = {"force": after["force"] / np.maximum(before["force"], _SMALLEST_FORCE_N) - 1.0}
+    return found | {name: after[name] - before[name] for name in channels_of(after) if name in before}
 
 
-def _in_series(pushed: FloatArray, grid: FloatArray, course: FloatArray) -> FloatArray:
-    """Return a course at zero and at the grid where springs are in series, from that without them.
+def _in_series(grid: FloatArray, force: FloatArray, compliance: float) -> Callable[[FloatArray], FloatArray]:
+    """Return how a course at zero and at the grid is changed by springs in series (mm/N) that a force (m,) pushes.
 
-    Parameters
-    ----------
-    pushed
-        See `_pushed`.
-    course
-        (m + 1,); (m,) of the force, which is nothing at zero.
+    A course of (m,) is of the force, which is nothing at zero.
     """
-    at = np.concatenate([[0.0], grid])
-    whole = course if len(course) == len(at) else np.concatenate([[0.0], course])
-    if np.array_equal(pushed, at) or np.isnan(pushed).any():
-        return whole
-    return np.asarray(CubicSpline(pushed, whole)(at))
+    at, pressing = (np.concatenate([[0.0], one]) for one in (grid, force))
+    pushed = at + max(compliance, 0.0) * pressing
+
+    def changed(course: FloatArray) -> FloatArray:
+        whole = course if len(course) == len(at) else np.concatenate([[0.0], course])
+        if np.array_equal(pushed, at) or np.isnan(pushed).any():
+            return whole
+        return np.asarray(CubicSpline(pushed, whole)(at))
+
+    return changed
 
 
 def _at_displacement(grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False) -> FloatArray:

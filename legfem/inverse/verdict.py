@@ -1,6 +1,6 @@
 """From recordings to a verdict: noise, fit of the base model, location of its misfit, explanations, limits."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal, Protocol
@@ -20,9 +20,15 @@ from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained, Explanation, unknown_course
 from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.least_squares import sandwich
-from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect, variance_degrees
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, Nuisances, variance_degrees
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
-from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
+from legfem.inverse.map_fit import (
+    base_about_solution,
+    equally_weighted,
+    fit_beside,
+    ordinary_fit,
+    refitted_about_solutions,
+)
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit, held_out, misfit_of
@@ -201,10 +207,6 @@ class FullSolutions(Responses, Protocol):
         ...
 
 
-type Nuisances = Callable[[LinearisedFit], Sequence[NuisanceEffect]]
-"""What isn't known exactly does to the prediction of the base model's fit."""
-
-
 def diagnose(
     predictor: Predictor,
     instrument: Instrument,
@@ -247,8 +249,13 @@ def diagnose(
     made = solved.solutions if solved is not None else 0
     problem, ordinary = _fitted(predictor, instrument, nuisances)
     problem, ordinary, error = base_about_solution(problem, ordinary, solved)
-    problem = replace(problem, measured=tuple(measured), possible=dict(possible or {}))
-    base = fit(problem, (), ordinary.values)
+    problem = replace(
+        problem,
+        measured=tuple(measured),
+        possible=dict(possible or {}),
+        nuisances=nuisances if observed.channels else None,
+    )
+    problem, base = fit_beside(problem, (), ordinary.values)
     progress.stage(f"weighing {len(mechanisms)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
     explained = explain(problem, base, mechanisms, confirm, ordinary.values)
@@ -257,7 +264,7 @@ def diagnose(
         progress.stage(f"without {aside.described}")
         rest = problem.setting_aside(aside.readings)
         plain = ordinary_fit(rest, [base.values])
-        alone = fit(rest, (), plain.values)
+        rest, alone = fit_beside(rest, (), plain.values)
         again = explain(rest, alone, mechanisms, confirm, plain.values)
         if _leaves_something(again):
             aside = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
 from legfem.inverse.mechanism import MeasuredStrength, Occurrence, measured_strength, null_of, prior_of, testable
 from legfem.inverse.observations import Observations, observe
-from legfem.inverse.predictor import LawName, Predictor
+from legfem.inverse.predictor import LawName, Predictor, values_of
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis, diagnose
 from legfem.legs.correction import TabulatedCorrection
@@ -120,7 +121,7 @@ class Diagnoser:
         fine, coarse = solved_responses(subject, observed, self.folder)
         leg = repr(sorted(fine.fingerprint.items()))
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
-        keys = leg + "".join(sorted(stations.key for stations in observed.protocols))
+        keys = f"{leg}{bool(observed.channels)}" + "".join(sorted(stations.key for stations in observed.protocols))
         if keys not in self._libraries:
             able, _ = shown_mechanisms(observed, self.correction)
             self._libraries[keys] = build_library(
@@ -197,15 +198,11 @@ def diagnose_body(
     able, untested = shown_mechanisms(observed, None, ruled_out, every)
     able = [m for m in able if m.name not in library.missing]
 
-    def nuisances(base: LinearisedFit) -> list[NuisanceEffect]:
-        stiffness = deep_stiffness(base.values)
-        return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
-
     return diagnose(
         Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),
         instrument,
         able,
-        nuisances,
+        partial(_nuisances_beside, library, observed, accuracy, ends),
         solved,
         progress,
         measured_strengths(accuracy, able),
@@ -213,6 +210,18 @@ def diagnose_body(
         seed,
         possible,
     )
+
+
+def _nuisances_beside(
+    library: Library,
+    observed: Observations,
+    accuracy: Accuracy,
+    ends: TabulatedCorrection | None,
+    fitted: LinearisedFit,
+) -> list[NuisanceEffect]:
+    """Return what isn't known exactly does beside a fit's mechanisms."""
+    changes = library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
+    return nuisance_effects(changes, observed, fitted.prediction, accuracy, ends, deep_stiffness(fitted.values))
 
 
 def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:

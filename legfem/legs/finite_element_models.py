@@ -15,8 +15,9 @@ from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.motion import without_layer
+from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.observations import Observations
-from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
+from legfem.inverse.responses import SolvedResponses
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.legs.nuisances import MATERIAL_LOG_SD, displaced_geometries
 from legfem.legs.placement import SpatialLeg

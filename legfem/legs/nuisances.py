@@ -15,12 +15,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
+from legfem.inverse.body_models import Displaced
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import Cause, NuisanceEffect
 from legfem.inverse.mechanism import Stiffness
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
-from legfem.inverse.responses import Displaced
 from legfem.legs.subject import TYPICAL_ACCURACY, MeasuredEffect, Subject
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def displaced_geometries() -> list[Displaced]:
         for arc in _HATS
     ]
     found += [
-        Displaced(f"{bone} {way}", MeshMotion(bone, turned=turned))
+        Displaced(f"{bone} {way}", MeshMotion(bone, turned=turned), near=False)
         for bone in _BONES
         for way, turned in _BONES_WAYS.items()
     ]

@@ -14,8 +14,8 @@ from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
 from legfem.legs.diagnosis import doubts_of
 from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject, elastography_priors
+from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
 from legfem.report import diagnosis_numbers as tables
-from legfem.report import diagnosis_sentences, estimates
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
@@ -53,7 +53,7 @@ def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
         how = _to_state(found)
         return [*blocks, how] if how.rows else blocks
     if not wanted:
-        return [web.Prose(diagnosis_sentences.to_do(found, plan))]
+        return [web.Prose(diagnosis_headline.to_do(found, plan))]
     why = {"ambiguous": "To distinguish the candidates:", "named": "To confirm the cause that was found:"}
     before = [web.Prose(why[found.verdict])] if found.verdict in why else []
     return [*before, web.Bullets(wanted)]
@@ -115,10 +115,10 @@ def diagnosis_web_page(
     if isinstance(subject, Subject):
         chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
     return web.WebPage(
-        title=diagnosis_sentences.TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
+        title=diagnosis_headline.TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
         subject=subject.title,
         origin=subject.origin,
-        headline=diagnosis_sentences.headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
+        headline=diagnosis_headline.headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
         warnings=[*doubt_lines(doubts_of(found, subject)), *waves_say(found, subject), *_warnings(found)],
         warned=" for the person who recorded and described the test",
         known=known_of(found, subject),

@@ -1,26 +1,16 @@
-"""The diagnosis in words that a clinician understands, and its first screen.
-
-The first screen's words were changed after readers without statistics had stumbled over them (`docs/checklist.md`,
-"Tried").
-"""
+"""The diagnosis in words that a clinician understands."""
 
 from collections.abc import Sequence
 
 from legfem.common.units import mpa_to_kpa, percent
-from legfem.inverse.averaging import widened_by
-from legfem.inverse.catalogue import DEEP_C10, symbol_of
+from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import HiddenEnd, Limit
 from legfem.inverse.setting_aside import SetAside
-from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share, residual_intervals
-from legfem.legs.mechanisms import Mechanism
-from legfem.legs.mechanisms.time_dependence import TissueRelaxation
-from legfem.report import page as web
-from legfem.report.diagnosis_curves import determined, places_of, plain, relative_change
-from legfem.report.estimates import high_or_low
-from legfem.report.words import MODULI, capital, moduli_text, number, share
+from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
+from legfem.report.diagnosis_curves import plain, relative_change
+from legfem.report.words import capital, share
 
-_HOLDS_RECORDED = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
 _NO_MECHANISM = (
     "repeat the test on another day and rig; record at two rates with a hold, and look at the located intervals on film"
 )
@@ -149,11 +139,6 @@ def stiffness_sentence(before: Explanation, after: Explanation) -> str:
     return f"Putting it into the model moves {' and '.join(parts)}."
 
 
-def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
-    recorded = "hold" in found.observed.phases and len(found.observed.rates) > 1
-    return _HOLDS_RECORDED if recorded and isinstance(mechanism, TissueRelaxation) else mechanism.next_experiment
-
-
 def misfit_sentence(found: Diagnosis) -> str:
     """Return how far a model misses whose misfit is small, and what that does to C10."""
     return (
@@ -188,281 +173,13 @@ def next_experiments(found: Diagnosis) -> list[str]:
     """Return the measurements that would settle what is open, but those that were made."""
     if found.verdict == "unexplained":
         return [_NO_MECHANISM]
-    if found.verdict == "consistent" and _one_rate(found):
+    if found.verdict == "consistent" and one_rate(found):
         return ["hold the deepest position for a minute, and press at two rates"]
     known = {reading.mechanism.name for reading in found.weighted_base.problem.measured}
     open_ = [m for model in found.models for m in model.fit.mechanisms if m.name not in known]
-    return list(dict.fromkeys(_wanted(found, m) for m in open_))
+    return list(dict.fromkeys(m.experiment_after(found.observed) for m in open_))
 
 
-def _one_rate(found: Diagnosis) -> bool:
+def one_rate(found: Diagnosis) -> bool:
     """Return whether the recordings can't show an effect of rate."""
     return any("rate" in why for why in found.untested.values())
-
-
-TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
-_MOST_CAUSES = 2
-"""That find room on the first screen of a phone."""
-
-
-def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Headline:
-    """Return the verdict for someone who knows no statistics.
-
-    Parameters
-    ----------
-    found
-        The diagnosis.
-    plan
-        What could be done next, each with its chance, the best first.
-    tissue
-        Of a leg, whose C10 it is.
-    """
-    tone, heading = _answer(found)
-    aside = "" if found.aside is None else f"{aside_sentence(found.aside)} "
-    return web.Headline(
-        tone,
-        _write_down(found),
-        [
-            ("Problems found", aside + _wrong(found)),
-            ("How sure", _sure(found)),
-            ("Effect on C10", _stiffness(found) + _at_its_rate(found)),
-            ("What to do", to_do(found, plan)),
-            *_high_or_low(found, tissue),
-        ],
-        heading,
-    )
-
-
-def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
-    """Return how the verdict looks, and the answer to the page's title."""
-    if found.withheld:
-        return "wrong", "No."
-    if found.verdict == "unexplained":
-        return "caution", f"Good enough: the model misses by {share(found.misfit.size)} of the largest force."
-    if _wide(found):
-        fits = "The model fits" if found.verdict == "consistent" else "The corrected model fits"
-        fits += ", but not in all parts" if found.models and found.models[0].missing else ""
-        return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
-    if found.verdict == "consistent":
-        return ("sound", "Yes.") if found.aside is None else ("caution", f"Yes, without {found.aside.described}.")
-    if found.verdict == "named" and found.models[0].in_part:
-        return "caution", f"In part: use the corrected one, which may be off by {percent(found.may_be_off)}."
-    if found.verdict == "named" or _alike(found):
-        return "caution", "Yes, but use the corrected one."
-    return "open", "Only as a range."
-
-
-def _write_down(found: Diagnosis) -> str:
-    if found.withheld:
-        return "Report no number."
-    if DEEP_C10 not in found.base.fit.free:
-        return "C10 was given, not found."
-    (low, high), best = _within(found), _best(found)
-    if not _causes_differ(found) and not determined(best, DEEP_C10):
-        return "Report no number: this test cannot determine C10."
-    if _causes_differ(found) or _wide(found):
-        only = "" if _causes_differ(found) else f" ({_value(found, best)} if no hidden effect is present)"
-        return f"Report a range: C10 between {low} and {high} kPa{only}, {_moduli_between(found)}."
-    c10, error = mpa_to_kpa(best.value(DEEP_C10)), _standard_error(found)
-    return f"Report: C10 = {_value(found, best)} kPa ({low} to {high}), {moduli_text(c10, error)}."
-
-
-def _moduli_between(found: Diagnosis) -> str:
-    """Return between which values the moduli lie that belong to C10."""
-    ends = [mpa_to_kpa(end) for end in _ends(found)]
-    spread = (ends[1] - ends[0]) / 4
-    shear, young = (" and ".join(number(times * end, times * spread) for end in ends) for times in MODULI)
-    return f"shear modulus G between {shear} kPa, Young's modulus E between {young} kPa"
-
-
-def _wrong(found: Diagnosis) -> str:
-    if found.verdict == "consistent":
-        hides = f" But not every problem would show: {_hides(found)}" if _wide(found) else ""
-        none = "None." if found.aside is None else "No other problem."
-        return f"{none}{hides} What this test cannot show is listed further down."
-    if found.verdict == "unexplained" and not found.withheld:
-        return f"{misfit_sentence(found)}{_place(found)}"
-    if found.verdict == "unexplained":
-        return (
-            "The computer model of the leg does not reproduce the recording, and no cause that "
-            f"this program knows explains the difference.{_place(found)}"
-        )
-    if found.verdict == "named":
-        first = found.models[0]
-        part = " That explains only a part of the difference." if first.in_part else ""
-        part = f" {missing_sentence(first)}" if first.missing else part
-        return f"Most likely {statements(first)}. The computer model left that out.{part}"
-    shown = found.models[:_MOST_CAUSES]
-    causes = [f"{statements(m)} ({percent(m.probability)} likely)" for m in shown]
-    more = len(found.models) - len(causes)
-    one = f"; or, less likely, {statements(found.models[-1])}" if more else ""
-    others = f"; or one of {more} less likely causes, listed further down" if more > 1 else one
-    return f"{kin_sentence(found.models)}The computer model left out one of these: {'; '.join(causes)}{others}."
-
-
-def _hides(found: Diagnosis) -> str:
-    """Return what the effect that widens C10's range most would do unseen; of others where that isn't far."""
-    widest = widened_by(found.explained, DEEP_C10)
-    names = () if widest is None else widest.names
-    first = [one for one in found.hidden if one[0].name in names] or found.hidden
-    return " ".join(hidden_sentence(found, *one) for one in first[:_MOST_CAUSES])
-
-
-def _place(found: Diagnosis) -> str:
-    places = places_of(found)
-    if not places:
-        return ""
-    most = max(places, key=lambda place: place.weight)
-    low, high = most.displacement
-    return f" The difference is largest between {low:.0f} and {high:.0f} mm of {most.phase}: {abs(most.size):.1g} N."
-
-
-def _sure(found: Diagnosis) -> str:
-    soundness = found.explained.adequacy
-    if found.verdict == "consistent":
-        fits = f"{percent(soundness)} sure that the computer model fits this test"
-        return f"{capital(fits)}. The range {_NINETEEN_OF_20}"
-    wrong = f"{percent(1 - soundness)} sure that the computer model left something out"
-    if found.verdict == "unexplained":
-        return f"{capital(wrong)}; the recordings do not show what."
-    if found.verdict == "named":
-        share = found.models[0].probability
-        if found.models[0].missing:
-            return f"{capital(wrong)}; what it is like is not what it is. The range also allows for other causes."
-        return (
-            f"{capital(percent(share))} sure of this cause, and {wrong}. The range "
-            f"also allows for other causes, and {_NINETEEN_OF_20}"
-        )
-    return f"{capital(wrong)}; this test cannot determine which of these. The range {_NINETEEN_OF_20}"
-
-
-# Counted where errors are wider than is assumed: docs/evidence.md.
-_NINETEEN_OF_20 = (
-    "is meant to contain the true value in 19 of 20 tests; in difficult simulated tests it did so about as often."
-)
-
-
-def _stiffness(found: Diagnosis) -> str:
-    if found.withheld:
-        return f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount."
-    if DEEP_C10 not in found.base.fit.free:
-        return "C10 was given, not found."
-    before = _value(found, found.base)
-    if found.verdict == "unexplained":
-        return f"{_C10}, is {before} kPa; the misfit changes it by {share(found.misfit.moves)} at most."
-    if found.verdict == "consistent" and _wide(found):
-        return (
-            f"{_C10}, is {before} kPa if no effect is hidden; a hidden effect could change it by "
-            f"{percent(found.may_be_off)}."
-        )
-    if found.verdict == "consistent":
-        return f"{_C10}, is {before} kPa; no correction is needed."
-    after = [_value(found, model) for model in found.models]
-    if found.verdict == "named" or _alike(found):
-        change = relative_change(found.base.value(DEEP_C10), found.models[0].value(DEEP_C10)).lstrip("+")
-        way = "lower" if change.startswith("-") else "higher"
-        causes = "" if found.verdict == "named" else ", whichever cause it is"
-        return (
-            f"{_C10}, would be {before} kPa without the correction. Corrected it is {after[0]} kPa "
-            f"({change.lstrip('-')} {way}){causes}."
-        )
-    low, high = min(after, key=float), max(after, key=float)
-    return (
-        f"{_C10}, would be {before} kPa without a correction. Corrected it is {low} to {high} kPa, "
-        "depending on the cause."
-    )
-
-
-def _at_its_rate(found: Diagnosis) -> str:
-    if found.withheld or DEEP_C10 not in found.base.fit.free or not _one_rate(found):
-        return ""
-    return " It is the stiffness at the rate of this test: tissue that is held relaxes, and is then softer."
-
-
-_C10 = "C10, the stiffness of the tissue"
-
-
-def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
-    """Return how the number to write down compares with others', where there is one."""
-    if found.withheld or DEEP_C10 not in found.base.fit.free:
-        return []
-    if _causes_differ(found):
-        return high_or_low(tissue, *(float(end) for end in _within(found)))
-    best = _best(found)
-    return high_or_low(tissue, mpa_to_kpa(best.value(DEEP_C10))) if determined(best, DEEP_C10) else []
-
-
-def _alike(found: Diagnosis) -> bool:
-    """Return whether C10 is the same for all causes, as far as it is known."""
-    return DEEP_C10 in found.base.fit.free and len({_value(found, m) for m in found.models}) == 1
-
-
-def _causes_differ(found: Diagnosis) -> bool:
-    """Return whether C10 depends on which of several causes it is."""
-    return found.verdict == "ambiguous" and not _alike(found)
-
-
-def _best(found: Diagnosis) -> Explanation:
-    return found.models[0] if found.models else found.base
-
-
-def _value(found: Diagnosis, model: Explanation) -> str:
-    return number(mpa_to_kpa(model.value(DEEP_C10)), _standard_error(found))
-
-
-def _standard_error(found: Diagnosis) -> float:
-    """Return the widest of the explanations' standard errors of C10, by which its digits are chosen."""
-    ends = [one.shown(DEEP_C10).ci95 for one in (found.base, *found.models)]
-    return max(high - low for low, high in ends) / 4
-
-
-def _within(found: Diagnosis) -> tuple[str, str]:
-    """Return between which values C10 lies (kPa), over all explanations."""
-    low, high = map(mpa_to_kpa, _ends(found))
-    return number(low, (high - low) / 4), number(high, (high - low) / 4)
-
-
-def _ends(found: Diagnosis) -> tuple[float, float]:
-    return found.intervals.get(DEEP_C10) or _best(found).interval(DEEP_C10)
-
-
-def _wide(found: Diagnosis) -> bool:
-    """Return whether C10 is known as a range alone: what is hidden may move it."""
-    return not found.withheld and not _causes_differ(found) and found.may_be_off > TRUSTED
-
-
-def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
-    """Return what to do with the number, and what to ask a lab for."""
-    lines = next_experiments(found)
-    consistent = found.verdict == "consistent"
-    widest = widened_by(found.explained, DEEP_C10) if _wide(found) and consistent else None
-    if widest is not None:
-        return (
-            "Use the range. It is so wide because this test cannot determine whether "
-            f"{statements(widest)}. To narrow it, ask the lab to {_narrowing(widest, lines)}."
-        )
-    if found.verdict == "consistent":
-        if not lines:
-            return "Use the number together with the law that it belongs to. No other test is needed."
-        return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
-    use = "Use the corrected number" if found.verdict == "named" and not _wide(found) else "Use the range"
-    if not plan and not lines:
-        return f"{use}."
-    what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
-    asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
-    if found.verdict == "unexplained" and not found.withheld:
-        return f"Use the number above. To find out what the model misses, ask the lab to {lines[0]}."
-    if found.verdict == "unexplained":
-        return (
-            f"Use no number of this test. First ask the lab to check the data for a mistake. Then ask it to {lines[0]}."
-        )
-    if found.verdict == "named":
-        return f"{use}. To confirm the cause, {asked}."
-    kept = "the corrected number" if _alike(found) else "the range, and no single number"
-    return f"Use {kept}. To find out which cause it is, {asked}."
-
-
-def _narrowing(widest: Explanation, lines: Sequence[str]) -> str:
-    """Return what would narrow C10's range: what settles its widest part, and what wasn't recorded yet."""
-    wanted = widest.fit.mechanisms[0].next_experiment
-    return "; or to ".join([wanted, *[line for line in lines if line != wanted][:1]])

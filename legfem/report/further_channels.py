@@ -18,7 +18,6 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import ChannelFit, Fit
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.mechanisms.muscle import UnevenMuscle, place_in_section
 from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
@@ -289,7 +288,7 @@ def misfit_in_section(found: Diagnosis, subject: Subject) -> list[StillSection]:
     site, left = Site(subject.section, subject.indenter), left_of(found.weighted_base)
     spans = dict(zip((one.name for one in found.observed.channels), found.observed.data.spans[1:], strict=True))
     arrows = [arrow for one in departs if one.places for arrow in channel_arrows(one, left[spans[one.name]], site)]
-    marks = [*_channel_marks([one for one in departs if not one.places], site), *_stiffness_marks(found, subject)]
+    marks = [*_channel_marks([one for one in departs if not one.places], site), *_stiffness_marks(found, site)]
     if not found.observed.channels or not (marks or arrows):
         return []
     caption = (
@@ -340,14 +339,12 @@ def _channel_marks(departs: Sequence[StationChannel], site: Site) -> Iterator[Ma
         yield Mark(f"departs: {one.kind.title}", x, -y, _CHANNEL_MM, BASE_COLOUR)
 
 
-def _stiffness_marks(found: Diagnosis, subject: Subject) -> Iterator[Mark]:
+def _stiffness_marks(found: Diagnosis, site: Site) -> Iterator[Mark]:
     fitted = found.weighted_base.fit
     for one in found.assessment.signatures:
-        if one.mechanism.name != UnevenMuscle.name:
+        region, share = one.mechanism.acts_in(one.shape, site), matched(found, one)[1]
+        if region is None or share is None or share < _SHARE:
             continue
-        share = matched(found, one)[1]
-        if share is None or share < _SHARE:
-            continue
-        x, y = place_in_section(subject, one.shape["depth"], one.shape["side"])
+        (x, y), radius = region
         how = "stiffer" if float(one.direction @ fitted.augmented_residual) > 0 else "softer"
-        yield Mark(f"a {how} region here matches {100 * share:.0f} %", x, -y, one.shape["radius"], REPAIRED_COLOUR)
+        yield Mark(f"a {how} region here matches {100 * share:.0f} %", float(x), -float(y), radius, REPAIRED_COLOUR)

@@ -10,10 +10,11 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import Layer
 from legfem.experiments.experiment import Picklable, Solved, cached_in_process
+from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
-from legfem.inverse.responses import PLAIN, Displaced, Stopped
+from legfem.inverse.responses import PLAIN
 from legfem.jobs.store import code_fingerprint
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.legs.mechanisms.time_dependence import TIMES_S
@@ -195,7 +196,7 @@ type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
 
 @dataclass(eq=False)
 class SpecimenVariants:
-    """A specimen's models, `legfem.inverse.responses.BodyModels`, made when first asked for.
+    """A specimen's models, `legfem.inverse.body_models.BodyModels`, made when first asked for.
 
     Parameters
     ----------

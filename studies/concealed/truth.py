@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.channels import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.inverse.responses import Stopped
+from legfem.inverse.body_models import Stopped
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.finite_element_models import LegVariants

@@ -14,10 +14,10 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import Recording, segment
 from legfem.data.phases import AIR, HOLD
 from legfem.data.smoothing import sample_noise
+from legfem.inverse.body_models import Columns
 from legfem.inverse.mechanism import strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.responses import Columns
 from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
 from legfem.legs.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from studies.recordings.curves import ElasticCurves

@@ -21,7 +21,7 @@ from studies.sealed.cases import SUBSETS, channel_cases, subsets_of
 from studies.sealed.diagnosing import Lab, Said
 from studies.sealed.page import cell_of, page
 
-MODULES = ("legfem.legs.diagnosis", "legfem.report.diagnosis_sentences", "studies.sealed.diagnosing")
+MODULES = ("legfem.legs.diagnosis", "legfem.report.diagnosis_headline", "studies.sealed.diagnosing")
 app = new_app()
 
 

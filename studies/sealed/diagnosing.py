@@ -32,7 +32,7 @@ from legfem.legs.diagnosis import (
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.mechanisms import OCCURRENCES, mechanisms
 from legfem.legs.subject import Subject
-from legfem.report.diagnosis_sentences import headline
+from legfem.report.diagnosis_headline import headline
 from studies.concealed.cases import DEPTH_MM, SealedCase, sealed_leg
 from studies.concealed.truth import Truths
 from studies.lab.recording import INSTRUMENT

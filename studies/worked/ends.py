@@ -15,11 +15,12 @@ from legfem.common.progress import Progress
 from legfem.data import Recording, segment_all
 from legfem.data.recording import Origin, write_recording
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
+from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.mechanism import Solution
 from legfem.inverse.observations import Observations, observe
-from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
+from legfem.inverse.responses import SolvedResponses
 from legfem.jobs.store import Store, code_fingerprint
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms, with_correction

@@ -10,7 +10,7 @@ import numpy as np
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
-from legfem.inverse.responses import Stopped
+from legfem.inverse.body_models import Stopped
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import LegVariants, tissues_of

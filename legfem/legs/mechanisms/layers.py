@@ -19,6 +19,7 @@ class SuperficialStiffness(TissueMechanism):
         factor("factor", "on C10", (0.1, 9.0), 0.9, "reported stiffness of fat differs tenfold"),
     )
     would_be: ClassVar[str] = "fat of {} times the assumed stiffness"
+    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = (
         "press gently with a small tip (2 mm deep), or image the fat's thickness under load"
     )
@@ -79,6 +80,7 @@ class FatSliding(TissueMechanism):
         strength("sliding", "-", "share of the way from grown together to free", 0.6, (0.0, 1.0)),
     )
     would_be: ClassVar[str] = "fat that slides along the fascia, {} of the way to free"
+    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = "film fat and fascia with ultrasound beside the cylinder while it presses"
     measured_sd: ClassVar[float | None] = 0.2
     """An estimate: speckle is followed to some 0.3 mm beside ways of one or two."""
@@ -116,6 +118,7 @@ class FasciaStiffness(TissueMechanism):
         ),
     )
     would_be: ClassVar[str] = "a fascia of {} times the assumed stiffness"
+    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
     measured_sd: ClassVar[float | None] = 0.4
     """An estimate: a sheet thinner than a wave is long."""
@@ -136,6 +139,7 @@ class FasciaPrestress(TissueMechanism):
         strength("tension", "kPa", "tension of the fascia at rest", 100.0, (0.0, 500.0)),
     )
     would_be: ClassVar[str] = "a fascia under a tension of {}"
+    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = (
         "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
     )
@@ -176,6 +180,7 @@ class DermisTension(TissueMechanism):
         ),
     )
     would_be: ClassVar[str] = "a skin of a stiffness of {}"
+    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = (
         "lift the skin with a suction cup, or stretch it between two pads, beside the indenter"
     )

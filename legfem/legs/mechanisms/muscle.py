@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.geometry.indenter import Indenter, first_touch
-from legfem.geometry.section import LegSection, across, first_crossing
+from legfem.geometry.indenter import Site
+from legfem.geometry.section import across, first_crossing
 from legfem.inverse.mechanism import (
     IndentedLeg,
     Mechanism,
@@ -205,37 +205,12 @@ _HARD = 10.0
 """Factor at which it is solved, too: from there on a lump is as good as rigid."""
 
 
-class SectionUnderIndenter(Protocol):
-    """A section, and what it is pressed by."""
-
-    @property
-    def section(self) -> LegSection:
-        """Across the leg."""
-        ...
-
-    @property
-    def indenter(self) -> Indenter:
-        """Its size, aim and direction."""
-        ...
-
-
-def place_in_section(leg: SectionUnderIndenter, depth: float, side: float) -> tuple[float, float]:
-    """Return a place in the section's coordinates, mm.
-
-    Parameters
-    ----------
-    leg
-        The leg.
-    depth
-        Below the fascia along the travel (mm).
-    side
-        To the left of the line of travel (mm).
-    """
-    travel, radius = leg.indenter.direction, leg.indenter.radius
-    centre = np.asarray(first_touch(leg.section.skin, radius, leg.indenter.aim, travel))
-    fascia = first_crossing(leg.section.polygon("fascia").exterior, centre, travel)
-    x, y = centre + (fascia + depth) * travel + side * across(travel)
-    return float(x), float(y)
+def _places(site: Site, depth_and_side: Sequence[tuple[float, float]]) -> FloatArray:
+    """Return places (n, 2) in the section, of depths below the fascia along the travel and to its left, mm."""
+    travel, touch = site.direction, site.touch
+    fascia = first_crossing(site.section.polygon("fascia").exterior, touch, travel)
+    depth, side = np.array(depth_and_side).T
+    return np.asarray(touch + np.outer(fascia + depth, travel) + np.outer(side, across(travel)))
 
 
 @dataclass(frozen=True)
@@ -287,6 +262,10 @@ class UnevenMuscle(TissueMechanism):
     """Aponeuroses and tendons run through every calf, and vessels: what isn't known is whether they matter."""
     variant: ClassVar[str] = "uneven"
 
+    def acts_in(self, values: Values, site: Site) -> tuple[FloatArray, float]:
+        """Return the lump."""
+        return _places(site, [(values["depth"], values["side"])])[0], values["radius"]
+
     @property
     def derivatives(self) -> tuple[str, ...]:
         """Excesses at the lattice's places."""
@@ -305,11 +284,11 @@ class UnevenMuscle(TissueMechanism):
         from legfem.mechanics.terms.muscle import StiffLump, UnevenStiffness
 
         muscle, travel = leg.tissues.deep, leg.indenter.direction
-        points = tuple(place_in_section(leg, depth, side) for _, depth, side in _LUMPS)
+        places = _places(Site(leg.section, leg.indenter), [(0.0, 0.0), *(place[1:] for place in _LUMPS)])
+        origin, *points = [(float(x), float(y)) for x, y in places]
         radii = tuple(radius for radius, _, _ in _LUMPS)
-        origin = place_in_section(leg, 0.0, 0.0)
         return [
-            UnevenStiffness("deep", muscle, points, radii),
+            UnevenStiffness("deep", muscle, tuple(points), radii),
             StiffLump("deep", muscle, origin, (float(travel[0]), float(travel[1])), radius=_RADII_MM[0]),
         ]
 

@@ -200,6 +200,7 @@ class IndenterTilt(TissueMechanism):
         strength("angle", "degrees", "of the travel from the one stated", 8.0, (-20.0, 20.0)),
     )
     would_be: ClassVar[str] = "a travel turned by {} from the one stated"
+    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = "photograph the cylinder against the leg at both ends of the travel"
     measured_sd: ClassVar[float | None] = 1.5
     """An estimate."""

@@ -81,6 +81,7 @@ SPECTRUM: tuple[Parameter, ...] = (
         statement="standard deviation of the logarithm of the times",
     ),
 )
+_HOLDS_TOO = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
 SLOW = Parameter(
     "slow",
     "-",
@@ -106,6 +107,10 @@ class TissueRelaxation(TissueMechanism):
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there are a hold, an unloading or two rates."""
         return needs_time(observed)
+
+    def experiment_after(self, observed: Observations) -> str:
+        """Return another one where a hold and two rates were recorded."""
+        return _HOLDS_TOO if "hold" in observed.phases and len(observed.rates) > 1 else self.next_experiment
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return several times, narrow and wide."""

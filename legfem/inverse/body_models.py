@@ -1,0 +1,141 @@
+"""The models of a body, what is asked of them, and what they answer."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from legfem.channels.kinds import CHANNELS
+from legfem.common.units import FloatArray
+from legfem.inverse.mechanism import Solution, Stiffness
+from legfem.solve.protocol import Protocol as Motion
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import LateralPlacement
+    from legfem.meshing.section import MeshMotion
+    from legfem.solve.path import Path
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """A geometry other than the stated one, to be solved for."""
+
+    name: str
+    moved: "MeshMotion | None" = None
+    placement: "LateralPlacement | None" = None
+    near: bool = True
+    """Whether it is one of what the indenter touches, or as near, and may do something else beside a mechanism."""
+
+    @property
+    def opposite(self) -> "Displaced":
+        """The geometry as far to the other side."""
+        moved, at = self.moved, self.placement
+        return Displaced(
+            self.name,
+            None if moved is None else replace(moved, size=-moved.size),
+            None if at is None else replace(at, tilt_deg=-at.tilt_deg, offset_mm=-at.offset_mm),
+        )
+
+
+class BodyModels(Protocol):
+    """The models of one body that show mechanisms, one for every variant."""
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Full names of the numbers that are assumed, and may be somewhat off."""
+        ...
+
+    @property
+    def displaced(self) -> tuple[Displaced, ...]:
+        """Geometries other than the stated one, whose forces tell of what isn't known of it."""
+        ...
+
+    def moved_to(self, moved: "MeshMotion") -> "BodyModels":
+        """Return the body with its mesh moved."""
+        ...
+
+    def follow(
+        self,
+        protocol: Motion,
+        deep: Mapping[str, float],
+        solution: Solution,
+        sensitivities: Sequence[str] = (),
+        placement: "LateralPlacement | None" = None,
+    ) -> "Path | Stopped":
+        """Solve a protocol for a stiffness; see `legfem.legs.finite_element_models.LegVariants.follow`."""
+        ...
+
+    def parameters(self, variant: str) -> Mapping[str, float]:
+        """Return a variant's parameters by full name (MPa, 1/MPa)."""
+        ...
+
+    def described(self, variant: str) -> str:
+        """Return what tells a variant from others."""
+        ...
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """A solution that didn't follow its protocol to the end."""
+
+    why: str
+
+
+type Columns = dict[str, FloatArray]
+"""Arrays by channel: ``force`` along (m,) points, and every further channel at zero time and there, (m + 1,). Of
+derivatives by a parameter (`derivative_of`) likewise. Changes are relative of the force, and absolute of channels."""
+
+
+def derivative_of(channel: str, parameter: str) -> str:
+    """Return the name of a channel's derivative by a parameter; the parameter's own of the force."""
+    return parameter if channel == "force" else f"{channel} by {parameter}"
+
+
+def channels_of(columns: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """Return the names of the channels that a solution has beside the force."""
+    return tuple(name for name in columns if " by " not in name and name.partition(":")[0] in CHANNELS)
+
+
+@dataclass(frozen=True, eq=False)
+class PathRequest:
+    """A solution, and where on its path it is asked for.
+
+    Parameters
+    ----------
+    protocol
+        Of the indenter.
+    at
+        Times of it, s.
+    stiffness
+        Of the deep tissue.
+    solution
+        Which model, and its parameters.
+    derivatives
+        Full names of parameters by which the force is differentiated.
+    moved, placement
+        Another geometry.
+    """
+
+    protocol: Motion
+    at: FloatArray
+    stiffness: Stiffness
+    solution: Solution
+    derivatives: tuple[str, ...] = ()
+    moved: "MeshMotion | None" = None
+    placement: "LateralPlacement | None" = None
+
+    def entry(self, terms: str) -> dict[str, Any]:
+        """Return what its outcome is kept under; ``terms`` are those of its model."""
+        return {
+            "protocol": [list(self.protocol.time), list(self.protocol.displacement)],
+            "at": np.round(self.at, 9).tolist(),
+            "deep_MPa": [float(value) for value in self.stiffness],
+            "variant": self.solution.variant,
+            "terms": terms,
+            "parameters": {k: float(v) for k, v in self.solution.parameters.items()},
+            "scaled": {k: float(v) for k, v in self.solution.scaled.items()},
+            "tilt_deg": float(self.solution.tilt_deg),
+            "derivatives": list(self.derivatives),
+            "geometry": repr((self.moved, self.placement)),
+        }
