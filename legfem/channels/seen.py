@@ -88,6 +88,11 @@ class SeenModel:
         }
 
     @cached_property
+    def crossings_at_rest(self) -> dict[str, dict[bytes, Crossing | None]]:
+        """Crossings of lines with the undeformed outlines, as far as they were asked for."""
+        return {name: {} for name in self.outlines}
+
+    @cached_property
     def _inside(self) -> dict[bytes, PointsInside]:
         return {}
 
@@ -224,7 +229,8 @@ class Seen:
         for name, outline in model.outlines.items():
             moved = [outline.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
             places = outline.places
-            found[name] = CrossedOutline(places, places + moved[0], moved[1:], system.start, system.direction)
+            known, line = model.crossings_at_rest[name], (system.start, system.direction)
+            found[name] = CrossedOutline(places, places + moved[0], moved[1:], *line, known)
         return found
 
 
@@ -245,6 +251,8 @@ class CrossedOutline:
         Derivatives of the points.
     origin, direction
         Of the line.
+    known
+        Crossings with the undeformed outline that were found in earlier states, by the line.
     """
 
     places: FloatArray
@@ -252,10 +260,14 @@ class CrossedOutline:
     rates: list[FloatArray]
     origin: FloatArray
     direction: FloatArray
+    known: dict[bytes, Crossing | None]
 
     def undeformed(self, beside: float) -> Crossing | None:
         """Return where the line, shifted to its left (mm), first meets the undeformed outline."""
-        return first_crossing(self.places, self.origin, self.direction, beside)
+        line = np.array([*self.origin, *self.direction, beside]).tobytes()
+        if line not in self.known:
+            self.known[line] = first_crossing(self.places, self.origin, self.direction, beside)
+        return self.known[line]
 
     def place(self, beside: float = 0.0) -> tuple[float, FloatArray] | None:
         """Return where the shifted line first meets the deformed outline (mm), and the derivatives."""
