@@ -88,8 +88,8 @@ class SeenModel:
         }
 
     @cached_property
-    def met(self) -> "dict[str, dict[bytes, Crossing | None]]":
-        """Where lines were found to meet each of the undeformed outlines."""
+    def crossings_at_rest(self) -> dict[str, dict[bytes, Crossing | None]]:
+        """Crossings of lines with the undeformed outlines, as far as they were asked for."""
         return {name: {} for name in self.outlines}
 
     @cached_property
@@ -231,8 +231,9 @@ class Seen:
         system, found = self.model.system, {}
         for name, outline in self.model.outlines.items():
             moved = [outline.values(one) for one in self._moved]
-            places, met = outline.places, self.model.met[name]
-            found[name] = CrossedOutline(places, places + moved[0], moved[1:], system.start, system.direction, met)
+            places, line = outline.places, (system.start, system.direction)
+            known = self.model.crossings_at_rest[name]
+            found[name] = CrossedOutline(places, places + moved[0], moved[1:], *line, known)
         return found
 
 
@@ -253,8 +254,8 @@ class CrossedOutline:
         Derivatives of the points.
     origin, direction
         Of the line.
-    met
-        Where lines were found to meet the undeformed outline.
+    known
+        Crossings with the undeformed outline that were found in earlier states, by the line.
     """
 
     places: FloatArray
@@ -262,14 +263,14 @@ class CrossedOutline:
     rates: list[FloatArray]
     origin: FloatArray
     direction: FloatArray
-    met: dict[bytes, Crossing | None]
+    known: dict[bytes, Crossing | None]
 
     def undeformed(self, beside: float) -> Crossing | None:
         """Return where the line, shifted to its left (mm), first meets the undeformed outline."""
-        key = np.array([*self.origin, *self.direction, beside]).tobytes()
-        if key not in self.met:
-            self.met[key] = first_crossing(self.places, self.origin, self.direction, beside)
-        return self.met[key]
+        line = np.array([*self.origin, *self.direction, beside]).tobytes()
+        if line not in self.known:
+            self.known[line] = first_crossing(self.places, self.origin, self.direction, beside)
+        return self.known[line]
 
     def place(self, beside: float = 0.0) -> tuple[float, FloatArray] | None:
         """Return where the shifted line first meets the deformed outline (mm), and the derivatives."""

@@ -32,7 +32,7 @@ from legfem.inverse.explanation import (
 from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
-from legfem.inverse.map_fit import fit
+from legfem.inverse.map_fit import fit, fit_beside
 from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior
 
@@ -240,7 +240,7 @@ def explain(
         for unknown in (False, True)
     ]
     priors = ExplanationPriors.among(mechanisms)
-    singles = [weighing.of(*_single(problem, m, start or base.values), priors.log_of(m.name)) for m in mechanisms]
+    singles = [weighing.of(*fit_beside(problem, [m], start or base.values), priors.log_of(m.name)) for m in mechanisms]
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
     pairs = _pairs(singles) if _open(found) else []
@@ -256,15 +256,6 @@ def explain(
         if not pairs:
             found = _integrated(found, weighing)
             return Explained(tuple(found), _nothing(found))
-
-
-def _single(
-    problem: LinearisedProblem, mechanism: Mechanism, start: Mapping[str, float]
-) -> tuple[LinearisedProblem, LinearisedFit]:
-    """Return the fit of one mechanism, and the problem with what nuisances do beside it."""
-    fitted = fit(problem, [mechanism], start)
-    beside = problem.beside(fitted)
-    return beside, fitted if beside is problem else fit(beside, [mechanism], fitted.values)
 
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:
@@ -344,7 +335,7 @@ def _begun_anew(found: list[Explanation], weighing: Weighing) -> list[Explanatio
     for pair in leading:
         for single in [e for e in found if len(e.names) == 1 and e.names[0] in pair.names]:
             start = {k: v for k, v in pair.fit.values.items() if k in single.fit.values}
-            beside, again = _single(pair.problem, single.fit.mechanisms[0], start)
+            beside, again = fit_beside(pair.problem, single.fit.mechanisms, start)
             if again.cost < single.fit.cost - ANEW:
                 found[found.index(single)] = weighing.of(beside, again, single.log_prior)
     return with_probabilities(found)
