@@ -70,6 +70,9 @@ def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
     subject = pages.subject_in(tmp_path)
     expected = pages.Expected(0.8e-3, 0.0, 20.0, 0.5)
     assert plan_web_page(seen, subject, expected, (), {}).headline.tone == "sound"
+    needs = replace(best, design=replace(best.design, effort="a second person"))
+    asked = plan_web_page([needs], subject, expected, (), {})
+    assert f"Test 1: {best.design.name}; needed: a second person." in read(rendered(asked)).words
     none = plan_web_page([], subject, expected, (), {})
     assert none.headline.tone == "wrong"
 
@@ -98,6 +101,8 @@ def test_a_plan_is_made_in_python_as_by_the_command(tmp_path, monkeypatch):
     assert bars == [100 * one.chance for one in found.ranked]
     with pytest.raises(lf.InputError, match=r"^depth: inf"):
         lf.plan(leg, depth=float("inf"))
+    with pytest.raises(lf.InputError, match=r"^depth: 200 mm: the leg leaves the cylinder \d+ mm; give less$"):
+        lf.plan(leg, depth=200.0)
 
 
 @pytest.fixture(scope="module")

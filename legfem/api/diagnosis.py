@@ -24,7 +24,7 @@ from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import library_folder
 from legfem.legs.loading import load_subject
 from legfem.legs.plan import Expected, plan_after, plan_before
-from legfem.legs.plausibility import doubts_about
+from legfem.legs.plausibility import doubts_about, room_before
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.diagnosis import diagnosis_web_page
@@ -405,6 +405,8 @@ def plan(
         raise loading.wrong(
             "leg", type(subject).__name__, "is not a leg that is indented", "give an id, a folder or a Subject"
         )
+    if depth >= (room := room_before(subject)):
+        raise loading.wrong("depth", f"{depth:g} mm", f"the leg leaves the cylinder {room:.0f} mm", "give less")
     doubts = tuple(doubts_about(subject))
     log_doubts(doubts)
     expected = Expected(kpa_to_mpa(c10), kpa_to_mpa(c20), depth, rate)

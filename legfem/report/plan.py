@@ -33,10 +33,13 @@ def effects_of(ranked: Sequence[DesignValue]) -> list[str]:
 def plan_lines(ranked: Sequence[DesignValue]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
     return [
-        f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates"
-        + (f"; needed: {one.design.effort}" if one.design.effort else "")
+        f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates{_needs(one)}"
         for one in ranked
     ]
+
+
+def _needs(one: DesignValue) -> str:
+    return f"; needed: {one.design.effort}" if one.design.effort else ""
 
 
 def plan_document(ranked: Sequence[DesignValue], subject: str) -> dict[str, Any]:
@@ -189,7 +192,7 @@ def _chances(ranked: Sequence[DesignValue], names: Sequence[str]) -> web.WebTabl
 def _next(ranked: Sequence[DesignValue], subject: Subject) -> list[str]:
     folder = options_of(subject)
     return [
-        *(f"Test {k}: {one.design.name}." for k, one in enumerate(ranked[:3], 1)),
+        *(f"Test {k}: {one.design.name}{_needs(one)}." for k, one in enumerate(ranked[:3], 1)),
         f"Put the recordings into the folder's recordings/, then: legfem diagnose {folder}",
     ]
 
