@@ -152,9 +152,15 @@ class Seen:
 
         NaN of those that lie outside the tissue.
         """
-        inside, state, dofs = self.model.inside(points), self.state, self.model.system.spaces.displacement_dofs
-        found = [inside.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
-        return found[0], np.array(found[1:]).reshape(-1, *found[0].shape)
+        found = self.model.inside(points).values(self._moved)
+        return found[0], found[1:]
+
+    @cached_property
+    def _moved(self) -> FloatArray:
+        """Displacements of a section's nodes, mm, and derivatives (1 + p, nodes, 2)."""
+        dofs = self.model.system.spaces.displacement_dofs
+        every = np.vstack([self.state.unknown[dofs], self.state.unknown_rates[:, dofs]])
+        return every.reshape(len(every), -1, 2)
 
     @property
     def radius(self) -> float:
@@ -222,14 +228,11 @@ class Seen:
 
     @cached_property
     def _lines(self) -> "dict[str, CrossedOutline]":
-        model, state = self.model, self.state
-        system = model.system
-        dofs = system.spaces.displacement_dofs
-        found = {}
-        for name, outline in model.outlines.items():
-            moved = [outline.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
-            places = outline.places
-            known, line = model.crossings_at_rest[name], (system.start, system.direction)
+        system, found = self.model.system, {}
+        for name, outline in self.model.outlines.items():
+            moved = [outline.values(one) for one in self._moved]
+            places, line = outline.places, (system.start, system.direction)
+            known = self.model.crossings_at_rest[name]
             found[name] = CrossedOutline(places, places + moved[0], moved[1:], *line, known)
         return found
 

@@ -216,8 +216,8 @@ class PointsInside:
         return cls(cells[cell], shapes, comm)
 
     def values(self, nodal: FloatArray) -> FloatArray:
-        """Return a field (m, d) at the points from its values at the rank's nodes, (nodes, d)."""
-        own = np.einsum("pk,pkd->pd", self.shapes, nodal[self.nodes])
+        """Return fields (..., m, d) at the points from their values at the rank's nodes, (..., nodes, d)."""
+        own = np.einsum("pk,...pkd->...pd", self.shapes, nodal[..., self.nodes, :])
         return np.asarray(self.comm.allreduce(own))
 
 

@@ -259,7 +259,7 @@ def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> Linearis
     return problem.with_errors(equal if problem.aside is None else equal.without_bounds(problem.aside))
 
 
-_REFITS = 8
+REFITS = 8
 """About full solutions, at most."""
 _STAYS = 0.25
 """Of a trial's noise: a refit that moves the prediction by less stays."""
@@ -309,7 +309,7 @@ def refitted_about_solutions(
         What is to be refitted.
     """
     made: list[tuple[LinearisedProblem, LinearisedFit]] = []
-    for _ in range(_REFITS):
+    for _ in range(REFITS):
         offset = _offset(problem.predictor, fitted, solved)
         if offset is None:
             break
