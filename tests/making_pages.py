@@ -19,6 +19,7 @@ from making import press, write_recording, write_subject
 from making_cohort import fabricated
 from making_diagnosed import diagnosed
 from making_doe import SpringLeg, definition
+from making_mechanics import subject_3
 from making_results import measured_curve, result
 from making_specimens import write_bars
 from making_stocking import COARSE, laws, short_leg
@@ -31,6 +32,7 @@ from legfem.data.quality import quality_of
 from legfem.data.recording import recording_of
 from legfem.experiments.indenter_pose import Cylinder, Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.geometry.indenter import Site
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
@@ -138,7 +140,7 @@ def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))
     """Tests that tell a stiff fascia and a gain with these chances."""
     return [
         DesignValue(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
-        for design, (a, b) in zip(designs(20.0, 0.5, 30.0), chances, strict=False)
+        for design, (a, b) in zip(designs(20.0, 0.5, 30.0, Site(*subject_3()[:2])), chances, strict=False)
     ]
 
 

@@ -12,7 +12,7 @@ from making_diagnosis import GRID, problem_of, ramps
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.linearised import LinearisedProblem
-from legfem.inverse.map_fit import base_about_solution, fit, refitted_about_solutions
+from legfem.inverse.map_fit import REFITS, base_about_solution, fit, refitted_about_solutions
 from legfem.inverse.predictor import Responses
 from legfem.legs.mechanisms import mechanism_named
 
@@ -52,14 +52,17 @@ def test_a_refit_that_stays_needs_no_second_solution():
     assert refit.cost == pytest.approx(fitted.cost)
 
 
-@pytest.mark.parametrize("shares", [(0.004, 0.03, -0.03), (0.03, 0.004, -0.03), (0.03, -0.03, 0.0)])
-def test_of_solutions_on_several_branches_that_stands_which_leaves_least(shares):
+@pytest.mark.parametrize(
+    ("shares", "solved"), [((0.004, 0.03, -0.03), REFITS), ((0.03, 0.004, -0.03), REFITS), ((0.03, -0.03, 0.0), 3)]
+)
+def test_of_solutions_on_several_branches_that_stands_which_leaves_least(shares, solved):
     problem = supported()
     fitted = fit(problem, (SUPPORT,), {DEEP_C10: 0.0007, DEEP_C20: 0.0004})
-    folding = Folding(problem.predictor.responses, iter(shares))
+    every = [*shares, *[0.03, -0.03] * REFITS][:REFITS]
+    folding = Folding(problem.predictor.responses, iter(every))
     about, refit, made = refitted_about_solutions(folding, problem, fitted)
     assert made
-    assert len(folding.solved) == len(shares)
+    assert len(folding.solved) == solved
     assert refit.cost < fitted.cost + 2.0
     again = fit(about, (SUPPORT,), refit.values)
     assert again.cost == pytest.approx(refit.cost, abs=1e-3), "the problem is the fit's own"

@@ -6,16 +6,33 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from making import TOML, press, write_subject
 
 import legfem
 from legfem.channels.kind import ChannelFile, ChannelPlan
-from legfem.channels.kinds import CHANNELS, FILE_OF, IN_COLUMNS, OF_FRAMES, OF_LEGS, UNITS, files_of, plans
+from legfem.channels.kinds import (
+    CHANNELS,
+    FILE_OF,
+    IN_COLUMNS,
+    OF_FRAMES,
+    OF_LEGS,
+    UNITS,
+    files_of,
+    planned_sights,
+    plans,
+)
+from legfem.channels.kinds.contact import PRESSURE
+from legfem.channels.kinds.section_image import INSIDE, STRAIN
 from legfem.data.recording import RecordedChannel, Recording, write_recording
-from legfem.geometry.section import layer_thicknesses
+from legfem.geometry.indenter import Site
+from legfem.geometry.section import BONES, layer_thicknesses
 from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 from legfem.report.instrument_file import channels_toml
 
+_LEG = load_subject(SUBJECTS.find("3"), need_recordings=False)
+SITE = Site(_LEG.section, _LEG.indenter)
 GENERIC = ("experiments", "data", "inverse", "legs", "report", "api", "commands", "app")
 
 
@@ -29,10 +46,27 @@ def test_every_kind_has_a_file_a_usual_accuracy_and_a_model():
 
 
 def test_plans_record_known_kinds_and_frames_have_columns():
-    for plan in plans():
-        assert isinstance(plan, ChannelPlan) and set(plan.channels) <= set(CHANNELS)
+    for plan in plans(SITE):
+        assert isinstance(plan, ChannelPlan) and {one.name for one in plan.channels} <= set(CHANNELS)
         assert ("{at}" in plan.asks) == plan.frames
     assert all(file.columns for file in OF_FRAMES.values())
+
+
+def test_plans_look_at_every_kind_of_frames_within_the_tissue_or_on_the_face():
+    """But at those that are recorded: at their own places."""
+    sights = {one.name: np.array(one.places) for one in planned_sights(SITE, ())}
+    assert set(sights) == {name for name in OF_FRAMES if name in CHANNELS}
+    assert [one.name for one in planned_sights(SITE, [STRAIN.name])] == [name for name in sights if name != STRAIN.name]
+    soft = SITE.section.polygon("skin")
+    for bone in BONES:
+        soft = soft.difference(SITE.section.polygon(bone))
+    inside, strain, film = (sights[kind.name] for kind in (INSIDE, STRAIN, PRESSURE))
+    for points in (inside[:, :2], strain):
+        depth = (points - SITE.deepest) @ SITE.direction
+        assert len(points) >= 8 and depth.min() > 2.0 and np.ptp(depth) > 10.0
+        assert min(soft.boundary.distance(point) for point in shapely.points(points)) > 2.9
+    ends = np.unique(film.ravel())
+    assert len(film) == len(ends) - 1 and np.abs(ends).max() < 0.5 * np.pi * SITE.indenter.radius
 
 
 def test_no_other_room_names_a_kind():

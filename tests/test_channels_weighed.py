@@ -24,11 +24,9 @@ from legfem.inverse.evidence import possible_discrepancies
 from legfem.inverse.linearised import LinearisedProblem
 from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, blank_observations, observe
-from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.predictor import Predictor
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
-from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
 from legfem.report.curves import Curves
 from legfem.report.further_channels import (
@@ -299,42 +297,6 @@ def test_the_page_says_which_channel_departs_and_where() -> None:
     assert [one.name for one in curves] == ["channel0-fat_thickness", "channel0-lateral_force"]
     assert len(curves[0].x) == 12 and (np.diff(curves[0].x) > 0).all()
     assert not channel_chapter(diagnosed_of(replace(both, channels=()), asked, library=Seen()))
-
-
-def test_a_plan_ranks_the_channel_that_shows_the_effect() -> None:
-    """Of a fat that hardly shows in the force, frames of its thickness distinguish; a lateral force doesn't."""
-    blank = blank_observations([RAMP] * 3)
-    predictor = Predictor(blank, Seen(), "reduced-polynomial")
-    readings = predictor(BASE)
-    problem = LinearisedProblem(predictor, error_model(blank.with_force(readings), NOISE, readings))
-    base = fit(LinearisedProblem(replace(predictor, observed=blank.with_force(readings)), problem.errors), (), BASE)
-    candidates = prior_candidates(problem, base, [mechanism_named("superficial-stiffness")])
-    given = {test.name: test for test in with_channels(RAMP)}
-    again = Design("again", (RAMP,) * 3)
-
-    def chance(test: Design) -> float:
-        found = evaluate_design(test, candidates, predictor, lambda *_: [], NOISE, 0.01)
-        assert found is not None
-        return found.chances["superficial-stiffness", "nothing"]
-
-    lateral = given["record the lateral force too, in the same test"]
-    frames = next(test for name, test in given.items() if "ultrasound frame" in name)
-    assert all(test.effort for test in given.values())
-    assert {one.at for one in frames.channels} == {(10.0, 20.0)}
-    assert chance(frames) > chance(again) + 0.2
-    assert chance(lateral) == pytest.approx(chance(again), abs=0.1)
-
-
-def test_planned_frames_are_read_at_their_displacement() -> None:
-    """Frames of a planned test stand where they are taken, in every trial; a record all along has all phases."""
-    cycle = Protocol.cycle(20.0, 0.4, 60.0)
-    frames = blank_observations([cycle] * 2, [PlannedChannel("fat_thickness", (10.0, 20.0))])
-    (one,) = frames.channels
-    np.testing.assert_allclose(one.weights @ frames.displacement, [10.0, 20.0] * 2, atol=1e-9)
-    assert set(frames.phase[one.nearest]) == {"loading"} and list(frames.trial[one.nearest]) == [0, 0, 1, 1]
-    (whole,) = blank_observations([cycle], [PlannedChannel("fat_thickness")]).channels
-    assert len(whole.values) == 12 + 4 + 6
-    np.testing.assert_allclose(whole.weights.sum(axis=1), 1.0)
 
 
 def test_the_section_is_marked_where_channels_depart() -> None:

@@ -299,12 +299,12 @@ def test_a_mechanism_is_fitted_anew_from_where_a_pair_has_it(monkeypatch):
     problem, base = problem_of(ramps(), {"contact-onset.offset": 0.3}, seed=3)
     name = "contact-onset"
 
-    def search_that_ends_early(own, mechanism, start):
-        begun = {f"{name}.offset": 0.05, **start} if mechanism.name == name else start
-        early = mechanism.name == name and f"{name}.offset" not in start
-        return own, fit(own, [mechanism], begun, evaluations=1 if early else None)
+    def search_that_ends_early(own, mechanisms, start):
+        early = mechanisms[0].name == name and f"{name}.offset" not in start
+        begun = {f"{name}.offset": 0.05, **start} if early else start
+        return own, fit(own, mechanisms, begun, evaluations=1 if early else None)
 
-    monkeypatch.setattr(explain_module, "_single", search_that_ends_early)
+    monkeypatch.setattr(explain_module, "fit_beside", search_that_ends_early)
 
     def offset() -> float:
         alone = next(e for e in explain(problem, base, SOUGHT).every if e.names == (name,))

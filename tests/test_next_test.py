@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from making_sealed import square_truths
 
+from legfem.geometry.indenter import Site
 from legfem.inverse.plan import DirectReadings
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.plan import designs
@@ -18,6 +19,8 @@ from studies.next_test.__main__ import page
 from studies.next_test.trying import Outcome, Tried, as_driven, can_be_made, readings_of, true_strength
 
 RATE = 0.4
+LEG = sealed_leg(1, 1)
+SITE = Site(LEG.stated.section, LEG.stated.indenter)
 
 
 def case_of(name: str, code: str = "legfem", **numbers: float) -> SealedCase:
@@ -27,7 +30,7 @@ def case_of(name: str, code: str = "legfem", **numbers: float) -> SealedCase:
 
 
 def made(case: SealedCase) -> set[str]:
-    return {d.name for d in designs(20.1, RATE, 25.0) if can_be_made(d, case)}
+    return {d.name for d in designs(20.1, RATE, 25.0, SITE) if can_be_made(d, case)}
 
 
 def test_only_tests_whose_truth_is_known_are_made():
@@ -45,7 +48,7 @@ def test_the_other_codes_friction_is_pressed_without_unloading():
 
 
 def test_where_recordings_begin_in_air_it_is_not_proposed_to_begin_there():
-    names = [[d.name for d in designs(20.0, RATE, 20.0, air)] for air in (False, True)]
+    names = [[d.name for d in designs(20.0, RATE, 20.0, SITE, air)] for air in (False, True)]
     assert [any("above the skin" in name for name in some) for some in names] == [True, False]
 
 
@@ -53,9 +56,6 @@ def test_a_drive_goes_no_deeper_than_the_cases():
     driven = as_driven(Protocol.cycle(DEPTH_MM + 0.2, RATE, 60.0))
     assert max(driven.displacement) == DEPTH_MM
     assert [s.phase for s in driven.segments] == ["loading", "hold", "unloading"]
-
-
-LEG = sealed_leg(1, 1)
 
 
 def read(name: str, case: SealedCase) -> float:

@@ -38,6 +38,8 @@ from legfem.report.page import (
 )
 from legfem.report.render import embed, markdown_page, rendered, write_tables
 from legfem.report.stocking_page import stocking_web_page
+from legfem.stockings.assessment import assessed
+from legfem.stockings.details import StockingFit
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.loading import load_leg
 
@@ -154,8 +156,8 @@ def test_a_spreadsheet_takes_no_name_for_a_formula(tmp_path):
     assert row["name"] == row["subject"] == "'=HYPERLINK(1)"
 
 
-def written_from(folder: Path, text: str) -> Elements:
-    """The page of a short leg's folder with a text wherever the folder may have one."""
+def written_from(folder: Path, text: str, solved: StockingFit | None = None) -> tuple[StockingFit, Elements]:
+    """The fit of a short leg's folder with a text wherever the folder may have one, or solved before, and its page."""
     folder.mkdir()
     write_shape(short_leg(), folder / "bare.csv")
     quoted = json.dumps(text)
@@ -171,15 +173,19 @@ sensor = [{{name = {quoted}, position_mm = [0.0, 55.0, 80.0], pressure_mmHg = 20
 """)
     shear = ShearModulus("superficial", "along", 4e-3, 1e-3, text)
     leg = replace(load_leg(folder), elastography=(shear,))
-    found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSEST)
+    if solved is None:
+        found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSEST)
+    else:
+        found = assessed(replace(solved.details, leg=leg), {}, solved.log.wall_s)
     page = Elements()
     page.feed(rendered(stocking_web_page(found, f"run {text}")))
-    return page
+    return found, page
 
 
 def test_markup_in_any_text_of_a_folder_is_text_in_its_page(tmp_path):
     planted = "".join(PLANTED)
-    plain, page = written_from(tmp_path / "plain", "words"), written_from(tmp_path / "planted", planted)
+    found, page = written_from(tmp_path / "planted", planted)
+    _, plain = written_from(tmp_path / "plain", "words", found)
     assert page.tags == plain.tags and page.attributes == plain.attributes and page.comments == plain.comments
     (turned,) = [content for attributes, content in page.scripts if attributes.get("id") == "turn-data"]
     names = [marked["name"] for marked in json.loads("".join(turned))["marked"]]

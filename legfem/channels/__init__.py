@@ -12,8 +12,8 @@ class Sight:
     name
         Of the channel's kind.
     places
-        What tells each from others, as its kind has it.
+        What tells each from others, as its kind has it; none of a kind that has but one course.
     """
 
     name: str
-    places: tuple[tuple[float, ...], ...]
+    places: tuple[tuple[float, ...], ...] = ()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.channels import Sight
 from legfem.channels.laid import STEP_DEG, STEP_MM, Laid
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
@@ -232,7 +233,7 @@ class ChannelPlan:
     asks
         What to do, as "record the lateral force too"; ``{at}`` stands for the displacements of single frames.
     channels
-        Names of kinds.
+        Kinds, and the places at which each would be seen.
     effort
         What it takes.
     frames
@@ -240,7 +241,7 @@ class ChannelPlan:
     """
 
     asks: str
-    channels: tuple[str, ...]
+    channels: tuple[Sight, ...]
     effort: str
     frames: bool = False
 
@@ -249,7 +250,6 @@ class ChannelFile(ABC):
     """What one file of ``legfem/channels/kinds`` adds: kinds that are read in the same way."""
 
     kinds: ClassVar[tuple[ChannelKind, ...]]
-    plans: ClassVar[tuple[ChannelPlan, ...]] = ()
 
     @abstractmethod
     def read(self, seen: "Seen") -> Channels:
@@ -258,6 +258,10 @@ class ChannelFile(ABC):
     def laid(self, seen: "Seen", image: Laid) -> Channels:
         """Return what there is in a state of its kinds that are read in images, of one that is laid elsewhere."""
         return {}
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return the ways to record its kinds at a site that a plan may recommend."""
+        return ()
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Return why a recorded channel can't be one of the kind; None where it can."""

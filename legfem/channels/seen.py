@@ -88,6 +88,11 @@ class SeenModel:
         }
 
     @cached_property
+    def crossings_at_rest(self) -> dict[str, dict[bytes, Crossing | None]]:
+        """Crossings of lines with the undeformed outlines, as far as they were asked for."""
+        return {name: {} for name in self.outlines}
+
+    @cached_property
     def _inside(self) -> dict[bytes, PointsInside]:
         return {}
 
@@ -147,9 +152,15 @@ class Seen:
 
         NaN of those that lie outside the tissue.
         """
-        inside, state, dofs = self.model.inside(points), self.state, self.model.system.spaces.displacement_dofs
-        found = [inside.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
-        return found[0], np.array(found[1:]).reshape(-1, *found[0].shape)
+        found = self.model.inside(points).values(self._moved)
+        return found[0], found[1:]
+
+    @cached_property
+    def _moved(self) -> FloatArray:
+        """Displacements of a section's nodes, mm, and derivatives (1 + p, nodes, 2)."""
+        dofs = self.model.system.spaces.displacement_dofs
+        every = np.vstack([self.state.unknown[dofs], self.state.unknown_rates[:, dofs]])
+        return every.reshape(len(every), -1, 2)
 
     @property
     def radius(self) -> float:
@@ -217,14 +228,12 @@ class Seen:
 
     @cached_property
     def _lines(self) -> "dict[str, CrossedOutline]":
-        model, state = self.model, self.state
-        system = model.system
-        dofs = system.spaces.displacement_dofs
-        found = {}
-        for name, outline in model.outlines.items():
-            moved = [outline.values(one[dofs].reshape(-1, 2)) for one in (state.unknown, *state.unknown_rates)]
-            places = outline.places
-            found[name] = CrossedOutline(places, places + moved[0], moved[1:], system.start, system.direction)
+        system, found = self.model.system, {}
+        for name, outline in self.model.outlines.items():
+            moved = [outline.values(one) for one in self._moved]
+            places, line = outline.places, (system.start, system.direction)
+            known = self.model.crossings_at_rest[name]
+            found[name] = CrossedOutline(places, places + moved[0], moved[1:], *line, known)
         return found
 
 
@@ -245,6 +254,8 @@ class CrossedOutline:
         Derivatives of the points.
     origin, direction
         Of the line.
+    known
+        Crossings with the undeformed outline that were found in earlier states, by the line.
     """
 
     places: FloatArray
@@ -252,10 +263,14 @@ class CrossedOutline:
     rates: list[FloatArray]
     origin: FloatArray
     direction: FloatArray
+    known: dict[bytes, Crossing | None]
 
     def undeformed(self, beside: float) -> Crossing | None:
         """Return where the line, shifted to its left (mm), first meets the undeformed outline."""
-        return first_crossing(self.places, self.origin, self.direction, beside)
+        line = np.array([*self.origin, *self.direction, beside]).tobytes()
+        if line not in self.known:
+            self.known[line] = first_crossing(self.places, self.origin, self.direction, beside)
+        return self.known[line]
 
     def place(self, beside: float = 0.0) -> tuple[float, FloatArray] | None:
         """Return where the shifted line first meets the deformed outline (mm), and the derivatives."""

@@ -11,6 +11,7 @@ the outline, and its place along the line changes by
 .. math:: a' = x' \cdot t - \frac{a_s}{c_s}\, x' \cdot n.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,9 +97,10 @@ def first_crossing(
     offset, along = away @ across(direction) - beside, away @ direction
     first, last, middle = offset.T
     # The edge is within the hull of its Bezier points.
-    hull = np.stack([first, last, 2 * middle - 0.5 * (first + last)])
+    bezier = 2 * middle - 0.5 * (first + last)
+    low, high = (of(of(first, last), bezier) for of in (np.minimum, np.maximum))
     found = []
-    for edge in np.flatnonzero((hull.min(axis=0) <= _ROUND) & (hull.max(axis=0) >= -_ROUND)):
+    for edge in np.flatnonzero((low <= _ROUND) & (high >= -_ROUND)):
         square, linear, constant = _coefficients(offset[edge])
         for position in _roots(square, linear, constant):
             slope = 2 * square * position + linear
@@ -126,11 +128,11 @@ def _roots(square: float, linear: float, constant: float) -> list[float]:
     under = linear**2 - 4 * square * constant
     if under < 0:
         return []
-    half = -0.5 * (linear + np.copysign(np.sqrt(under), linear))
+    half = -0.5 * (linear + math.copysign(math.sqrt(under), linear))
     roots = [constant / half] if half else []
     if square:
         roots.append(half / square)
-    return [float(np.clip(root, 0.0, 1.0)) for root in roots if -_ROUND <= root <= 1 + _ROUND]
+    return [min(max(root, 0.0), 1.0) for root in roots if -_ROUND <= root <= 1 + _ROUND]
 
 
 def outline_of_facets(spaces: LegSpaces, tag: int) -> Outline:
@@ -214,8 +216,8 @@ class PointsInside:
         return cls(cells[cell], shapes, comm)
 
     def values(self, nodal: FloatArray) -> FloatArray:
-        """Return a field (m, d) at the points from its values at the rank's nodes, (nodes, d)."""
-        own = np.einsum("pk,pkd->pd", self.shapes, nodal[self.nodes])
+        """Return fields (..., m, d) at the points from their values at the rank's nodes, (..., nodes, d)."""
+        own = np.einsum("pk,...pkd->...pd", self.shapes, nodal[..., self.nodes, :])
         return np.asarray(self.comm.allreduce(own))
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import shapely
 from scipy.optimize import brentq
-from shapely import LinearRing, Point
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
@@ -98,7 +98,7 @@ def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: 
     ndarray
         (2,), mm.
     """
-    ring = LinearRing(outline)
+    ring = shapely.LinearRing(outline)
     along = (outline - aim) @ direction
     near = np.abs((outline - aim) @ across(direction)) < 0.9 * radius
     if not near.any():
@@ -109,14 +109,15 @@ def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: 
             "give a point inside the leg and check direction_deg",
         )
 
-    def clearance(position: float) -> float:
-        return float(ring.distance(Point(*(aim + position * direction))) - radius)
+    def clearance(position: FloatArray | float) -> FloatArray:
+        centres = aim + np.multiply.outer(position, direction)
+        return np.asarray(shapely.distance(ring, shapely.points(centres)) - radius)
 
     inner = along[near].min()
     outer = along.min() - 2 * radius
     # The clearance falls with the approach, so the last sign change from outside is the touch.
     stations = np.linspace(outer, inner, 200)
-    index = int(np.argmax([clearance(s) <= 0 for s in stations]))
+    index = int(np.argmax(clearance(stations) <= 0))
     position = brentq(clearance, stations[index - 1], stations[index], xtol=1e-13)
     return aim + position * direction
 

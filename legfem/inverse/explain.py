@@ -32,7 +32,7 @@ from legfem.inverse.explanation import (
 from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
-from legfem.inverse.map_fit import fit
+from legfem.inverse.map_fit import fit, fit_beside
 from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior
 
@@ -65,14 +65,16 @@ class Weighing:
         unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
         return cls(base, unknowns, Evidence(problem.errors, unknowns))
 
-    def base_model(self, problem: LinearisedProblem, log_prior: float, unknown: bool) -> Explanation:
+    def base_model(
+        self, problem: LinearisedProblem, fitted: LinearisedFit, log_prior: float, unknown: bool
+    ) -> Explanation:
         """Return the base model alone, or with something unknown."""
         shares = [
             (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
             for u in self.unknowns
         ]
-        posterior = laplace_posterior(problem, self.evidence, self.base, shares)
-        return Explanation(problem, self.base, posterior, log_prior, unknown, False)
+        posterior = laplace_posterior(problem, self.evidence, fitted, shares)
+        return Explanation(problem, fitted, posterior, log_prior, unknown, False)
 
     def of(
         self, problem: LinearisedProblem, fitted: LinearisedFit, log_prior: float, confirmed: bool = False
@@ -235,12 +237,13 @@ def explain(
         Base parameters that searches begin with; the base model's fit without it.
     """
     weighing = Weighing.about(problem, base)
+    plain = fit_beside(problem, (), base.values) if problem.nuisances else (problem, base)
     found = [
-        weighing.base_model(problem, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
+        weighing.base_model(*plain, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
         for unknown in (False, True)
     ]
     priors = ExplanationPriors.among(mechanisms)
-    singles = [weighing.of(*_single(problem, m, start or base.values), priors.log_of(m.name)) for m in mechanisms]
+    singles = [weighing.of(*fit_beside(problem, [m], start or base.values), priors.log_of(m.name)) for m in mechanisms]
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
     pairs = _pairs(singles) if _open(found) else []
@@ -256,15 +259,6 @@ def explain(
         if not pairs:
             found = _integrated(found, weighing)
             return Explained(tuple(found), _nothing(found))
-
-
-def _single(
-    problem: LinearisedProblem, mechanism: Mechanism, start: Mapping[str, float]
-) -> tuple[LinearisedProblem, LinearisedFit]:
-    """Return the fit of one mechanism, and the problem with what nuisances do beside it."""
-    fitted = fit(problem, [mechanism], start)
-    beside = problem.beside(fitted)
-    return beside, fitted if beside is problem else fit(beside, [mechanism], fitted.values)
 
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:
@@ -344,7 +338,7 @@ def _begun_anew(found: list[Explanation], weighing: Weighing) -> list[Explanatio
     for pair in leading:
         for single in [e for e in found if len(e.names) == 1 and e.names[0] in pair.names]:
             start = {k: v for k, v in pair.fit.values.items() if k in single.fit.values}
-            beside, again = _single(pair.problem, single.fit.mechanisms[0], start)
+            beside, again = fit_beside(pair.problem, single.fit.mechanisms, start)
             if again.cost < single.fit.cost - ANEW:
                 found[found.index(single)] = weighing.of(beside, again, single.log_prior)
     return with_probabilities(found)

@@ -242,8 +242,8 @@ class LinearisedProblem:
         return replace(self, errors=errors, causes={one.name: one.cause for one in effects})
 
     def beside(self, fitted: LinearisedFit) -> "LinearisedProblem":
-        """Return the problem with what nuisances and images' places do beside a fit's mechanisms."""
-        if self.nuisances is None or not fitted.mechanisms:
+        """Return the problem with what nuisances and images' places do to a fit, beside its mechanisms."""
+        if self.nuisances is None:
             return self
         made = self.with_nuisances(self.errors.noise, fitted, self.nuisances(fitted)).errors
         # Errors of the readings themselves are one for all explanations.

@@ -64,6 +64,15 @@ def fit(
     return _fit_from(problem, mechanisms, starts[0], held, evaluations or _MANY)
 
 
+def fit_beside(
+    problem: LinearisedProblem, mechanisms: Sequence[Mechanism], start: Mapping[str, float]
+) -> tuple[LinearisedProblem, LinearisedFit]:
+    """Return the problem with what nuisances do beside mechanisms where they fit, and the fit by that."""
+    fitted = fit(problem, mechanisms, start)
+    beside = problem.beside(fitted)
+    return beside, fitted if beside is problem else fit(beside, mechanisms, fitted.values)
+
+
 def fit_base(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
     """Fit the base model from several starts."""
     return min((fit(problem, (), start) for start in starts), key=lambda f: f.cost)
@@ -250,7 +259,7 @@ def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> Linearis
     return problem.with_errors(equal if problem.aside is None else equal.without_bounds(problem.aside))
 
 
-_REFITS = 3
+REFITS = 8
 """About full solutions, at most."""
 _STAYS = 0.25
 """Of a trial's noise: a refit that moves the prediction by less stays."""
@@ -300,7 +309,7 @@ def refitted_about_solutions(
         What is to be refitted.
     """
     made: list[tuple[LinearisedProblem, LinearisedFit]] = []
-    for _ in range(_REFITS):
+    for _ in range(REFITS):
         offset = _offset(problem.predictor, fitted, solved)
         if offset is None:
             break

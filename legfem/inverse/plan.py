@@ -21,6 +21,7 @@ from itertools import combinations, permutations
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
@@ -162,6 +163,7 @@ def evaluate_design(
     if any(np.isnan(own).any() for own in readings):
         return None
     told = [_told(new, c, own, design) for c, own in zip(candidates, readings, strict=True)]
+    kept = np.all([_above_threshold(blank.with_values(own)) for own in readings], axis=0)
     chances = {}
     for one, mine in zip(candidates, told, strict=True):
         effects = [(one.name, one.effect) for one in nuisances(design, blank, mine.readings)]
@@ -172,10 +174,18 @@ def evaluate_design(
             if other is one:
                 continue
             apart, total = mine.readings - its.readings, known + its.taken
-            exact = chance_to_distinguish(apart, total)
-            left = chance_to_distinguish(apart, total + mine.inexact + its.inexact)
+            exact = chance_to_distinguish(apart[kept], total[np.ix_(kept, kept)])
+            inexact = total + mine.inexact + its.inexact
+            left = chance_to_distinguish(apart[kept], inexact[np.ix_(kept, kept)])
             chances[one.name, other.name] = (1 - INEXACT) * exact + INEXACT * left
     return design_value(design, chances, candidates)
+
+
+def _above_threshold(observed: Observations) -> NDArray[np.bool_]:
+    """Return which readings (N,) say anything: those that reach their instrument's threshold."""
+    least = [-np.inf if one.accuracy.threshold is None else one.accuracy.threshold for one in observed.channels]
+    above = [one.values >= low for one, low in zip(observed.channels, least, strict=True)]
+    return np.concatenate([np.ones(len(observed.force), dtype=bool), *above])
 
 
 def chance_to_distinguish(apart: FloatArray, total: FloatArray) -> float:

@@ -276,10 +276,10 @@ class SolvedResponses:
         slopes = {name: path.sensitivity_at(name, asked.at) for name in asked.derivatives}
         found = {"force": path.force_at(asked.at), **slopes}
         since_touch = np.concatenate([[0.0], asked.at])
-        for channel in path.channels:
-            found[channel] = path.channel_at(channel, since_touch)
-            for name in asked.derivatives:
-                found[derivative_of(channel, name)] = path.channel_sensitivity_at(channel, name, since_touch)
+        found |= path.channels_at(since_touch)
+        for name in asked.derivatives:
+            by_channel = path.channel_sensitivities_at(name, since_touch)
+            found |= {derivative_of(channel, name): course for channel, course in by_channel.items()}
         return found
 
 

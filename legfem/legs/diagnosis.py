@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -197,16 +198,11 @@ def diagnose_body(
     able, untested = shown_mechanisms(observed, None, ruled_out, every)
     able = [m for m in able if m.name not in library.missing]
 
-    def nuisances(fitted: LinearisedFit) -> list[NuisanceEffect]:
-        stiffness = deep_stiffness(fitted.values)
-        changes = library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
-        return nuisance_effects(changes, observed, fitted.prediction, accuracy, ends, stiffness)
-
     return diagnose(
         Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),
         instrument,
         able,
-        nuisances,
+        partial(_nuisances_beside, library, observed, accuracy, ends),
         solved,
         progress,
         measured_strengths(accuracy, able),
@@ -214,6 +210,18 @@ def diagnose_body(
         seed,
         possible,
     )
+
+
+def _nuisances_beside(
+    library: Library,
+    observed: Observations,
+    accuracy: Accuracy,
+    ends: TabulatedCorrection | None,
+    fitted: LinearisedFit,
+) -> list[NuisanceEffect]:
+    """Return what isn't known exactly does beside a fit's mechanisms."""
+    changes = library.nuisances_beside([(m, values_of(fitted.values, m)) for m in fitted.mechanisms])
+    return nuisance_effects(changes, observed, fitted.prediction, accuracy, ends, deep_stiffness(fitted.values))
 
 
 def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:

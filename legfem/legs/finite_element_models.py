@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 from legfem.channels import Sight
+from legfem.channels.kinds import planned_sights
 from legfem.experiments.indenter_pose import Ball, Cylinder, Indenting, Pose, Punch
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of, membrane_of
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
-from legfem.geometry.indenter import Indenter
+from legfem.geometry.indenter import Indenter, Site
 from legfem.geometry.motion import without_layer
 from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.observations import Observations
@@ -214,7 +215,8 @@ def solved_responses(
     """Return a leg's responses by full solutions, on the default mesh and on coarser ones.
 
     Elastic curves go to the next mm beyond the recordings, so that recordings of one leg share
-    them whatever their depths.
+    them whatever their depths. Of kinds that aren't recorded they have the places that plans look at, where a kept
+    solution has them: that is no part of a solution's key, as nothing else hangs on it.
     """
     from legfem.experiments.plane_strain import PlaneStrainSettings
 
@@ -222,12 +224,14 @@ def solved_responses(
     default = PlaneStrainSettings()
     newton = replace(default.newton, relative_tolerance=TOLERANCE, damped_tolerance=CREEPING)
     settings = replace(default, newton=newton)
-    tissues = tissues_of(subject)
+    tissues, site = tissues_of(subject), Site(subject.section, subject.indenter)
+    # A plan weighs what could be seen, too: reading it costs no solution.
+    planned = planned_sights(site, [one.name for one in subject.sights])
 
     def on_mesh(coarsening: float, rougher: SolvedResponses | None = None) -> SolvedResponses:
         own = replace(settings, mesh=settings.mesh.refined(1 / coarsening))
         return SolvedResponses(
-            LegVariants(subject.section, subject.indenter, tissues, own, sights=subject.sights),
+            LegVariants(subject.section, subject.indenter, tissues, own, sights=(*subject.sights, *planned)),
             depth,
             folder,
             {

@@ -8,6 +8,7 @@ import numpy as np
 from legfem.channels.kinds import plans
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Site
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel
 from legfem.inverse.errors import error_model
@@ -77,7 +78,8 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     models = found.models
     rates = found.observed.rates
     library, _ = diagnoser.library(subject, found.observed, progress)
-    tests = designs(found.observed.depth, rates[0], float(library.grid[-1]), found.observed.shows_air)
+    deepest, site = float(library.grid[-1]), Site(subject.section, subject.indenter)
+    tests = designs(found.observed.depth, rates[0], deepest, site, found.observed.shows_air)
     tests = _beside(tests, found.observed.channels)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
@@ -118,7 +120,8 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     progress
         Told of solutions.
     """
-    tests = designs(expected.depth, expected.rate, expected.depth)
+    site = Site(subject.section, subject.indenter)
+    tests = designs(expected.depth, expected.rate, expected.depth, site)
     ends = choose_correction("auto", subject)
     every = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
     able, _ = shown_mechanisms(every, diagnoser.correction, ruled_out_of(subject, ends))
@@ -152,8 +155,11 @@ def _reckoned(
         accuracy = replace(known, contour_sd=0.0) if test.outlines_known else known
         return nuisance_effects(library.nuisances, blank, readings, accuracy)
 
-    seen = set(library.beside.names)
-    able = [test for test in tests if all(one.name in seen for one in test.channels)]
+    def is_solved(test: Design) -> bool:
+        blank = blank_observations(test.protocols, test.channels)
+        return blank.with_channels(library.beside.names) is blank
+
+    able = [test for test in tests if is_solved(test)]
     found = [evaluate_design(test, candidates, predictor, nuisances, noise, gain_sd) for test in able]
     return [one for one in found if one is not None]
 
@@ -205,7 +211,7 @@ def _at(problem: LinearisedProblem, values: dict[str, float]) -> LinearisedFit:
     return LinearisedFit((), values, parameters, departure, prediction, nothing, slopes, nothing, slopes)
 
 
-def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> list[Design]:
+def designs(depth: float, rate: float, deepest: float, site: Site, in_air: bool = False) -> list[Design]:
     """Return the tests that are weighed.
 
     Parameters
@@ -214,6 +220,8 @@ def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> 
         Of the test that was made, or is meant to be made (mm, mm/s).
     deepest
         That the leg's responses reach (mm).
+    site
+        Where the leg is pressed.
     in_air
         Whether the recordings of the test that was made begin above the skin: to begin there again
         tells nothing more.
@@ -239,7 +247,7 @@ def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> 
             (Protocol.ramp(0.5 * depth, rate),) * (2 * REPEATS),
         ),
     ]
-    found += with_channels(same)
+    found += with_channels(same, site)
     if not in_air:
         found.append(
             Design(
@@ -254,8 +262,8 @@ def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> 
     return found
 
 
-def with_channels(same: Protocol) -> list[Design]:
-    """Return the same test with further channels than the force."""
+def with_channels(same: Protocol, site: Site) -> list[Design]:
+    """Return the same test of a site with further channels than the force."""
     depth = float(max(same.displacement))
     frames = 0.5 * depth, depth
     at = f"{frames[0]:.0f} and {frames[1]:.0f} mm"
@@ -263,10 +271,12 @@ def with_channels(same: Protocol) -> list[Design]:
         Design(
             f"{plan.asks.format(at=at)}, in the same test",
             (same,) * REPEATS,
-            channels=tuple(PlannedChannel(name, frames if plan.frames else ()) for name in plan.channels),
+            channels=tuple(
+                PlannedChannel(one.name, frames if plan.frames else (), one.places) for one in plan.channels
+            ),
             effort=plan.effort,
         )
-        for plan in plans()
+        for plan in plans(site)
     ]
 
 

@@ -151,22 +151,27 @@ class Path:
         """Return the derivative of the force by a parameter at times (s)."""
         return self._at(time, self.sensitivities[parameter])
 
-    def channel_at(self, name: str, time: ArrayLike) -> FloatArray:
-        """Return a channel at times (s)."""
-        return self._at(time, self.channels[name])
+    def channels_at(self, time: ArrayLike) -> dict[str, FloatArray]:
+        """Return every channel at times (s)."""
+        return self._each_at(time, self.channels)
 
-    def channel_sensitivity_at(self, name: str, parameter: str, time: ArrayLike) -> FloatArray:
-        """Return the derivative of a channel by a parameter at times (s)."""
-        return self._at(time, self.channel_sensitivities[name][parameter])
+    def channel_sensitivities_at(self, parameter: str, time: ArrayLike) -> dict[str, FloatArray]:
+        """Return the derivative of every channel by a parameter at times (s)."""
+        return self._each_at(time, {name: by[parameter] for name, by in self.channel_sensitivities.items()})
+
+    def _each_at(self, time: ArrayLike, courses: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        if not courses:
+            return {}
+        return dict(zip(courses, self._at(time, np.column_stack(list(courses.values()))).T, strict=True))
 
     def _at(self, time: ArrayLike, values: FloatArray) -> FloatArray:
-        """Interpolate within the parts between which the speed jumps.
+        """Interpolate values (n, ...) within the parts between which the speed jumps.
 
         Splines where the indenter moves; in holds, monotonic pieces, since what relaxes faster than
         the first step would make a spline swing.
         """
         asked = np.clip(np.asarray(time, dtype=float), self.time[0], self.time[-1])
-        result = np.empty_like(asked)
+        result = np.empty((*asked.shape, *values.shape[1:]))
         rate = np.diff(self.displacement) / np.diff(self.time)
         scale = np.abs(rate).max()
         jumps = np.flatnonzero(np.abs(np.diff(rate)) > 1e-6 * scale) + 1

@@ -226,7 +226,7 @@ class Truths:
             return ForceCourse([], [])
         parts = [np.linspace(a, b, _FINE)[:-1] for a, b in pairwise(protocol.time)]
         time = np.concatenate([*parts, [protocol.duration]])
-        return ForceCourse.of(time, path.force_at(time), {name: path.channel_at(name, time) for name in path.channels})
+        return ForceCourse.of(time, path.force_at(time), path.channels_at(time))
 
     def _made(self, settings: Any) -> LegVariants:
         from legfem.legs.finite_element_models import tissues_of

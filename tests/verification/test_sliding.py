@@ -96,7 +96,7 @@ def test_forces_on_the_face_are_in_balance_and_it_stays_closed(pressed):
 def test_sensitivities_are_exact(sliding):
     values = {**sliding.model.parameters, **SLIDES}
     names = ["deep.C10", "superficial.C10", "sliding.shear", "sliding.normal"]
-    assert worst_error(sliding.system, values, names, Protocol.ramp(3.0, rate=1.0), 0.5) < 1e-4
+    assert worst_error(sliding.system, values, names, Protocol.ramp(3.0, rate=1.0), 0.75) < 1e-4
 
 
 def test_fat_and_fascia_have_nodes_of_their_own_at_the_same_places(sliding):

@@ -5,11 +5,13 @@ Another package gives kinds under the entry point group "legfem.channels": each 
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
+from legfem.channels import Sight
 from legfem.channels.kind import ChannelFile, ChannelKind, ChannelPlan, FramesFile
 from legfem.common.registry import registered
+from legfem.geometry.indenter import Site
 
 GROUP = "legfem.channels"
 _FILES: tuple[ChannelFile, ...] = tuple(registered(sys.modules[__name__], ChannelFile, GROUP))
@@ -35,6 +37,12 @@ def files_of(model: str) -> tuple[ChannelFile, ...]:
     return tuple(file for file in _FILES if any(model in kind.models for kind in file.kinds))
 
 
-def plans() -> list[ChannelPlan]:
-    """Return the ways to record channels that a plan may recommend."""
-    return [plan for file in _FILES for plan in file.plans]
+def plans(site: Site) -> list[ChannelPlan]:
+    """Return the ways to record channels at a site that a plan may recommend."""
+    return [plan for file in _FILES for plan in file.plans(site)]
+
+
+def planned_sights(site: Site, recorded: Collection[str]) -> tuple[Sight, ...]:
+    """Return where plans would have kinds seen that have places, but those that are recorded."""
+    found = {one.name: one for plan in plans(site) for one in plan.channels if one.places}
+    return tuple(one for name, one in found.items() if name not in recorded)

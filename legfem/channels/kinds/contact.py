@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.channels import Sight
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelFile,
@@ -78,16 +79,6 @@ class ContactForces(ChannelFile):
     """Forces across the travel, to its left, and along the leg; and what friction turns the cylinder by."""
 
     kinds: ClassVar = (LATERAL, AXIAL, MOMENT)
-    plans: ClassVar = (
-        ChannelPlan(
-            "record the lateral force too", (LATERAL.name,), "a load cell of two or more axes, and no more time"
-        ),
-        ChannelPlan(
-            "record the lateral force and the moment about the cylinder's axis too",
-            (LATERAL.name, MOMENT.name),
-            "a six-axis load cell, and no more time",
-        ),
-    )
 
     def read(self, seen: "Seen") -> Channels:
         """Return the force to the left; of a leg in 3D that along it, of a section the moment."""
@@ -95,6 +86,16 @@ class ContactForces(ChannelFile):
         if len(seen.left) == 3:
             return found | {AXIAL.name: seen.force(np.array([0.0, 0.0, 1.0]))}
         return found | {MOMENT.name: seen.moment()}
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return what load cells of more axes give."""
+        lateral, both = "record the lateral force", "record the lateral force and the moment about the cylinder's axis"
+        return [
+            ChannelPlan(f"{lateral} too", (Sight(LATERAL.name),), "a load cell of two or more axes, and no more time"),
+            ChannelPlan(
+                f"{both} too", (Sight(LATERAL.name), Sight(MOMENT.name)), "a six-axis load cell, and no more time"
+            ),
+        ]
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a lateral force that exceeds the force along the travel, and a moment that friction can't make."""
@@ -140,14 +141,6 @@ class ContactWidths(ChannelFile):
     """Arc between the outermost points of the skin that touch the cylinder."""
 
     kinds: ClassVar = (WIDTH,)
-    plans: ClassVar = (
-        ChannelPlan(
-            "read how wide the contact is at {at}",
-            (WIDTH.name,),
-            "a camera along the cylinder, or ink on it",
-            frames=True,
-        ),
-    )
 
     def read(self, seen: "Seen") -> Channels:
         """Return the width; nothing before the skin touches."""
@@ -178,6 +171,11 @@ class ContactWidths(ChannelFile):
             return {WIDTH.name: (0.0, np.zeros(len(skin.rates)))}
         right, left = min(found, key=lambda one: one[0]), max(found, key=lambda one: one[0])
         return {WIDTH.name: (left[0] - right[0], left[1] - right[1])}
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return the width in single frames."""
+        needed = "a camera along the cylinder, or ink on it"
+        return [ChannelPlan("read how wide the contact is at {at}", (Sight(WIDTH.name),), needed, frames=True)]
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a width of more than half the cylinder's face."""
@@ -214,6 +212,8 @@ _BLUR_MM = 1.5
 _MOST_SENSELS = 24
 """More are taken together, neighbours in twos, threes and so on."""
 _MORE_THAN_FORCE = 1.5
+_PLANNED_SENSELS, _PLANNED_MM, _PLANNED_DEG = 8, 24.0, 80.0
+"""Of a film that a plan asks for: how many, and how far they reach to either side at most."""
 
 
 class ContactPressures(FramesFile):
@@ -238,6 +238,13 @@ class ContactPressures(FramesFile):
             rates = comm.allreduce(face.load_rates @ share + face.arc_rates @ (slope * face.load)) / width
             found[name] = (mpa_to_kpa(load), mpa_to_kpa(1.0) * np.asarray(rates))
         return found
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return a film of a few sensels about the face's deepest point."""
+        half = min(_PLANNED_MM, np.deg2rad(_PLANNED_DEG) * site.indenter.radius)
+        edges = [round(float(edge), 4) for edge in np.linspace(-half, half, _PLANNED_SENSELS + 1)]
+        asks, needed = "lay a pressure film around the cylinder", "a pressure film or mat with its reader"
+        return [ChannelPlan(asks, (Sight(PRESSURE.name, tuple(pairwise(edges))),), needed)]
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse pressures whose sum exceeds the force by far: no film's gain is off by so much."""

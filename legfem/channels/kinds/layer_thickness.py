@@ -1,10 +1,12 @@
 """Thicknesses of the layers under the cylinder, along the line of travel, by ultrasound."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from legfem.channels import Sight
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelFile,
@@ -52,19 +54,6 @@ class LayerThicknesses(ChannelFile):
     """Skin to fascia, fascia to the nearest bone, and both together; none where the line meets no bone."""
 
     kinds: ClassVar = (FAT, MUSCLE, TISSUE)
-    plans: ClassVar = (
-        ChannelPlan(
-            "take an ultrasound frame under the cylinder at {at}, and read the thickness of fat and muscle",
-            (FAT.name, MUSCLE.name),
-            "an ultrasound probe in the indenter, and a minute to read each frame",
-            frames=True,
-        ),
-        ChannelPlan(
-            "record the lateral force, and ultrasound all along",
-            ("lateral_force", FAT.name, MUSCLE.name),
-            "both instruments, and software that follows the boundaries",
-        ),
-    )
 
     def read(self, seen: "Seen") -> Channels:
         """Return the layers' thicknesses, of those whose outlines the line of travel meets."""
@@ -74,6 +63,23 @@ class LayerThicknesses(ChannelFile):
             if above is not None and below is not None:
                 found[name] = (below[0] - above[0], below[1] - above[1])
         return found
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return both thicknesses in single frames, and all along beside the lateral force."""
+        both, frame = (Sight(FAT.name), Sight(MUSCLE.name)), "take an ultrasound frame under the cylinder at {at}"
+        return [
+            ChannelPlan(
+                f"{frame}, and read the thickness of fat and muscle",
+                both,
+                "an ultrasound probe in the indenter, and a minute to read each frame",
+                frames=True,
+            ),
+            ChannelPlan(
+                "record the lateral force, and ultrasound all along",
+                (Sight("lateral_force"), *both),
+                "both instruments, and software that follows the boundaries",
+            ),
+        ]
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a layer that grows as the cylinder presses, or isn't the section's."""

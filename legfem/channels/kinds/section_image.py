@@ -22,9 +22,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from legfem.channels import Sight
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelKind,
+    ChannelPlan,
     Channels,
     Frames,
     FramesError,
@@ -36,7 +38,7 @@ from legfem.channels.kind import (
 from legfem.channels.laid import AS_STATED, Laid
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
-from legfem.geometry.section import BONES
+from legfem.geometry.section import BONES, across, first_crossing
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
@@ -112,6 +114,23 @@ def cell_means(
     return keys[:, 0], keys[:, 1].astype(int), means
 
 
+_PLANNED_DEPTHS_MM, _PLANNED_ASIDE_MM = (5.0, 12.0, 19.0, 26.0), (-12.0, 0.0, 12.0)
+"""Below the skin and to the left of the travel: middles of the cells that a plan asks for."""
+_PLANNED_INSIDE_MM = 3.0
+"""Of every tissue's outer bound and of bone: outlines that are off, and images that lie elsewhere, show them too."""
+
+
+def planned_cells(site: Site) -> list[tuple[float, float]]:
+    """Return the middles x, y of cells beneath the cylinder, mm, of those that lie in soft tissue."""
+    skin, way = site.section.polygon("skin").exterior, site.direction
+    middles = []
+    for aside in _PLANNED_ASIDE_MM:
+        beside = site.touch + aside * across(way)
+        middles += [beside + (first_crossing(skin, beside, way) + depth) * way for depth in _PLANNED_DEPTHS_MM]
+    inside = _in_tissue(np.array(middles), site, -_PLANNED_INSIDE_MM)
+    return [(round(float(x), 3), round(float(y), 3)) for (x, y), kept in zip(middles, inside, strict=True) if kept]
+
+
 _TRACKING = ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
 """Of a cell; what is slow is tracking's drift from frame to frame. The image is laid into the section by hand."""
 INSIDE = ChannelKind(
@@ -181,6 +200,13 @@ class SectionDisplacements(FramesFile):
                 "check the directions of ux_mm and uy_mm: they are those of the outlines' coordinates",
             )
         return None
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return both directions of cells beneath the cylinder."""
+        places = tuple((*middle, way) for middle in planned_cells(site) for way in (0.0, 1.0))
+        asks = "take ultrasound images of the section before the test and at {at}, and track how the tissue moves"
+        needed = "an ultrasound probe, software that tracks speckle, and where the image lies in the outlines"
+        return [ChannelPlan(asks, (Sight(INSIDE.name, places),), needed, frames=True)]
 
     def arrows(self, places: FloatArray, site: Site) -> tuple[FloatArray, FloatArray]:
         """Return the points, and the directions of the outlines' coordinates."""
@@ -275,6 +301,12 @@ class SectionStrains(FramesFile):
                 "give a shortening as a strain below zero",
             )
         return None
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return cells beneath the cylinder."""
+        asks = "image the strain of the section at {at} by strain elastography"
+        needed = "ultrasound with strain elastography, and where the image lies in the outlines"
+        return [ChannelPlan(asks, (Sight(STRAIN.name, tuple(planned_cells(site))),), needed, frames=True)]
 
     def apart(self, places: FloatArray) -> FloatArray:
         """Return how far readings are apart."""

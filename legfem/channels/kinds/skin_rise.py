@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from legfem.channels import Sight
 from legfem.channels.kind import (
     ChannelAccuracy,
     ChannelKind,
@@ -57,14 +58,6 @@ class SkinRises(FramesFile):
     """Rises of the skin beside the cylinder, against the travel."""
 
     kinds: ClassVar = tuple(RISES.values())
-    plans: ClassVar = (
-        ChannelPlan(
-            "photograph the skin 25 mm to either side of the cylinder at {at}",
-            (RISES[25.0].name, RISES[-25.0].name),
-            "two cameras with a scale, or a scanner",
-            frames=True,
-        ),
-    )
     entry = "skin_profile"
     columns = ("x_mm", "y_mm")
 
@@ -82,6 +75,12 @@ class SkinRises(FramesFile):
             if now is not None and first is not None:
                 found[kind.name] = (first.along - now[0], -now[1])
         return found
+
+    def plans(self, site: Site) -> Sequence[ChannelPlan]:
+        """Return the rises next to the cylinder."""
+        asks = "photograph the skin 25 mm to either side of the cylinder at {at}"
+        near = Sight(RISES[25.0].name), Sight(RISES[-25.0].name)
+        return [ChannelPlan(asks, near, "two cameras with a scale, or a scanner", frames=True)]
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return the point of the skin."""

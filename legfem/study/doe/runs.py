@@ -18,7 +18,7 @@ from legfem.jobs.store import Store, code_fingerprint, finish
 from legfem.legs.finite_element_models import tissues_of
 from legfem.legs.subject import Subject
 from legfem.solve.path import ForceCurve
-from legfem.solve.settings import NewtonSettings, StepSettings
+from legfem.solve.settings import StepSettings
 from legfem.study.doe.design import Definition
 
 if TYPE_CHECKING:
@@ -167,9 +167,7 @@ class PlaneStrainSimulator:
 
 def settings_of(fidelity: Fidelity) -> PlaneStrainSettings:
     """Return the numerical settings: the default, or a finer mesh with small steps."""
-    # Round-off in a fascia of 10 MPa leaves a residual of some 3e-12 N/mm, which a tolerance
-    # relative to the small contact forces of a 0.5 kPa leg doesn't allow for.
-    base = PlaneStrainSettings(newton=NewtonSettings(absolute_tolerance=1e-11))
+    base = PlaneStrainSettings()
     if fidelity == "default":
         return base
     steps = StepSettings(first=0.1, largest=0.5)
