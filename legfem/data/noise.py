@@ -134,6 +134,8 @@ def slow_correlation(places: FloatArray) -> FloatArray:
     return np.asarray(np.mean([np.exp(-apart / way) for way in _SLOW_WAYS], axis=0))
 
 
+ANY_LEVEL, ANY_PLACE_MM = 100.0, 1.0
+"""Standard deviations that leave a level, in slow errors, and a first contact open."""
 # Log-standard deviation of what is expected of each component before looking at the repeats.
 _VAGUENESS = 1.0
 _EXPECTED_LENGTH_MM = 1.0
@@ -229,10 +231,18 @@ class Expectation:
     """N."""
     white_sd: float
     """N."""
+    placed: bool = False
+    """Whether trials were brought onto each other: their differences then show no offset and no shift, and nothing of
+    a slow error that looks like these."""
 
 
 def estimate_components(
-    displacement: FloatArray, curves: FloatArray, slope: FloatArray, known_variance: FloatArray, expected: Expectation
+    displacement: FloatArray,
+    curves: FloatArray,
+    force: FloatArray,
+    slope: FloatArray,
+    known_variance: FloatArray,
+    expected: Expectation,
 ) -> NoiseEstimate:
     """Estimate the components of the trials' errors from their differences, see `repeats`.
 
@@ -242,8 +252,8 @@ def estimate_components(
         The grid, mm.
     curves : (R, n) array
         The trials' forces on it, N.
-    slope : (n,) array
-        dF/dd of the mean curve, N/mm.
+    force, slope : (n,) array
+        Of the mean curve, N and N/mm, without its noise.
     known_variance : (n,) array
         Variance of a trial's grid values that comes from white noise, N^2.
     expected : Expectation
@@ -251,14 +261,20 @@ def estimate_components(
     """
     repeats = len(curves)
     centre = np.array([expected.offset_sd, EXPECTED_GAIN_SD, expected.shift_sd, expected.slow_sd, _EXPECTED_LENGTH_MM])
-    found = centre
+    found = centre.copy()
     if repeats > 1:
-        mean = curves.mean(axis=0)
-        ridge = np.diag(known_variance + 1e-12 * float(np.max(mean**2)))
-        differences = Differences(
-            contrasts_of(curves), lambda sizes: _covariance(sizes, displacement, mean, slope) + ridge
+        ridge = np.diag(known_variance + 1e-12 * float(np.max(force**2)))
+        open_to = np.array([1, 3, 4]) if expected.placed else np.arange(5)
+        anywhere = np.array([ANY_LEVEL * expected.slow_sd, 0.0, ANY_PLACE_MM, 0.0, 0.0])
+
+        def covariance(sizes: FloatArray) -> FloatArray:
+            every = anywhere.copy()
+            every[open_to] = sizes
+            return _covariance(every, displacement, force, slope) + ridge
+
+        found[open_to] = sizes_from_repeats(
+            centre[open_to], _VAGUENESS, [Differences(contrasts_of(curves), covariance)]
         )
-        found = sizes_from_repeats(centre, _VAGUENESS, [differences])
     offset, gain, shift, slow, length = (float(v) for v in found)
     return NoiseEstimate(
         force_sd=float(np.hypot(slow, expected.white_sd)),

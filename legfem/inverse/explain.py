@@ -65,14 +65,16 @@ class Weighing:
         unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
         return cls(base, unknowns, Evidence(problem.errors, unknowns))
 
-    def base_model(self, problem: LinearisedProblem, log_prior: float, unknown: bool) -> Explanation:
+    def base_model(
+        self, problem: LinearisedProblem, fitted: LinearisedFit, log_prior: float, unknown: bool
+    ) -> Explanation:
         """Return the base model alone, or with something unknown."""
         shares = [
             (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
             for u in self.unknowns
         ]
-        posterior = laplace_posterior(problem, self.evidence, self.base, shares)
-        return Explanation(problem, self.base, posterior, log_prior, unknown, False)
+        posterior = laplace_posterior(problem, self.evidence, fitted, shares)
+        return Explanation(problem, fitted, posterior, log_prior, unknown, False)
 
     def of(
         self, problem: LinearisedProblem, fitted: LinearisedFit, log_prior: float, confirmed: bool = False
@@ -235,8 +237,9 @@ def explain(
         Base parameters that searches begin with; the base model's fit without it.
     """
     weighing = Weighing.about(problem, base)
+    plain = fit_beside(problem, (), base.values) if problem.nuisances else (problem, base)
     found = [
-        weighing.base_model(problem, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
+        weighing.base_model(*plain, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
         for unknown in (False, True)
     ]
     priors = ExplanationPriors.among(mechanisms)

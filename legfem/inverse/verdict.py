@@ -22,13 +22,7 @@ from legfem.inverse.hidden import HiddenEnd, Limit, profile_of
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, Nuisances, variance_degrees
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
-from legfem.inverse.map_fit import (
-    base_about_solution,
-    equally_weighted,
-    fit_beside,
-    ordinary_fit,
-    refitted_about_solutions,
-)
+from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
 from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit, held_out, misfit_of
@@ -255,7 +249,7 @@ def diagnose(
         possible=dict(possible or {}),
         nuisances=nuisances if observed.channels else None,
     )
-    problem, base = fit_beside(problem, (), ordinary.values)
+    base = fit(problem, (), ordinary.values)
     progress.stage(f"weighing {len(mechanisms)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
     explained = explain(problem, base, mechanisms, confirm, ordinary.values)
@@ -264,7 +258,7 @@ def diagnose(
         progress.stage(f"without {aside.described}")
         rest = problem.setting_aside(aside.readings)
         plain = ordinary_fit(rest, [base.values])
-        rest, alone = fit_beside(rest, (), plain.values)
+        alone = fit(rest, (), plain.values)
         again = explain(rest, alone, mechanisms, confirm, plain.values)
         if _leaves_something(again):
             aside = None

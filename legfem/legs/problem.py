@@ -85,8 +85,10 @@ class LegProblem:
         if self._joint:
             return JointComparison(self.tests, "covariance", near)
         (test,) = self.tests
-        read = replace(test, beyond=beyond_of(law.parameters, law.fixed), by_instrument=law.reads)
-        return JointComparison((read,), weighting_of(law, self.weighting, bool(test.beside)), near)
+        weighting = weighting_of(law, self.weighting, bool(test.beside))
+        beyond = beyond_of(law.parameters, law.fixed)
+        read = replace(test, beyond=beyond, by_instrument=law.reads, finds_contact=weighting == "covariance")
+        return JointComparison((read,), weighting, near)
 
     @property
     def sensitivities(self) -> tuple[str, ...]:

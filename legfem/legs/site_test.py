@@ -49,6 +49,8 @@ class SiteTest(Test):
         zero.
     by_instrument : bool
         Whether the instrument has a gain, zero or contact offset that is free or held.
+    finds_contact : bool
+        Whether the model's own rise says where contact was, as it does where readings are weighed by their errors.
     beside : tuple of SiteChannel
         What else was recorded, and is predicted.
     """
@@ -58,6 +60,7 @@ class SiteTest(Test):
     correction: Correction | None = None
     beyond: float = 0.0
     by_instrument: bool = False
+    finds_contact: bool = True
     beside: tuple[SiteChannel, ...] = ()
 
     @property
@@ -211,9 +214,9 @@ class SiteTest(Test):
     @cached_property
     def own_errors(self) -> Covariances:
         """Errors of the recordings, the numerical model and further channels' instruments, (n, n)."""
-        numerical = numerical_covariance(self.curve.displacement, self.curve.force, power=1.0)
+        numerical = numerical_covariance(self.curve.displacement, self.curve.smooth, power=1.0)
         few = self.curve.few_repeats
-        recordings = self.curve.covariance - few
+        recordings = self.curve.covariance - few + self.finds_contact * self.curve.open_contact
         if not self.beside:
             return {"recordings": recordings, "few_repeats": few, "model": numerical}
         blank = [np.zeros((len(one), len(one))) for one in self.beside]
@@ -294,6 +297,8 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
         force_sd=curve.force_sd[:n],
         covariance=curve.covariance[:n, :n],
         few_repeats=curve.few_repeats[:n, :n],
+        smooth=curve.smooth[:n],
+        slope=curve.slope[:n],
         trial_force=curve.trial_force[:, :n],
         n_samples=curve.n_samples[:n],
     )
@@ -314,8 +319,7 @@ def with_instrument_errors(curve: LoadingCurve, sds: Mapping[str, float]) -> Loa
     """
     if not sds:
         return curve
-    slope = np.gradient(curve.force, curve.displacement)
-    effects = {GAIN: curve.force, ZERO: np.ones(len(curve.force)), OFFSET: slope}
+    effects = {GAIN: curve.smooth, ZERO: np.ones(len(curve.force)), OFFSET: curve.slope}
     covariance = np.array(curve.covariance)
     for name, sd in sds.items():
         covariance += sd**2 * np.outer(effects[name], effects[name])

@@ -219,15 +219,16 @@ class _PlaceSensitivity:
 def _felt(forms: DomainForms, residual: Any) -> tuple[dict[str, Any], frozenset[str]]:
     """Return the history variables that the residual feels, and the zeros that silence others."""
     old, symbols = forms.history.variables, forms.domain.symbols
-    nothing = {symbols[name]: ufl.as_ufl(0.0) for name in symbols.zeros}
-    felt: set[str] = set()
-    silent = False
-    for name, value in old.items():
-        change = expand_derivatives(ufl.derivative(residual, value))
-        if replace(change, nothing).integrals():
-            felt.add(name)
-        else:
-            silent |= bool(change.integrals())
+    # What differs is seen without derivatives, of which a law with many branches has long ones.
+    left = replace(residual, {symbols[name]: ufl.as_ufl(0.0) for name in symbols.zeros})
+    there, staying = set(extract_coefficients(residual)), set(extract_coefficients(left))
+
+    def feels(form: Any, name: str) -> bool:
+        return bool(expand_derivatives(ufl.derivative(form, old[name])).integrals())
+
+    felt = {name for name, value in old.items() if value in staying and feels(left, name)}
+    silenced = [name for name, value in old.items() if value in there and name not in felt]
+    silent = any(old[name] not in staying or feels(residual, name) for name in silenced)
     while True:
         needed = {c for name in felt for c in extract_coefficients(forms.updated[name])}
         more = {name for name, value in old.items() if value in needed} - felt

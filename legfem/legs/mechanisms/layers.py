@@ -80,7 +80,6 @@ class FatSliding(TissueMechanism):
         strength("sliding", "-", "share of the way from grown together to free", 0.6, (0.0, 1.0)),
     )
     would_be: ClassVar[str] = "fat that slides along the fascia, {} of the way to free"
-    alters_nuisances: ClassVar[bool] = True
     next_experiment: ClassVar[str] = "film fat and fascia with ultrasound beside the cylinder while it presses"
     measured_sd: ClassVar[float | None] = 0.2
     """An estimate: speckle is followed to some 0.3 mm beside ways of one or two."""
