@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from making_diagnosis import INSTRUMENT
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 from legfem.channels import Sight
 from legfem.channels.kind import Frames
@@ -24,15 +25,19 @@ from legfem.geometry.section import across
 from legfem.inverse.errors import IMAGE_LEFT
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
+from legfem.inverse.mechanism import prior_of
 from legfem.inverse.observations import Observations, observe
+from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import TissueMechanism, mechanism_named
-from legfem.legs.nuisances import Accuracy
+from legfem.legs.nuisances import Accuracy, nuisance_effects
+from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
+from legfem.solve.protocol import Protocol
 from studies.lab.recording import flicker
 from studies.other_code.plane_leg import OtherCase, OtherCode
 
@@ -198,6 +203,61 @@ def test_a_leg_without_an_effect_leaves_what_its_errors_make(library, stiff_fat)
         assert one.verdict == "consistent"
     print(found)
     assert 0.7 < np.mean(found) < 1.3
+
+
+FRAMES_S = 9, 17
+"""Times of the frames that are taken, at half the way and near its end."""
+
+
+def test_a_plan_s_chance_of_images_is_how_often_they_show_the_effect():
+    """Two frames at a plan's places of felupe's leg, in six images that lie elsewhere, and force alone."""
+    fat = mechanism_named("superficial-stiffness")
+    factor = prior_of(fat.parameters[0]).value_at(0.7)  # the usual strength that plans take
+    ramp = Protocol.ramp(DEPTH, RATE)
+    (images,) = (one for one in with_channels(ramp, SITE) if INSIDE.name in {kind.name for kind in one.channels})
+    places, rng = images.channels[0].places, np.random.default_rng(3)
+    points = np.array(places)[::2, :2]
+    middle, count = points.mean(axis=0), len(points)
+    draws = [(rng.uniform(-2, 2, 2), float(rng.uniform(-3, 3))) for _ in range(6)]
+    lying = [middle + shift + (points - middle) @ turn_of(turn).T for shift, turn in draws]
+    leg, told, alone, library = Pressed.of(np.concatenate(lying), {"superficial": factor}), [0, 0], None, None
+    for k, (_, turn) in enumerate(draws):
+
+        def moved(depth: float, own: slice = slice(k * count, (k + 1) * count)) -> FloatArray:
+            return leg.at(depth)[own]
+
+        trials = []
+        for one in pressed_thrice(leg, rng):
+            times, moves = tracked(points, moved, turn, rng, INSIDE.usual.slow)
+            taken = moves[list(FRAMES_S)]
+            course = np.tile(np.arange(len(places)), len(taken))
+            at = np.repeat(times[list(FRAMES_S)], len(places))
+            inside = RecordedChannel(INSIDE.name, at, taken.ravel(), INSIDE.usual, None, course, places)
+            trials.append(replace(one, channels=(inside,)))
+        observed = observe(segment_all(trials, INSTRUMENT, True))
+        library = library or library_of(observed)
+        for way, recorded in enumerate((replace(observed, channels=()), observed)):
+            found = diagnosed(recorded, library)
+            alone = alone or found
+            told[way] += found.verdict == "named" and [m.name for m in found.best.fit.mechanisms] == [fat.name]
+    assert alone is not None and library is not None
+    base, changes = alone.weighted_base, library.nuisances
+    candidates = prior_candidates(base.problem, base.fit, [fat])
+    for way, test in enumerate((Design("again", (ramp,) * 3), images)):
+        worth = evaluate_design(
+            test,
+            candidates,
+            base.problem.predictor,
+            lambda _, blank, readings: nuisance_effects(changes, blank, readings, Accuracy()),
+            alone.errors.noise,
+            0.01,
+        )
+        assert worth is not None
+        chance = worth.chances[fat.name, "nothing"]
+        print(test.name, chance, told[way])
+        # The effect's own strength and form are other than any plan's, by another code.
+        assert binomtest(told[way], len(draws), float(np.clip(chance, 0.1, 0.9))).pvalue > 0.01
+        assert (chance > 0.5) == (test is images)
 
 
 def test_what_is_left_beside_an_image_s_steps_is_as_stated():
