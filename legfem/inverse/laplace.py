@@ -152,6 +152,8 @@ _MOST, _GROWS = 8, 1.5
 _FLAT = 1.0
 """In ln of the density."""
 _CLOSE = 1e-3
+_NO_WIDTH = 1e-9
+"""Standard deviation of a departure below which steps are rounding: that of a model that is wrong by far."""
 _POINTS = 161
 WIDTHS: Mapping[float, float] = {1.0: 0.6, 0.3: 0.2, 0.1: 0.2}
 """Of the stated standard deviation of a strength that begins at nothing, and how probable."""
@@ -228,7 +230,7 @@ def _steps(
     sd = float(np.sqrt(fitted.covariance[k, k]))
     first = _held(problem, fitted, k, float(np.clip(fitted.prior_z[k], *ends)), of)
     found = [first]
-    if not np.isfinite(first.log_likelihood):
+    if not np.isfinite(first.log_likelihood) or sd < _NO_WIDTH:
         return found
     for end, side in zip(ends, (-1.0, 1.0), strict=True):
         last, size = first, sd
