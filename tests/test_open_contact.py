@@ -1,5 +1,7 @@
 """Intervals from a press after air, of which the model knows the shape, hold as often as they say."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -15,14 +17,19 @@ def parts(at, powers):
     return (np.asarray(at)[:, None] / DEPTH) ** np.array(powers)
 
 
-def departures(sizes, powers, columns):
-    """By how many standard errors generalised least squares miss the sizes of the columns, (LABS, columns)."""
+@cache
+def curves(sizes, powers):
+    """Mean curves of the labs."""
     time = np.arange(0.0, DEPTH / RATE + 1e-9, 0.1)
     course = Course(time, RATE * time, parts(RATE * time, powers) @ sizes)
+    recorded = (record([course] * 3, AIR, np.random.default_rng([48, lab])) for lab in range(LABS))
+    return [mean_loading_curve(segment_all(trials, INSTRUMENT)) for trials in recorded]
+
+
+def departures(sizes, powers, columns):
+    """By how many standard errors generalised least squares miss the sizes of the columns, (LABS, columns)."""
     found = []
-    for lab in range(LABS):
-        trials = record([course] * 3, AIR, np.random.default_rng([48, lab]))
-        curve = mean_loading_curve(segment_all(trials, INSTRUMENT))
+    for curve in curves(sizes, powers):
         design = parts(curve.displacement, powers) @ columns
         inverse = np.linalg.inv(curve.covariance + curve.open_contact)
         spread = np.linalg.inv(design.T @ inverse @ design)
@@ -34,8 +41,7 @@ def departures(sizes, powers, columns):
 @pytest.mark.parametrize(("sizes", "powers"), [((0.9, 2.1), (1.05, 2.0)), ((1.5, 1.5), (1.25, 2.0))])
 @pytest.mark.parametrize("single", [True, False])
 def test_intervals_hold_where_contact_is_placed_by_the_readings_that_are_fitted(sizes, powers, single):
-    sizes = np.array(sizes)
-    away = departures(sizes, powers, sizes[:, None] if single else np.eye(2))
+    away = departures(sizes, powers, np.array(sizes)[:, None] if single else np.eye(2))
     # A standard deviation from 60 draws errs by 9 %.
     assert away.std(axis=0).max() < 1.25
     assert away.std(axis=0).min() > 0.75
