@@ -135,8 +135,8 @@ def check_finite(name: str, value: object, unit: str = "mm") -> None:
 
 def check_within(name: str, value: object, least: float, most: float, unit: str) -> None:
     """Raise an InputError for what is not a number between two others."""
-    if not (isinstance(value, Real) and least <= value <= most):
-        shown = f"{value:g} {unit}" if isinstance(value, Real) else repr(value)
+    if not isinstance(value, Real) or not least <= float(value) <= most:
+        shown = f"{float(value):g} {unit}" if isinstance(value, Real) else repr(value)
         raise wrong(name, shown, "is not possible here", f"give {least:g} to {most:g} {unit}")
 
 

@@ -219,8 +219,10 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
         return None
 
     def doubts(self, recording: Recording, body: Body) -> list[Doubt]:
-        """Return what is unlikely in a recording of this kind alone."""
-        return []
+        """Return what is unlikely in a recording of this kind alone, and which of its columns are of no use."""
+        source = f"{recording.source or recording.trial}"
+        problem = f"is not used: tests of the kind [{self.table}] weigh the force alone"
+        return [Doubt(source, one.name, problem, "leave the column out") for one in recording.channels]
 
     def axes(self, body: Body, recording: Recording) -> ShownAxes:
         """Return as what a recording is shown."""

@@ -46,6 +46,8 @@ _BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone"), TISSUE.
 """Outlines that a layer lies between."""
 _APART_MM, _APART = 3.0, 0.35
 """Of a thickness from the section's own: mm, or a share of it where that is more."""
+_MOST = 2.0
+"""Of the section's own thickness: more is no reading of it."""
 _IN_MUSCLE_MM = 8.0
 """Under the fascia: where a figure marks the muscle."""
 
@@ -92,6 +94,12 @@ class LayerThicknesses(ChannelFile):
             )
         kept = np.isfinite(recorded.depth)
         depth, values = recorded.depth[kept], recorded.values[kept]
+        worst = int(np.argmax(np.abs(values - 0.5 * own)))
+        if not -3 * recorded.accuracy.reading <= values[worst] <= _MOST * own + _APART_MM:
+            return Impossible(
+                f"it is {values[worst]:.3g} mm at {depth[worst]:.2g} mm of depth; the section's own is {own:.3g} mm",
+                "check its unit and the outlines; leave a cell empty where nothing could be read",
+            )
         # A single frame says little of how it changes.
         several = len(values) > 2 and np.ptp(depth) > 0
         ends = Polynomial.fit(depth, values, 1)(np.array([0.0, depth.max()])) if several else values[[0, 0]]
