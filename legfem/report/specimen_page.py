@@ -341,22 +341,26 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
     return rows
 
 
-def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
-    first = estimates.least_akaike(results)
-    worst = sorted(compared(first), key=lambda one: one.r_squared)[:_MOST_CURVES]
-    blocks: list[web.Block] = []
-    if len(compared(first)) > _MOST_CURVES:
-        blocks.append(
-            web.Prose(
-                f"The {_MOST_CURVES} of {len(compared(first))} recordings with the poorest fit are drawn; "
-                f"fit.png shows all."
-            )
-        )
+def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
+    """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
+    worst = sorted(compared(estimates.least_akaike(results)), key=lambda one: one.r_squared)[:_MOST_CURVES]
+    blocks = []
     for number, one in enumerate(worst):
         axes = one.axes
         blocks.append(_curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit))
         if one.course.holds:
             blocks.append(_curves(results, one, number, one.course.time, "time", "s"))
+    return blocks
+
+
+def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
+    first = estimates.least_akaike(results)
+    blocks: list[web.Block] = []
+    if len(compared(first)) > _MOST_CURVES:
+        blocks.append(
+            web.Prose(f"The {_MOST_CURVES} of {len(compared(first))} recordings with the poorest fit are drawn.")
+        )
+    blocks += curves_of(results)
     blocks.append(
         Bars(
             f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)",
