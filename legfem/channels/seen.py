@@ -1,7 +1,7 @@
 """What channels see of a solved model, with derivatives: forces and outlines on the line of travel, along a path."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -53,6 +53,22 @@ class ReadState:
     whole: float = 1.0
 
 
+@dataclass(frozen=True)
+class SeenSpecimen:
+    """What of a body with axial symmetry is seen.
+
+    Parameters
+    ----------
+    layers
+        By the name of each layer that a line along the axis crosses, the heights (mm) between which it lies.
+    side
+        Whether its side is seen; its height 0 is a mirror then.
+    """
+
+    layers: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    side: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class SeenModel:
     """A model that channels are read off.
@@ -66,11 +82,19 @@ class SeenModel:
     stated
         Line of travel that images of a section refer to, which they don't leave where the cylinder is tilted or aimed
         elsewhere; the cylinder's own without it.
+    specimen
+        What is seen of a specimen; None of a leg.
     """
 
     system: System
     sights: tuple[Sight, ...] = ()
     stated: TravelLine | None = None
+    specimen: SeenSpecimen | None = None
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """Of the displacement's nodes, (nodes, 2), mm."""
+        return np.asarray(self.system.spaces.displacement_space.tabulate_dof_coordinates()[:, :2])
 
     @cached_property
     def outlines(self) -> dict[str, Outline]:
@@ -161,6 +185,12 @@ class Seen:
         dofs = self.model.system.spaces.displacement_dofs
         every = np.vstack([self.state.unknown[dofs], self.state.unknown_rates[:, dofs]])
         return every.reshape(len(every), -1, 2)
+
+    def move(self, place: tuple[float, float], component: int) -> tuple[float, FloatArray]:
+        """Return a component of the displacement (mm) of the node nearest to a place, and its derivatives (p,)."""
+        node = int(np.argmin(np.linalg.norm(self.model.places - place, axis=1)))
+        moved = self._moved[:, node, component]
+        return float(moved[0]), moved[1:]
 
     @property
     def radius(self) -> float:
@@ -322,16 +352,19 @@ class ChannelReader:
         Places at which some kinds are seen.
     stated
         Line of travel that images refer to; the cylinder's own without it.
+    specimen
+        What is seen of a specimen; None of a leg.
     """
 
     system: System
     files: Sequence[Reads]
     sights: tuple[Sight, ...] = ()
     stated: TravelLine | None = None
+    specimen: SeenSpecimen | None = None
 
     @cached_property
     def _model(self) -> SeenModel:
-        return SeenModel(self.system, self.sights, self.stated)
+        return SeenModel(self.system, self.sights, self.stated, self.specimen)
 
     def read(self, state: ReadState) -> Mapping[str, tuple[float, FloatArray]]:
         """Return the channels there are in a state; collective over the system's ranks."""

@@ -28,6 +28,7 @@ from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
 from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
+from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
 from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, warnings_about, weighed
@@ -190,52 +191,59 @@ class SpecimenProblem:
         """Recordings count alike in the search, whatever they share."""
         return False
 
-    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> SpecimenComparison:
+    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> SpecimenReadings:
         """Forces beside the recordings, from where their contact seems to be: nothing after that is air."""
         fitted = _fitted(self.folder, self.prepared, self.held_out)
-        return comparison_of(fitted, self.forward, self.folder, self._seeks_ratio)
+        return self._with_channels(comparison_of(fitted, self.forward, self.folder, self._seeks_ratio))
 
-    def refined(self, search: Search[SpecimenComparison]) -> SpecimenComparison | None:
+    def _with_channels(self, forces: SpecimenComparison) -> SpecimenReadings:
+        return readings_of(forces, self.folder.sizes_sd)
+
+    def refined(self, search: Search[SpecimenReadings]) -> SpecimenReadings | None:
         """Comparison with contacts moved to where a fit has them, and slopes of its forces; None where all stay."""
         assert search.best.prediction is not None
         now = search.misfit
-        moved = self._moved(now, now.aheads(search.best.prediction.values))
+        moved = self._moved(now.forces, now.forces.aheads(now.of_forces(search.best.prediction.values)))
         if moved is None:
             return None
         model = self.forward
         by_itself = comparison_of(moved, model, self.folder, self._seeks_ratio)
         readings = search.law.readings(search.best.point)
         slopes = by_itself.slopes(search.best.prediction.model_values, readings)
-        return comparison_of(moved, model, self.folder, self._seeks_ratio, slopes=slopes)
+        return self._with_channels(comparison_of(moved, model, self.folder, self._seeks_ratio, slopes=slopes))
 
-    def assessed(self, found: Found[SpecimenComparison]) -> Fit[SpecimenDetails]:
+    def assessed(self, found: Found[SpecimenReadings]) -> Fit[SpecimenDetails]:
         """Fit of a finished search."""
         comparison, best, law = found.search.misfit, found.best, found.search.law
-        linear = found.linear
-        force, readings = linear.prediction.values, law.readings(best.point)
-        stiffness = comparison.stiffness(linear.prediction, readings)
-        apart = 0 if comparison.own is None else comparison.own.degrees
+        linear, forces = found.linear, comparison.forces
+        predicted, readings = linear.prediction.values, law.readings(best.point)
+        force = comparison.of_forces(predicted)
+        stiffness = forces.stiffness(linear.prediction, readings)
+        apart = 0 if forces.own is None else forces.own.degrees
         spread = float(np.sqrt(np.sum(np.log(list(stiffness.values())) ** 2) / apart)) if apart else 0.0
-        covariance = total_of(comparison.covariances_at(force))
-        covariances = dict(comparison.covariances_at(force, spread))
-        if comparison.own is None:
+        covariance = total_of(comparison.covariances_at(predicted))
+        covariances = dict(comparison.covariances_at(predicted, spread))
+        if forces.own is None:
             errors = {sizes: self._size_errors(sizes) for sizes in self.forward.tests}
             covariances["sizes"] = size_covariance(
-                comparison, self.forward, model_values(best.values), readings, force, errors
+                comparison, self.forward, model_values(best.values), readings, predicted, errors
             )
         missed = self._missed(found, covariance)
-        covariances["misfit"] = missed.covariance
-        goodness = goodness_of(found, covariance, comparison.expected_force, lost=apart)
-        fitted = comparison.recordings
+        covariances["misfit"] = comparison.of_forces_alone(missed.covariance)
+        goodness = goodness_of(found, covariance + comparison.thickness_errors, comparison.expected, lost=apart)
+        fitted = forces.recordings
         estimates, correlations = optimum_of(
             found, covariances, quantile(apart or len(fitted) - 1), goodness, {}, False
         )
-        thickness = goes_with_thickness(comparison, force, stiffness)
+        thickness = goes_with_thickness(forces, force, stiffness)
         if thickness is not None:
             moved = {name: thickness.over(one) for name, one in estimates.items() if name.endswith("C10")}
             estimates = MappingProxyType({**estimates, **moved})
-        tests = [_test_fit(one, force[span]) for one, span in zip(fitted, comparison.spans, strict=True)]
-        predicted, notes = self._predicted(found, stiffness, readings)
+        tests = [
+            _test_fit(one, force[span], comparison.fits_of(k, predicted))
+            for k, (one, span) in enumerate(zip(fitted, forces.spans, strict=True))
+        ]
+        left_out, notes = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(fitted, self.forward, model_values(best.values))
         notes += [lateral.text] if lateral else []
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
@@ -253,7 +261,7 @@ class SpecimenProblem:
             goodness=goodness,
             cost=cost_of(found),
             agreement=EXACT,
-            tests=(*tests, *predicted),
+            tests=(*tests, *left_out),
             log=log_of(found),
             neo_hookean_limit=found.neo_hookean_limit,
             weighting="covariance",
@@ -262,7 +270,7 @@ class SpecimenProblem:
             details=SpecimenDetails(
                 self.folder,
                 self.prepared.left_out,
-                comparison.gain_sd(force),
+                forces.gain_sd(force),
                 MappingProxyType(stiffness),
                 spread,
                 missed,
@@ -275,13 +283,14 @@ class SpecimenProblem:
         in_air = [one.name for one in fitted if one.course.in_air]
         return replace(result, warnings=warnings_about(result, in_air, (*self.prepared.notes, why, *notes)))
 
-    def _missed(self, found: Found[SpecimenComparison], covariance: FloatArray) -> LawMisfit:
-        """What the law misses, beyond errors of a covariance."""
+    def _missed(self, found: Found[SpecimenReadings], covariance: FloatArray) -> LawMisfit:
+        """What the law misses of the forces, beyond errors of a covariance."""
         comparison, law, prediction = found.search.misfit, found.search.law, found.linear.prediction
         pairs = zip(found.best.point, law.parameters, strict=True)
         scales = [max(abs(value), 1e-3 * one.bounds[1]) for value, one in pairs]
-        jacobian = prediction.jacobian(law.names) * scales
-        return misfit_of(comparison, covariance, prediction.values, jacobian)
+        own, of = len(comparison.forces), comparison.of_forces
+        jacobian = of(prediction.jacobian(law.names)) * scales
+        return misfit_of(comparison.forces, covariance[:own, :own], of(prediction.values), jacobian)
 
     def _size_errors(self, sizes: Sizes) -> dict[str, float]:
         """Relative errors of the sizes that a test's specimen has, by name."""
@@ -318,7 +327,7 @@ class SpecimenProblem:
         return None if moved == recordings else moved
 
     def _predicted(
-        self, found: Found[SpecimenComparison], stiffness: dict[str, float], readings: FloatArray
+        self, found: Found[SpecimenReadings], stiffness: dict[str, float], readings: FloatArray
     ) -> tuple[list[TestFit], list[str]]:
         """Recordings that were left out beside the law, and what is to be said of them."""
         others = [one for one in self.prepared.recordings if one.name in self.held_out]
@@ -439,8 +448,10 @@ def _from_seeming_contact(one: SpecimenRecording, returns: bool) -> SpecimenReco
     return one
 
 
-def _test_fit(one: SpecimenRecording, predicted: FloatArray, fitted: bool = True) -> TestFit:
+def _test_fit(
+    one: SpecimenRecording, predicted: FloatArray, beside: Sequence[ChannelFit] = (), fitted: bool = True
+) -> TestFit:
     channel = one.data.channels[0]
     left = (predicted - channel.values) / channel.sd
     goodness = Goodness.of(float(left @ left), len(left))
-    return TestFit(one, (ChannelFit(channel, predicted),), goodness, fitted)
+    return TestFit(one, (ChannelFit(channel, predicted), *beside), goodness, fitted)

@@ -1,6 +1,6 @@
 """Thicknesses of the layers under the cylinder, along the line of travel, by ultrasound."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -25,8 +25,14 @@ if TYPE_CHECKING:
 
 _ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
 """Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""
+_MODELS = frozenset({"2d", "specimen"})
 FAT = ChannelKind(
-    "fat_thickness", "mm", "thickness of the fat under the cylinder, along the line of travel", _ULTRASOUND, 0.002
+    "fat_thickness",
+    "mm",
+    "thickness of the fat under the cylinder, along the line of travel",
+    _ULTRASOUND,
+    0.002,
+    models=_MODELS,
 )
 MUSCLE = ChannelKind(
     "muscle_thickness",
@@ -34,6 +40,7 @@ MUSCLE = ChannelKind(
     "thickness of the deep tissue, from fascia to bone along the line of travel",
     _ULTRASOUND,
     0.002,
+    models=_MODELS,
 )
 TISSUE = ChannelKind(
     "tissue_thickness",
@@ -41,13 +48,29 @@ TISSUE = ChannelKind(
     "thickness of all soft tissue, from skin to bone along the line of travel",
     _ULTRASOUND,
     0.002,
+    models=_MODELS,
 )
 _BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone"), TISSUE.name: ("skin", "bone")}
 """Outlines that a layer lies between."""
+_LAYERS = {FAT.name: ("superficial", "fat"), MUSCLE.name: ("deep", "muscle")}
+"""Names of a specimen's layers."""
 _APART_MM, _APART = 3.0, 0.35
 """Of a thickness from the section's own: mm, or a share of it where that is more."""
 _IN_MUSCLE_MM = 8.0
 """Under the fascia: where a figure marks the muscle."""
+
+
+def between_of(layers: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Return by channel the heights (mm) between which the thickness of a specimen's layers is read.
+
+    Parameters
+    ----------
+    layers
+        By name the heights between which each lies.
+    """
+    found = {kind: layers[name] for kind, names in _LAYERS.items() for name in names if name in layers}
+    ends = [end for one in layers.values() for end in one]
+    return {**found, TISSUE.name: (min(ends), max(ends))} if ends else found
 
 
 class LayerThicknesses(ChannelFile):
@@ -57,6 +80,8 @@ class LayerThicknesses(ChannelFile):
 
     def read(self, seen: "Seen") -> Channels:
         """Return the layers' thicknesses, of those whose outlines the line of travel meets."""
+        if seen.model.specimen is not None:
+            return _along_axis(seen, between_of(seen.model.specimen.layers))
         found = {}
         for name, between in _BETWEEN.items():
             above, below = (seen.line(outline).place() for outline in between)
@@ -121,3 +146,11 @@ class LayerThicknesses(ChannelFile):
         )
         along = 0.5 * (skin + fascia) if kind == FAT else fascia + _IN_MUSCLE_MM
         return np.asarray(site.touch + along * site.direction)
+
+
+def _along_axis(seen: "Seen", between: Mapping[str, tuple[float, float]]) -> Channels:
+    found = {}
+    for name, heights in between.items():
+        (low, low_rates), (high, high_rates) = (seen.move((0.0, height), 1) for height in heights)
+        found[name] = heights[1] - heights[0] + high - low, high_rates - low_rates
+    return found
