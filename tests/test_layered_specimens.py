@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +193,14 @@ def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
     )
     assert not isinstance(twice, Stopped)
     np.testing.assert_allclose(twice.force_at(at), 2 * found.force_at(at), rtol=1e-9)
+    # Layers are seen under their own names, whichever is open.
+    other = SpecimenVariants(test, depth, (replace(fat, name="muscle"), replace(tissues[0], name="fat")))
+    same_way = other.follow(Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"))
+    assert not isinstance(same_way, Stopped)
+    for path in (found, same_way):
+        assert [float(path.channels[name][0]) for name in SEEN] == [5.0, 12.0]
+        lost = [path.channels[name][0] - path.channels[name][-1] for name in SEEN]
+        assert sum(lost) == pytest.approx(depth, rel=0.02)
     able, _ = mechanisms_of(test, Scale(depth, 1.0, 4.0, 3e-3, BULK))
     assert "superficial-stiffness" in [mechanism.name for mechanism in able]
 
