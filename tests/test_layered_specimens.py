@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from making_layers import OtherLayer, OtherLayers
 from making_specimens import BAR, record
@@ -344,3 +345,24 @@ def test_two_frames_tell_layers_apart_that_one_force_does_not(seen_layers: Path)
     (press,) = found.tests
     assert [one.channel.name for one in press.channels] == ["force", *SEEN]
     assert all(np.abs(one.residual).max() < 1.0 for one in press.channels[1:])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda table: table.assign(fat_thickness_mm=0.1 * table.fat_thickness_mm), "fat thickness is 1.3"),
+        (lambda table: table.drop(columns="fat_thickness_mm"), "no recording has a column fat_thickness_mm"),
+    ],
+)
+def test_thicknesses_that_cannot_be_are_one_line(seen_layers: Path, tmp_path: Path, change, words: str) -> None:
+    (tmp_path / "recordings").mkdir()
+    text = (seen_layers / "specimen.toml").read_text()
+    (tmp_path / "specimen.toml").write_text(text + "[channels.fat_thickness]\nsd_mm = 0.4\n")
+    table = pd.read_csv(seen_layers / "recordings" / "press.csv")
+    table.to_csv(tmp_path / "recordings" / "press.csv", index=False)
+    (press,) = lf.load_specimen(tmp_path).recordings
+    assert [one.accuracy.reading for one in press.recording.channels] == [0.4, 0.3]
+    change(table).to_csv(tmp_path / "recordings" / "press.csv", index=False)
+    with pytest.raises(InputError) as error:
+        lf.load_specimen(tmp_path)
+    assert words in str(error.value) and "\n" not in str(error.value)

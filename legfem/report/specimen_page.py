@@ -9,7 +9,7 @@ from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
-from legfem.report.further_channels import beside_force, channel_curves, channel_lines
+from legfem.report.further_channels import channel_lines, drawn
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.words import ORIGINS, capital, fit_probability
@@ -373,7 +373,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
             greatest=1.0,
         )
     )
-    blocks += [channel_curves(results, number, k) for number, k in beside_force(first)]
+    blocks += drawn(results)
     return [*blocks, *(block for result in results for block in _in_numbers(result))]
 
 

@@ -17,7 +17,7 @@ from legfem.inverse.loading_channels import BesideForce, LoadingChannel, image_e
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import INSTRUMENT, OFFSET
 from legfem.specimens.comparison import Part, SpecimenComparison
-from legfem.specimens.sizes import FibrousTest, LayeredTest, SpecimenRecording
+from legfem.specimens.sizes import SpecimenRecording, layers_of
 
 
 def thicknesses_of(recording: SpecimenRecording, relative_sd: float) -> tuple[LoadingChannel, ...]:
@@ -30,11 +30,10 @@ def thicknesses_of(recording: SpecimenRecording, relative_sd: float) -> tuple[Lo
     relative_sd
         Standard deviation of a layer's stated thickness, over that.
     """
-    sizes = recording.sizes.whole if isinstance(recording.sizes, FibrousTest) else recording.sizes
-    if not isinstance(sizes, LayeredTest):
+    layers = layers_of(recording.sizes)
+    if layers is None:
         return ()
-    heights = pairwise([0.0, *np.cumsum([thickness for _, thickness in sizes.layers])])
-    between = between_of(dict(zip((name for name, _ in sizes.layers), heights, strict=True)))
+    between = between_of(layers.heights)
     course = recording.course
     trial = recording.trial.touching(replace(recording.detected, displacement=course.contact.displacement))
     found = []

@@ -73,6 +73,47 @@ def between_of(layers: Mapping[str, tuple[float, float]]) -> dict[str, tuple[flo
     return {**found, TISSUE.name: (min(ends), max(ends))} if ends else found
 
 
+def refused(
+    kind: ChannelKind, own: float, depths: FloatArray, values: FloatArray, accuracy: ChannelAccuracy, own_sd: float
+) -> Impossible | None:
+    """Return why readings can't be the thickness of a layer; None where they can.
+
+    Parameters
+    ----------
+    kind
+        Of the channel.
+    own, own_sd
+        The layer's thickness before it is pressed, as stated, and the standard deviation of its ends, mm.
+    depths, values
+        (k,), mm: how deep it was pressed at each reading, NaN out of the loading; and the readings.
+    accuracy
+        Of the instrument.
+    """
+    name, kept = kind.title, np.isfinite(depths)
+    depth, values = depths[kept], values[kept]
+    if not len(values):
+        return None
+    # A single frame says little of how it changes.
+    several = len(values) > 2 and np.ptp(depth) > 0
+    ends = Polynomial.fit(depth, values, 1)(np.array([0.0, depth.max()])) if several else values[[0, 0]]
+    start, end = map(float, ends)
+    # Of a line through n readings.
+    error = accuracy.reading * np.sqrt(12 / len(values))
+    if several and end - start > max(3 * error, 0.05 * own):
+        return Impossible(
+            f"the {name} grows from {start:.3g} to {end:.3g} mm as it is pressed",
+            "check that the columns aren't exchanged, and that the frames are in order",
+        )
+    first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
+    tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * own_sd) + float(depth.min())
+    if abs(first - own) > tolerance:
+        return Impossible(
+            f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and {own:.3g} mm by what is stated",
+            "check its unit, the outlines or sizes, and that both are along the line of travel",
+        )
+    return None
+
+
 class LayerThicknesses(ChannelFile):
     """Skin to fascia, fascia to the nearest bone, and both together; none where the line meets no bone."""
 
@@ -108,35 +149,14 @@ class LayerThicknesses(ChannelFile):
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a layer that grows as the cylinder presses, or isn't the section's."""
-        site, name = recorded.site, kind.title
+        site = recorded.site
         own = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)
         if own is None:
             return Impossible(
                 "the line of travel meets no bone in the section: so there is no such thickness",
                 "leave the column out, or correct aim_mm and direction_deg",
             )
-        kept = np.isfinite(recorded.depth)
-        depth, values = recorded.depth[kept], recorded.values[kept]
-        # A single frame says little of how it changes.
-        several = len(values) > 2 and np.ptp(depth) > 0
-        ends = Polynomial.fit(depth, values, 1)(np.array([0.0, depth.max()])) if several else values[[0, 0]]
-        start, end = map(float, ends)
-        accuracy = recorded.accuracy
-        # Of a line through n readings.
-        error = accuracy.reading * np.sqrt(12 / len(values))
-        if several and end - start > max(3 * error, 0.05 * own):
-            return Impossible(
-                f"the {name} grows from {start:.3g} to {end:.3g} mm as the cylinder presses",
-                "check that the columns aren't exchanged, and that the frames are in order",
-            )
-        first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
-        tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * recorded.outline_sd) + float(depth.min())
-        if abs(first - own) > tolerance:
-            return Impossible(
-                f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and the section's own is {own:.3g} mm",
-                "check its unit, the outlines, and that both are along the line of travel",
-            )
-        return None
+        return refused(kind, own, recorded.depth, recorded.values, recorded.accuracy, recorded.outline_sd)
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return the middle of the fat, or a point within the muscle, under the cylinder."""

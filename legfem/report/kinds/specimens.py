@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
 from legfem.report.folder import ReportFile
-from legfem.report.further_channels import SHOWS, beside_force, channels_figure
+from legfem.report.further_channels import SHOWS, channels_figure, drawn
 from legfem.report.kinds import ReportKind
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.specimen_page import specimen_page
@@ -125,6 +125,6 @@ class SpecimenReport(ReportKind):
         """Write the figure."""
         shows = "every recording beside the model over displacement and time, and their differences"
         found = [ReportFile(save(specimen_figure(fits), folder, "fit", svg=True), shows)]
-        if beside_force(fits[0]):
+        if drawn(fits):
             found.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
         return found
