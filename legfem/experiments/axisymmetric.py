@@ -17,7 +17,8 @@ import numpy as np
 from mpi4py import MPI
 
 from legfem.channels.kinds import files_of
-from legfem.channels.seen import ChannelReader, SeenSpecimen
+from legfem.channels.log import ChannelReader
+from legfem.channels.seen import SeenSpecimen
 from legfem.common.errors import InputError, check_positive
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, Faces
 from legfem.experiments.experiment import Solved

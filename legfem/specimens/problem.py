@@ -7,26 +7,21 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from legfem.common.errors import Doubt, InputError
-from legfem.common.progress import Progress
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
 from legfem.inverse.intervals import quantile
-from legfem.inverse.outcome import Outcome
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
 from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
-from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store, finish
 from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
 from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
@@ -34,120 +29,11 @@ from legfem.specimens.course import QUICKENING, shows_quickening
 from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, warnings_about, weighed
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, begin_at, identified_law
+from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
 from legfem.specimens.model_discrepancy import LawMisfit, misfit_of
-from legfem.specimens.nuisances import SETTLED, check_strained, deepest_of, seeks_ratio, why_ratio_undetermined
-from legfem.specimens.sizes import (
-    OF_LAYER,
-    LeftOut,
-    Sizes,
-    SpecimenRecording,
-    doubts_about_differing,
-    kind_in,
-    lengths_of,
-)
-
-_BEYOND = 1.02
-# Of the depth that was reached: short of where a solution stopped.
-_SHORT_OF = 0.97
-_LEAST_SHARE = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
-
-    recordings: tuple[SpecimenRecording, ...]
-    left_out: tuple[LeftOut, ...]
-    notes: tuple[str, ...]
-    tests: tuple[Sizes, ...]
-    depths: tuple[float, ...]
-    c10: float
-    """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
-    doubts: tuple[Doubt, ...]
-    """About recordings beside others."""
-
-
-def prepare(
-    folder: SpecimenFolder, held: set[SpecimenRecording], out: Path | None, jobs: int, progress: Progress
-) -> Prepared:
-    """Solve every test once, and leave out or shorten what can't be modelled.
-
-    Raises
-    ------
-    InputError
-        If nothing that is to be fitted is left.
-    """
-    deepest: dict[Sizes, float] = {}
-    for one in folder.recordings:
-        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
-    usual = begin_at(folder.tissues, REFERENCE_MPA)
-    model = SpecimenForward.of_tissues(
-        tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
-    )
-    outcomes = _solved_once(model, out, jobs, progress)
-    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
-    within = dict[Sizes, float]()
-    for one in folder.recordings:
-        outcome = outcomes[one.sizes]
-        reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
-        within[one.sizes] = reached
-        if one.course.depth <= reached:
-            used.append(one)
-        elif reached < _LEAST_SHARE * one.course.depth:
-            reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
-            left.append(LeftOut(one.name, reason))
-        else:
-            used.append(one.to(reached))
-            notes.append(
-                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
-                f"stopped there ({outcome.reason})."
-            )
-    fitted = [one for one in used if one.name not in {other.name for other in held}]
-    if not fitted:
-        raise InputError(
-            folder.directory,
-            "recordings",
-            f"none can be modelled: {left[0].reason}",
-            "check the sizes, or record less deep",
-        )
-    depths = dict[Sizes, float]()
-    for one in used:
-        needed = min(deepest_of(one.course), within[one.sizes])
-        depths[one.sizes] = max(depths.get(one.sizes, 0.0), needed, one.course.depth)
-    stiffness = dict[SpecimenRecording, float]()
-    for one in fitted:
-        course = one.course
-        unit = outcomes[one.sizes].curve(course.displacement)
-        stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
-    return Prepared(
-        tuple(used),
-        tuple(left),
-        tuple(notes),
-        tuple(depths),
-        tuple(depths.values()),
-        max(float(np.median(list(stiffness.values()))), 1e-9),
-        tuple(doubts_about_differing(stiffness)),
-    )
-
-
-def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
-    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
-    with Workers(_solve_one, model, jobs) as workers:
-        found = finish(
-            workers,
-            range(len(model.tests)),
-            store,
-            progress,
-            "solving every test once; on a machine's first run, compiling",
-            lambda k, outcome: f"{type(model.tests[k]).__name__} to {outcome.curve.depth:.3g} mm",
-            lambda k: ("once", model.tests[k], model.depths[k]),
-        )
-    return dict(zip(model.tests, found, strict=True))
-
-
-def _solve_one(model: SpecimenForward, number: int) -> Outcome:
-    return model.solve_one(number, model.nominal)
+from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
+from legfem.specimens.prepared import Prepared, prepare
+from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, kind_in, lengths_of
 
 
 @dataclass(frozen=True, eq=False)
