@@ -17,7 +17,6 @@ from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.cost_figure import cost_figure
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.folder import ReportFile
 from legfem.report.further_channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
@@ -66,7 +65,7 @@ class LegReport(ReportKind):
         return curves_figure(blocks, what, fits[0].subject.title, fits[0].subject.origin)
 
     def files(self, fits: Sequence[LegFit], folder: Path) -> list[ReportFile]:
-        """Write fit, channels, costs, and where each site was pressed."""
+        """Write fit, channels, and where each site was pressed."""
         entries = [
             ReportFile(
                 save(self.figure(fits), folder, "fit", svg=True),
@@ -75,17 +74,6 @@ class LegReport(ReportKind):
         ]
         if beside_force(fits[0]):
             entries.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
-        for fit in fits:
-            if len(fit.estimates) > 2 or len(fit.tests) > 1:
-                continue
-            two = len(fit.estimates) == 2
-            shows = f"cost of the {LAW_NAMES[fit.law]} law over its parameters, and the search"
-            if two:
-                shows += (
-                    ". The 95 % region follows the noise, which is correlated along the curve, "
-                    "so its axes need not be those of the cost's contours"
-                )
-            entries.append(ReportFile(save(cost_figure(fit), folder, f"cost-{fit.law}", svg=not two), shows))
         leg = fits[0].details.leg
         for site in leg.sites:
             several = len(leg.sites) > 1
