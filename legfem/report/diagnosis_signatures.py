@@ -6,13 +6,18 @@ from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.location import Signature
 from legfem.inverse.verdict import Diagnosis
-from legfem.report.curves import Curves, Line
+from legfem.report.curves import Curves, Dash, Line
 from legfem.report.diagnosis_curves import plain
 from legfem.report.style import DATA_COLOUR
 from legfem.report.words import probability
 
 _MOST_SIGNATURES = 4
-_COLOURS = ("#0072B2", "#CC79A7", "#009E73", "#E69F00")
+_STROKES: tuple[tuple[str, Dash], ...] = (
+    ("#0072B2", "solid"),
+    ("#CC79A7", "dashed"),
+    ("#009E73", "dotdash"),
+    ("#E69F00", "dotted"),
+)
 
 
 def signatures_of(found: Diagnosis) -> list[Curves]:
@@ -29,13 +34,13 @@ def _signatures(found: Diagnosis, number: int, names: list[str]) -> Curves:
         return np.mean([observed.forces_of(k, values) for k in observed.trials_of(number)], axis=0)
 
     lines = [Line("difference", -mean(found.weighted_base.fit.residual), None, DATA_COLOUR, points=True)]
-    for name, colour in zip(names, _COLOURS, strict=False):
+    for name, (colour, dash) in zip(names, _STROKES, strict=False):
         scaled, share = matched(found, strongest(found, name))
         score = found.assessment.score(name)
         said = "reported" if any(name in model.names for model in found.models) else "not reported"
         said += f", {probability(score.p_value)}" if score else ""
         said += "" if share is None else f", matches {100 * share:.0f} % of the misfit"
-        lines.append(Line(f"{plain(name)} ({said})", -mean(scaled), None, colour))
+        lines.append(Line(f"{plain(name)} ({said})", -mean(scaled), None, colour, dash))
     hides = " and ".join(map(symbol_of, found.base.fit.stiffness))
     return Curves(
         f"signature{number}",

@@ -9,6 +9,7 @@ from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
+from legfem.report.further_channels import channel_lines, drawn
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.words import ORIGINS, capital, fit_probability
@@ -376,6 +377,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
             greatest=1.0,
         )
     )
+    blocks += drawn(results)
     return [*blocks, *(block for result in results for block in _in_numbers(result))]
 
 
@@ -447,6 +449,7 @@ def _tested(results: Sequence[SpecimenFit]) -> list[str]:
             f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
             f"chi-square {result.goodness.chi_square:.4g} on {result.goodness.degrees_of_freedom} degrees of freedom "
             f"({fit_probability(result.goodness.p_value)}).",
+            *channel_lines(result),
             *estimates.why_identifiable(result.estimates, result.law),
             *(f"{text}." for text in (*differing(result), *predictions(result))),
         )

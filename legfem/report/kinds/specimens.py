@@ -10,6 +10,7 @@ from legfem.inverse.document import KindDocument
 from legfem.inverse.fit import Fit
 from legfem.report.curves import curves_figure
 from legfem.report.folder import ReportFile
+from legfem.report.further_channels import SHOWS, channels_figure, drawn
 from legfem.report.kinds import ReportKind
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.specimen_page import curves_of, specimen_page
@@ -40,4 +41,7 @@ class SpecimenReport(ReportKind):
     def files(self, fits: SpecimenFits, folder: Path) -> list[ReportFile]:
         """Write the figure."""
         shows = "recordings beside the model over displacement and time, and their differences"
-        return [ReportFile(save(self.figure(fits), folder, "fit", svg=True), shows)]
+        found = [ReportFile(save(self.figure(fits), folder, "fit", svg=True), shows)]
+        if drawn(fits):
+            found.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
+        return found
