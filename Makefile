@@ -33,7 +33,7 @@ format: ## put the code into ruff's format
 
 verify: ## the slow tests and the convergence study
 	$(RUN) python -m pytest -m slow $(ARGS)
-	$(RUN) python -m legfem.study convergence
+	$(RUN) python -m studies.frauziols convergence
 
 # Types are those of one version of petsc4py and NumPy: `make test` checks them.
 test-next: ## the fast tests on Debian unstable's DOLFINx

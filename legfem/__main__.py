@@ -8,7 +8,7 @@ from legfem.common.errors import missing_module
 
 COMMANDS = {
     "identify": "the deep tissue's stiffness from a subject's recordings",
-    "study": "design of experiments, 3D correction, convergence, reproduction",
+    "study": "design of experiments, 3D correction, reproduction",
     "plan": "which tests of a leg would show which effects",
     "diagnose": "where model and recordings differ, and which physics is missing",
     "stocking": "pressures inside a leg in a compression stocking, from its scans",

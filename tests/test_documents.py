@@ -48,6 +48,7 @@ COMMANDS = (
     "studies.cohort.two_layers",
     "studies.cohort.workers",
     "studies.expected_force",
+    "studies.frauziols",
     "studies.fibres",
     "studies.leg3d",
     "studies.leg3d.codes",

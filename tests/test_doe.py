@@ -15,12 +15,11 @@ from typer.testing import CliRunner
 
 from legfem.commands.study import app
 from legfem.solve.path import ForceCurve
-from legfem.study.doe.claims import ClaimFinding, _in_words
 from legfem.study.doe.design import IDENTIFIED, PAPER, Factor, factorial_design, read_definition, space_filling_design
 from legfem.study.doe.runs import Metric, metrics_in
 from legfem.study.doe.study import analyse
 from legfem.study.doe.surface import NotEstimableError, anova, coefficient_tests, fit_surface, lenth_of
-from legfem.study.doe.tables import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3, table_3_cells
+from studies.frauziols.claims import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3, ClaimFinding, _in_words, table_3_cells
 
 SLOPE = Metric("slope", 0.0, 5.0)
 

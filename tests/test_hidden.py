@@ -6,9 +6,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from making_diagnosis import INSTRUMENT, TRUTH, ClosedForm, force_at, noisy, observations, problem_of, ramps
+from making_diagnosis import (
+    INSTRUMENT,
+    TRUTH,
+    ClosedForm,
+    force_at,
+    noisy,
+    observations,
+    problem_of,
+    ramps,
+    relaxed,
+    two_rates,
+)
+from scipy.stats import norm
 
 from legfem.common.progress import Silent
+from legfem.inverse.averaging import _beside_unseen, unseen_factors
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explanation import Explanation
@@ -16,9 +29,12 @@ from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import MeasuredStrength, Occurrence
+from legfem.inverse.parameter import Prior
+from legfem.inverse.posterior import Mixture
 from legfem.inverse.verdict import TRUSTED, shift_of
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import OCCURRENCES, mechanism_named
+from legfem.legs.mechanisms.time_dependence import carried
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import hidden_sentence
 
@@ -58,6 +74,22 @@ def lump(factor, possible=OCCURRENCES, truth=Hiding):
     asked = ("uneven-muscle", "force-drift", "support-compliance", "superficial-stiffness")
     able, _ = shown_mechanisms(observed, None)
     library = Hiding(missing={m.name: "not asked" for m in able if m.name not in asked})
+    return diagnose_body(observed, INSTRUMENT, "reduced-polynomial", library, None, Silent(), possible=possible)
+
+
+def relaxing(possible=OCCURRENCES):
+    """Return the diagnosis of a leg that is stiffer by a tenth as it is loaded than in the end, C10 1.0 kPa there.
+
+    It relaxes by one dashpot, slower than a loading, and between the times of the library's branches.
+    """
+    observed, predictor = observations(ramps())
+    force = predictor({DEEP_C10: 0.001, DEEP_C20: 0.0006})
+    behind = relaxed(observed.protocols[0], observed.time, 400.0)
+    force *= 1.0 + 0.12 * behind / np.maximum(observed.displacement, 1e-9)
+    able, _ = shown_mechanisms(observed, None)
+    asked = ("force-drift", "preconditioning")
+    library = ClosedForm(missing={m.name: "not asked" for m in able if m.name not in asked})
+    observed = noisy(observed, force, 1)
     return diagnose_body(observed, INSTRUMENT, "reduced-polynomial", library, None, Silent(), possible=possible)
 
 
@@ -139,6 +171,59 @@ def test_the_interval_holds_what_a_lump_hides_for_great_strengths_are_common():
     usual, found = lump(4.0, possible={}), lump(4.0)
     assert found.base.value(DEEP_C10) > 1.3e-3
     assert found.intervals[DEEP_C10][0] < 1e-3 < usual.intervals[DEEP_C10][0]
+
+
+def test_what_a_loading_alone_can_not_show_of_relaxation_counts_in_the_interval():
+    shown, found = relaxing(possible={}), relaxing()
+    assert (found.verdict, found.explained.every[0].names) == (shown.verdict, shown.explained.every[0].names)
+    assert found.verdict == "consistent"
+    assert found.intervals[DEEP_C10][0] < 1e-3 < shown.intervals[DEEP_C10][0]
+    assert found.intervals[DEEP_C20][0] < shown.intervals[DEEP_C20][0]
+    # What it is at its rate is no narrower on the other side, and no wider.
+    assert 0.97 < found.intervals[DEEP_C10][1] / shown.intervals[DEEP_C10][1] <= 1.0
+    said = headline(found, ())
+    assert headline(shown, ()).heading == "Yes." and said.heading.startswith("The model fits, and C10 may be off by")
+    assert "relaxes while it is held" in dict(said.answers)["Problems found"]
+    assert "hold the deepest position" in dict(said.answers)["What to do"]
+
+
+def test_what_is_unseen_of_a_linear_loading_is_the_dashpots_by_hand():
+    """At a constant rate a branch of time T carries T / t (1 - exp(-t / T)) of a force that is proportional to t."""
+    observed, _ = observations(ramps(1))
+    observed = observed.with_force(observed.time)
+    t = observed.time
+    for time in (1.2, 48.0):
+        by_hand = np.sum(t * time * -np.expm1(-t / time)) / np.sum(t**2)
+        assert carried(observed, time) == pytest.approx(by_hand, rel=1e-9)
+    low, high = (unseen_factors([mechanism_named("viscoelasticity")], observed, OCCURRENCES)[k] for k in (0, -1))
+    assert 1.0 < low < 1.02 and 1.15 < high < 1.0 + 0.38 * carried(observed, 600.0)
+    held, _ = observations(two_rates())
+    assert unseen_factors([mechanism_named("viscoelasticity")], held, OCCURRENCES) == (), "a hold shows it"
+
+
+def test_an_interval_beside_what_is_unseen_is_the_mixture_by_hand():
+    """Half of it as it is seen, half divided by one of two factors: of a logarithm, and of a number itself."""
+    given = Mixture(np.ones(1), np.array([0.1]), np.array([0.2]), np.array([np.inf]))
+    for prior in (Prior(1.0, 0.5, "log"), Prior(1.0, 0.5)):
+        found = _beside_unseen(given, prior, (1.1, 1.3))
+
+        def by_hand(value, prior=prior):
+            parts = [norm.cdf((prior.departure(f * value) - 0.1) / 0.2) for f in (1.0, 1.1, 1.3)]
+            return 0.5 * parts[0] + 0.25 * (parts[1] + parts[2])
+
+        for value in (0.7, 0.9, 1.1):
+            assert found.below(prior.departure(value)) == pytest.approx(by_hand(value), rel=1e-9)
+
+
+def test_neighbours_of_a_mixture_are_merged_without_moving_its_ends():
+    at = np.linspace(-1.0, 1.0, 161)
+    weights = np.concatenate([[0.0], norm.pdf(at[1:], 0.3, 0.4)])
+    given = Mixture(weights / weights.sum(), at, 0.2 + 0.1 * at**2, np.full(161, np.inf))
+    merged = given.merged(30)
+    assert len(merged.weights) <= 30 and merged.weights.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(merged.moments, given.moments, rtol=1e-12)
+    for probability in (0.025, 0.5, 0.975):
+        assert merged.quantile(probability) == pytest.approx(given.quantile(probability), abs=2e-3)
 
 
 def test_a_lump_whose_form_is_not_the_librarys_is_not_contradicted_by_its_form():

@@ -32,8 +32,8 @@ from legfem.report.render import PAGE_FILES, embed, rendered
 from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_pressures import by_height
 from legfem.study.correction.page import correction_web_page
-from legfem.study.doe.claims import not_seen, to_measure
 from legfem.study.doe.command import study_web_page
+from legfem.study.doe.tables import not_seen, to_measure
 from studies.legs.shapes import round_leg
 
 MOST_BYTES = 700_000

@@ -17,32 +17,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     no_args_is_help=True,
-    help="Studies of the model. Example: legfem study convergence",
+    help="Studies of the model. Example: legfem study doe",
 )
-
-
-@app.command(cls=command_line.FiniteNumbers)
-def convergence(
-    subject: Annotated[str, typer.Option(help="Id of one of legfem's own subjects.")] = "3",
-    subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")] = None,
-    c10_kpa: Annotated[float, typer.Option("--c10", min=0.0, help="Deep C10 (kPa).")] = 0.70,
-    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Deep C20 (kPa).")] = 0.80,
-    depth: Annotated[float, typer.Option(min=1.0, max=60.0, help="Depth to press to (mm).")] = 30.0,
-    out: Out = None,
-    jobs: Jobs = None,
-    quiet: command_line.Quiet = False,
-    as_json: command_line.AsJson = False,
-) -> None:
-    """How far the default settings are from convergence.
-
-    Example: legfem study convergence --subject 3
-    """
-    with command_line.study_context("convergence", out, jobs, quiet=quiet) as (folder, processes):
-        from legfem.study import convergence as convergence_command
-
-        with command_line.brief_output(quiet, as_json) as written:
-            convergence_command.run(subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet)
-            written.append(folder / "result.json")
 
 
 class Weighting(StrEnum):
@@ -59,7 +35,6 @@ def reproduce(
     weighting: Annotated[
         Weighting, typer.Option(help="Objective: the paper's unweighted sum (Eq. 12), or weighted with the covariance.")
     ] = Weighting.PAPER,
-    cost_maps: Annotated[bool, typer.Option("--cost-maps", help="Also draw the cost over the parameters.")] = False,
     out: Out = None,
     jobs: Jobs = None,
     quiet: command_line.Quiet = False,
@@ -73,7 +48,7 @@ def reproduce(
         from legfem.study import reproduce as tables
 
         with command_line.brief_output(quiet, as_json) as written:
-            tables.run(seed, folder, processes, corrected, quiet, weighting.value, cost_maps)
+            tables.run(seed, folder, processes, corrected, quiet, weighting.value)
             written.append(folder / "result.json")
 
 
@@ -123,9 +98,10 @@ def doe(
     with command_line.command_context(resume, quiet):
         from mpi4py import MPI
 
-        from legfem.study.doe.claims import in_brief
+        from legfem.report.render import table
         from legfem.study.doe.command import DoeOptions, run
         from legfem.study.doe.design import IDENTIFIED, PAPER
+        from legfem.study.doe.tables import anova_cells
 
         folder = out or Path("results") / "doe"
         command_line.check_out_folder(folder)
@@ -143,7 +119,8 @@ def doe(
         with command_line.brief_output(quiet, as_json) as written:
             results = run(options, MPI.COMM_WORLD)
             if MPI.COMM_WORLD.rank == 0:
-                print(in_brief(results))
+                for result in results:
+                    print(f"{result.definition.title}\n{table(*anova_cells(result))}")
                 written.append(folder / "result.json")
         if results and all(len(result.failed) == len(result.records) for result in results):
             command_line.end_without_a_solution("doe")
@@ -184,7 +161,7 @@ def correction(
     quiet: command_line.Quiet = False,
     as_json: command_line.AsJson = False,
 ) -> None:
-    """Calibrate the 3D correction P(d) on the idealised leg, and draw the paper's Fig. 4.
+    """Calibrate the 3D correction P(d) on the idealised leg.
 
     With --subject, P(d) of that leg itself beside the table's, of --c10, --c20 and --depth alone.
 

@@ -9,22 +9,34 @@ No explanation has exactly the form of what is there, and what is off by a few p
 readings say less of which one it is than their number tells. Their evidence counts with a power (`POWER`), which is
 what a posterior is that knows its models as near the truth, not as the truth itself (J. W. Miller, D. B. Dunson, J. Am.
 Stat. Assoc. 114 (2019) 1113).
+
+What every body does and recordings can't show divides the stiffness that they give, whatever explains them: tissue
+relaxes, and a loading alone gives C10 at its rate. The interval is of that and of what lasts, by `AT_RATE`.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
+from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.evidence import probabilities
 from legfem.inverse.explain import ExplanationPriors
 from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, log_bayes_factor, singles_of
+from legfem.inverse.mechanism import Mechanism, Occurrence
+from legfem.inverse.observations import Observations
+from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 
 POWER = 0.5
 """Of the evidence, in the weights of explanations for a parameter's interval."""
+AT_RATE = 0.5
+"""Probability that C10 is asked for as it is in such a recording, and not in the end: a judgement."""
+_MOST = 500
+"""Distributions that a parameter's is told by: its ends are those of all within a ten thousandth."""
 _COUNTS = 1e-4
 """Weight from which an explanation counts."""
 
@@ -71,12 +83,45 @@ def averaged_interval(
     each = [(weight, e.distribution(name)) for e, weight in every]
     pairs = untried_pairs(explained, name)
     each += [(pair.probability * _times(pair.names, times), pair.distribution) for pair in pairs]
-    mixture = Mixture.joined([p for p, _ in each], [one for _, one in each])
+    mixture = Mixture.joined([p for p, _ in each], [one for _, one in each]).merged(_MOST)
     parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
     assert parameter.prior is not None
+    if name in (DEEP_C10, DEEP_C20):
+        mixture = _beside_unseen(mixture, parameter.prior, explained.base.problem.unseen)
     tail = (1 - 0.95) / 2
     ends = [parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)]
     return min(ends), max(ends)
+
+
+def unseen_factors(
+    mechanisms: Sequence[Mechanism], observed: Observations, possible: Mapping[str, Occurrence]
+) -> tuple[float, ...]:
+    """Return factors on the deep stiffness, equally probable, by what is always there and recordings can't show."""
+    found: FloatArray = np.ones(1)
+    for one in mechanisms:
+        always = possible[one.name].always if one.name in possible else None
+        if always is not None and one.untestable(observed) is not None:
+            found = np.outer(found, one.unseen_factors(always, observed)).ravel()
+    return tuple(found) if len(found) > 1 else ()
+
+
+def _beside_unseen(given: Mixture, prior: Prior, factors: Sequence[float]) -> Mixture:
+    """Return the distribution of a stiffness or of that divided by one of several factors, equally probable."""
+    if not factors:
+        return given
+    parts = []
+    for one in factors:
+        scale, shift = 1.0, -math.log(one) / prior.sd
+        if prior.scale == "linear":
+            scale, shift = 1.0 / one, prior.centre / prior.sd * (1.0 / one - 1.0)
+        parts.append(replace(given, means=scale * given.means + shift, sds=scale * given.sds))
+    return Mixture.joined([AT_RATE, *[(1.0 - AT_RATE) / len(parts)] * len(parts)], [given, *parts])
+
+
+def as_seen(explained: Explained) -> Explained:
+    """Return explanations of recordings without what they can't show: C10 is that at their rate."""
+    base = explained.base
+    return replace(explained, base=replace(base, problem=replace(base.problem, unseen=())))
 
 
 def widened_by(explained: Explained, name: str) -> Explanation | None:

@@ -32,7 +32,7 @@ from legfem.inverse.readings import Channel
 
 NUMERICAL_ERROR = 0.0025
 """Standard deviation of the forward model's error relative to its force. The convergence study
-bounds it by 0.5 % (`legfem study convergence`), and another code's curves lie within
+bounds it by 0.5 % (`python -m studies.frauziols convergence`), and another code's curves lie within
 0.35 % (`tests/verification/test_other_code.py`)."""
 NUMERICAL_LENGTH_MM = 10.0
 """Displacement over which that error is correlated: so slowly do those differences change."""

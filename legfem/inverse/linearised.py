@@ -211,6 +211,8 @@ class LinearisedProblem:
     """By the names of the errors' known effects."""
     possible: Mapping[str, Occurrence] = field(default_factory=dict)
     """Which strengths mechanisms may have, by their names; within their bounds without it."""
+    unseen: tuple[float, ...] = ()
+    """Factors on the deep stiffness, equally probable, by what is always there and the recordings can't show."""
     aside: NDArray[np.bool_] | None = None
     """(N,): readings that are set aside, whose errors have no bounds; none without it."""
     nuisances: Nuisances | None = None

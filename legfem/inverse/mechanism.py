@@ -89,12 +89,15 @@ class Occurrence:
         are as usual: as its prior says.
     source
         Where that is known from; empty where nobody has counted.
+    always
+        Between which it lies, evenly, in every body, whether recordings can show it or not; None of what may be absent.
     """
 
     low: float
     high: float
     strong: float = 0.0
     source: str = ""
+    always: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,13 @@ class Mechanism:
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""
         return None
+
+    def unseen_factors(self, between: tuple[float, float], observed: Observations) -> FloatArray:
+        """Return factors (k,) on the deep stiffness, equally probable, in recordings that can't show it.
+
+        Its strength lies evenly between two ends.
+        """
+        return np.ones(1)
 
     def experiment_after(self, observed: Observations) -> str:
         """Return the measurement that would settle it beside what was recorded."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Instrument
-from legfem.inverse.averaging import robust_interval
+from legfem.inverse.averaging import as_seen, robust_interval
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.estimates import Estimate
@@ -145,10 +145,10 @@ class Diagnosis:
 
         A misfit is small that is less than `SMALL` of the largest force and moves C10 by less than its interval.
         """
-        if self.verdict != "unexplained" or self.misfit.size >= SMALL or DEEP_C10 not in self._averaged:
+        ends = robust_interval(as_seen(self.explained), DEEP_C10)
+        if self.verdict != "unexplained" or self.misfit.size >= SMALL or ends is None:
             return self.verdict == "unexplained"
-        value = self.base.value(DEEP_C10)
-        low, high = self._averaged[DEEP_C10]
+        value, (low, high) = self.base.value(DEEP_C10), ends
         return not (low < value < high and self.misfit.moves < min(value - low, high - value) / value)
 
     @cached_property
@@ -212,6 +212,7 @@ def diagnose(
     untested: Mapping[str, str] | None = None,
     seed: int = 0,
     possible: Mapping[str, Occurrence] | None = None,
+    unseen: tuple[float, ...] = (),
 ) -> Diagnosis:
     """Diagnose recordings: noise, base fit, location, explanations, verdict.
 
@@ -237,6 +238,8 @@ def diagnose(
         Of the draws that windows are judged by.
     possible
         Which strengths mechanisms may have, and how common the great ones are; within their bounds without it.
+    unseen
+        See `LinearisedProblem.unseen`.
     """
     observed = predictor.observed
     progress.stage("fitting the base model")
@@ -247,6 +250,7 @@ def diagnose(
         problem,
         measured=tuple(measured),
         possible=dict(possible or {}),
+        unseen=unseen,
         nuisances=nuisances if observed.channels else None,
     )
     base = fit(problem, (), ordinary.values)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.data import Instrument
+from legfem.inverse.averaging import unseen_factors
 from legfem.inverse.catalogue import DEEP_C10, deep_stiffness
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
@@ -209,6 +210,7 @@ def diagnose_body(
         {**untested, **library.missing},
         seed,
         possible,
+        unseen_factors(mechanisms() if every is None else every, observed, possible or {}),
     )
 
 

@@ -6,7 +6,7 @@ Its words were changed after readers without statistics had stumbled over them (
 from collections.abc import Sequence
 
 from legfem.common.units import mpa_to_kpa, percent
-from legfem.inverse.averaging import widened_by
+from legfem.inverse.averaging import as_seen, robust_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.verdict import TRUSTED, Diagnosis
@@ -130,7 +130,17 @@ def _hides(found: Diagnosis) -> str:
     widest = widened_by(found.explained, DEEP_C10)
     names = () if widest is None else widest.names
     first = [one for one in found.hidden if one[0].name in names] or found.hidden
-    return " ".join(hidden_sentence(found, *one) for one in first[:_MOST_CAUSES])
+    said = [hidden_sentence(found, *one) for one in first[:_MOST_CAUSES]]
+    return " ".join([capital(_RELAXES), *said[:1]] if _by_its_rate(found) else said)
+
+
+_RELAXES = "tissue relaxes while it is held, and one rate does not show by how much."
+
+
+def _by_its_rate(found: Diagnosis) -> bool:
+    """Return whether C10 is known as a range alone for what every leg relaxes unseen."""
+    ends, value = robust_interval(as_seen(found.explained), DEEP_C10), _best(found).value(DEEP_C10)
+    return _wide(found) and ends is not None and max(abs(end / value - 1.0) for end in ends) <= TRUSTED
 
 
 def _place(found: Diagnosis) -> str:
@@ -201,7 +211,8 @@ def _stiffness(found: Diagnosis) -> str:
 def _at_its_rate(found: Diagnosis) -> str:
     if found.withheld or DEEP_C10 not in found.base.fit.free or not one_rate(found):
         return ""
-    return " It is the stiffness at the rate of this test: tissue that is held relaxes, and is then softer."
+    allowed = ", which the range allows for" if found.weighted_base.problem.unseen else ""
+    return f" It is the stiffness at the rate of this test: tissue that is held relaxes, and is then softer{allowed}."
 
 
 _C10 = "C10, the stiffness of the tissue"
@@ -261,6 +272,8 @@ def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
     consistent = found.verdict == "consistent"
     widest = widened_by(found.explained, DEEP_C10) if _wide(found) and consistent else None
+    if _by_its_rate(found) and consistent:
+        return f"Use the range. It is so wide because {_RELAXES} To narrow it, ask the lab to {lines[0]}."
     if widest is not None:
         return (
             "Use the range. It is so wide because this test cannot determine whether "

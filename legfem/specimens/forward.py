@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,18 +34,25 @@ if TYPE_CHECKING:
     from legfem.meshing.section import MeshMotion
 
 
-def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE) -> SpecimenTest:
+def experiment_of(
+    sizes: Sizes,
+    laws: Mapping[str, Hyperelastic],
+    depth: float,
+    fibrous: str = ONE,
+    called: Mapping[str, str] = MappingProxyType({}),
+) -> SpecimenTest:
     """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm).
 
-    Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.laws.ONE`.
+    Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.laws.ONE`. Tissues may be called
+    otherwise by what sees them.
     Fibres, if there are, are the named tissue's, and do nothing until their numbers are given.
     """
     if isinstance(sizes, FibrousTest):
         fibres = Fibres(fibrous, axis=AXES[sizes.direction])
-        return experiment_of(sizes.whole, laws, depth).with_terms((fibres,))
+        return experiment_of(sizes.whole, laws, depth, called=called).with_terms((fibres,))
     law: Law
     if isinstance(sizes, LayeredTest):
-        law = tuple(Layer(name, thickness, laws[name]) for name, thickness in sizes.layers)
+        law = tuple(Layer(name, thickness, laws[name], called.get(name, "")) for name, thickness in sizes.layers)
     else:
         law = laws[ONE]
     return kind_in(sizes).model(bare(sizes), law, depth)
@@ -176,11 +184,16 @@ class SpecimenForward(Picklable):
 
 def _at_poissons_ratio(curve: ForceCurve, values: Values, tied: Sequence[str]) -> ForceCurve:
     """Return a curve with derivatives by C10 along which D1 falls as C10 rises."""
-    by = dict(curve.sensitivities)
-    for tissue in tied:
-        c10, d1 = f"{tissue}.C10", f"{tissue}.D1"
-        by[c10] = by[c10] - values[d1] / values[c10] * by.pop(d1)
-    return replace(curve, sensitivities=by)
+
+    def along(by: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        found = dict(by)
+        for tissue in tied:
+            c10, d1 = f"{tissue}.C10", f"{tissue}.D1"
+            found[c10] = found[c10] - values[d1] / values[c10] * found.pop(d1)
+        return found
+
+    beside = {name: along(by) for name, by in curve.channel_sensitivities.items()}
+    return replace(curve, sensitivities=along(curve.sensitivities), channel_sensitivities=beside)
 
 
 _C10, _C20 = "deep.C10", "deep.C20"
@@ -295,7 +308,8 @@ class SpecimenVariants:
             laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
             fibrous = next((one.name for one in self._named if one.fibrous), ONE)
             sizes = self._of_model(self._sizes(variant))
-            model = experiment_of(sizes, laws, self.depth, fibrous)
+            called = {one.name: tissue.name for one, tissue in zip(self._named, self.tissues, strict=True)}
+            model = experiment_of(sizes, laws, self.depth, fibrous, called)
             self._models[variant] = model.with_terms(self._terms(variant))
         return self._models[variant]
 

@@ -147,6 +147,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     """Sizes of the body by the keys of its table that specimens of one folder may have of their own."""
     ranges: ClassVar[Mapping[str, PhysicalRange]] = {}
     """Plausible ranges of the keys that it alone has."""
+    beside: ClassVar[frozenset[str]] = frozenset()
+    """Channels beside the force that are weighed, whatever it is of."""
     layered: ClassVar[bool] = False
     """Whether it may be on layers."""
     directions: ClassVar[tuple[Direction, ...]] = ("load",)
@@ -219,10 +221,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
         return None
 
     def doubts(self, recording: Recording, body: Body) -> list[Doubt]:
-        """Return what is unlikely in a recording of this kind alone, and which of its columns are of no use."""
-        source = f"{recording.source or recording.trial}"
-        problem = f"is not used: tests of the kind [{self.table}] weigh the force alone"
-        return [Doubt(source, one.name, problem, "leave the column out") for one in recording.channels]
+        """Return what is unlikely in a recording of this kind alone."""
+        return []
 
     def axes(self, body: Body, recording: Recording) -> ShownAxes:
         """Return as what a recording is shown."""

@@ -18,8 +18,6 @@ from legfem.legs.details import LegDetails, LegDocument
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.report.cost_figure import cost_figure
-from legfem.report.style import save
 
 
 @dataclass(frozen=True)
@@ -42,14 +40,8 @@ PAPER = {
 
 
 def run(
-    seed: int,
-    out: Path,
-    jobs: int,
-    corrected: bool = False,
-    quiet: bool = False,
-    weighting: Weighting = "paper",
-    cost_maps: bool = False,
-) -> None:
+    seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = False, weighting: Weighting = "paper"
+) -> dict[str, list[Fit[LegDetails]]]:
     """Identify the four subjects with both laws and write the tables.
 
     Parameters
@@ -66,8 +58,11 @@ def run(
         Whether progress is kept to oneself.
     weighting
         Objective of the search: the paper's Eq. 12, or weighted with the covariance.
-    cost_maps
-        Whether to draw the cost over the parameters too.
+
+    Returns
+    -------
+    dict of list of Fit
+        Each subject's fits without a correction, neo-Hookean first.
     """
     found: dict[str, list[Fit[LegDetails]]] = {}
     with_correction: dict[str, list[Fit[LegDetails]]] = {}
@@ -97,10 +92,7 @@ def run(
     write_atomically(out / "tables.md", tables)
     print(tables)
     print(f"tables: {out / 'tables.md'}\nresult: {out / 'result.json'}")
-    if cost_maps:
-        for name, pair in found.items():
-            for result in pair:
-                print(f"cost: {save(cost_figure(result), out / f'subject-{name}', f'cost-{result.law}')[0]}")
+    return found
 
 
 def neo_hookean_cells(found: dict[str, list[Fit[LegDetails]]]) -> Cells:

@@ -6,8 +6,6 @@ as wide as the tissue's compressibility has it.
 
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
 from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible
 from legfem.common.units import FloatArray
 
@@ -34,13 +32,11 @@ class LateralStretches(ChannelFile):
 
     def read(self, seen: "Seen") -> Channels:
         """Return the stretch of the side's lowest node: the mirror is at height 0."""
-        spaces, state = seen.model.system.spaces, seen.state
-        places = spaces.displacement_space.tabulate_dof_coordinates()[:, :2]
-        radius = float(places[:, 0].max())
-        side = np.flatnonzero(places[:, 0] > radius * (1 - 1e-9))
-        node = int(side[np.argmin(np.abs(places[side, 1]))])
-        dof = int(spaces.displacement_dofs[2 * node])
-        return {LATERAL_STRETCH.name: (1 + float(state.unknown[dof]) / radius, state.unknown_rates[:, dof] / radius)}
+        if seen.model.specimen is None or not seen.model.specimen.side:
+            return {}
+        radius = float(seen.model.places[:, 0].max())
+        outwards, rates = seen.move((radius, 0.0), 0)
+        return {LATERAL_STRETCH.name: (1 + outwards / radius, rates / radius)}
 
 
 def not_a_stretch(values: FloatArray) -> Impossible | None:

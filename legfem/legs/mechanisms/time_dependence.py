@@ -10,7 +10,16 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.data.phases import HOLD, UNLOADING
-from legfem.inverse.mechanism import IndentedLeg, Mechanism, Solution, TissueMechanism, Values, strength
+from legfem.inverse.mechanism import (
+    IndentedLeg,
+    Mechanism,
+    Solution,
+    TissueMechanism,
+    Values,
+    null_of,
+    strength,
+    value_at,
+)
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
@@ -22,6 +31,8 @@ if TYPE_CHECKING:
 TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0, 600.0)
 """Relaxation times of the model's branches: a continuous spectrum is spread over them."""
 _NODES = 160
+_UNSEEN = 16
+"""Factors that stand for what a loading alone can't show."""
 RELAXES = "the leg relaxes: its force fades while it is held"
 """What is sure of all that does so."""
 
@@ -54,6 +65,33 @@ def needs_time(observed: Observations) -> str | None:
     if HOLD in observed.phases or UNLOADING in observed.phases or len(observed.rates) > 1:
         return None
     return "an effect of rate cannot be determined from one loading ramp: it needs a hold, unloading or a second rate"
+
+
+def carried(observed: Observations, time: float) -> float:
+    r"""Return how much of a branch is left along loadings, as a share of what it carries before it relaxes.
+
+    .. math:: c = \frac{\sum F h}{\sum F^2}, \quad h(t) = \int_0^t e^{-(t - s) / \tau} \dot F(s)\, ds
+
+    with the recorded force F for the elastic one: times its ratio, what the branch adds to a stiffness that is fitted
+    by least squares (Y. C. Fung, Biomechanics (1993), section 7.6).
+
+    Parameters
+    ----------
+    observed
+        Loadings.
+    time
+        The branch's, s.
+    """
+    own = whole = 0.0
+    for trial in np.unique(observed.trial):
+        here = (observed.trial == trial) & (observed.time > 0.0)
+        at, force = observed.time[here], observed.force[here]
+        steps, rises = np.diff(at, prepend=0.0), np.diff(force, prepend=0.0)
+        each = rises * time / steps * -np.expm1(-steps / time)
+        past = np.tril(np.exp(-np.maximum(np.subtract.outer(at, at), 0.0) / time))
+        own += float(force @ (past @ each))
+        whole += float(force @ force)
+    return own / whole
 
 
 SPECTRUM: tuple[Parameter, ...] = (
@@ -107,6 +145,15 @@ class TissueRelaxation(TissueMechanism):
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there are a hold, an unloading or two rates."""
         return needs_time(observed)
+
+    def unseen_factors(self, between: tuple[float, float], observed: Observations) -> FloatArray:
+        """Return how much stiffer the tissue is as it is loaded than in the end, its times as they usually are."""
+        left = np.array([carried(observed, time) for time in TIMES_S])
+        usual = {one.name: null_of(one) for one in self.parameters} | {"ratio": 1.0}
+        even = (np.arange(_UNSEEN) + 0.5) / _UNSEEN
+        times = [value_at(self.parameters[1], z) for z in norm.ppf(even)]
+        shares = [self.shares({**usual, "relaxation_time": time}) @ left for time in times]
+        return np.asarray(np.quantile(1.0 + np.outer(np.linspace(*between, _UNSEEN), shares), even))
 
     def experiment_after(self, observed: Observations) -> str:
         """Return another one where a hold and two rates were recorded."""

@@ -17,10 +17,9 @@ from legfem.legs.site_test import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
 from legfem.report import page as web
-from legfem.report.cost_figure import cost_figure
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.folder import ReportFile
-from legfem.report.further_channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
+from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_3d_view import pressed_leg
@@ -66,26 +65,15 @@ class LegReport(ReportKind):
         return curves_figure(blocks, what, fits[0].subject.title, fits[0].subject.origin)
 
     def files(self, fits: Sequence[LegFit], folder: Path) -> list[ReportFile]:
-        """Write fit, channels, costs, and where each site was pressed."""
+        """Write fit, channels, and where each site was pressed."""
         entries = [
             ReportFile(
                 save(self.figure(fits), folder, "fit", svg=True),
                 "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
             )
         ]
-        if beside_force(fits[0]):
+        if drawn(fits):
             entries.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
-        for fit in fits:
-            if len(fit.estimates) > 2 or len(fit.tests) > 1:
-                continue
-            two = len(fit.estimates) == 2
-            shows = f"cost of the {LAW_NAMES[fit.law]} law over its parameters, and the search"
-            if two:
-                shows += (
-                    ". The 95 % region follows the noise, which is correlated along the curve, "
-                    "so its axes need not be those of the cost's contours"
-                )
-            entries.append(ReportFile(save(cost_figure(fit), folder, f"cost-{fit.law}", svg=not two), shows))
         leg = fits[0].details.leg
         for site in leg.sites:
             several = len(leg.sites) > 1
@@ -114,7 +102,6 @@ def leg_page(
     chosen = estimates.preferred(fits)
     leg, several = chosen.details.leg, _several(chosen)
     where = f", from {len(leg.sites)} sites together" if several else ""
-    beside = [channel_curves(fits, number, k) for number, k in beside_force(chosen)]
     return web.WebPage(
         title=f"How stiff is the deep tissue (muscle) of {'leg' if several else 'subject'} {leg.id}{where}?",
         subject=leg.title,
@@ -127,7 +114,7 @@ def leg_page(
         ),
         known=known_of(fits),
         chapters=[
-            web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen), *beside]),
+            web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen), *drawn(fits)]),
             *_leg_itself(fits, chosen, pressed, note),
             web.Chapter(web.TESTED, [web.Bullets(_tested(fits))]),
             web.Chapter(

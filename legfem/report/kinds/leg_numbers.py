@@ -63,7 +63,7 @@ def known_of(fits: Sequence[LegFit]) -> list[Known]:
             "error of the numerical model",
             f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
             "prior",
-            "study convergence",
+            "convergence study",
         )
     )
     for number in range(len(first.tests)):

@@ -4,10 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
-from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
-from legfem.common.errors import Doubt, InputError
+from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.input_files import FileTable, Positive
-from legfem.data import Recording
 from legfem.experiments.bodies import CylinderBetweenPlates
 from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, needed
 
@@ -37,6 +35,7 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
     words: ClassVar = "between plates"
     done: ClassVar = "pressed between plates, end-on (round specimens)"
     followed: ClassVar = "a diameter_mm of half the true value makes it at least four times as large"
+    beside: ClassVar = frozenset({LATERAL_STRETCH.name})
     own: ClassVar = {"diameter_mm": "radius", "height_mm": "height"}
     weighed: ClassVar[Mapping[str, str]] = {
         "bonded": "ends that stick to the plates",
@@ -47,20 +46,6 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
         'State ends in [plates]: film the side, which bulges where ends stick; or glue the ends ("bonded"), or oil '
         'them ("sliding"), and press again'
     )
-
-    def doubts(self, recording: Recording, body: CylinderBetweenPlates) -> list[Doubt]:
-        """Refuse a video of the side that isn't read as stretches.
-
-        Raises
-        ------
-        InputError
-            For diameters in mm, strains and per cent.
-        """
-        for one in recording.channels:
-            if one.name == LATERAL_STRETCH.name and (impossible := not_a_stretch(one.values)) is not None:
-                source = f"{recording.source or recording.trial}"
-                raise InputError(source, one.name, impossible.what, impossible.remedy)
-        return []
 
     def body_of(self, given: PlatesEntry) -> CylinderBetweenPlates:
         """Return the sizes, with ends that stick where it isn't known."""

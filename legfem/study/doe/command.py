@@ -1,5 +1,6 @@
-"""``legfem study doe``: simulates every definition and writes a folder each, with its page, and the page on claims."""
+"""``legfem study doe``: simulates every definition and writes a folder each, with its page."""
 
+import json
 import sys
 import time
 from collections.abc import Sequence
@@ -25,21 +26,20 @@ from legfem.report.folder import REPORT, RESULT, ReportFile
 from legfem.report.page import PAGE, Bars, LabelledBar, ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.report.render import write_page
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.study.doe.claims import (
-    claims_page,
-    gather_figures,
-    not_seen,
-    to_know,
-    to_measure,
-    verdict_documents,
-    verdicts,
-)
 from legfem.study.doe.design import Definition, in_words, read_definition
-from legfem.study.doe.figures import draw_half_normal, draw_information, draw_normality, draw_response, draw_sobol
+from legfem.study.doe.figures import draw_response
 from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
 from legfem.study.doe.study import MetricAnalysis, StudyResult, simulations_of, study
 from legfem.study.doe.surface import Counting, term_label
-from legfem.study.doe.tables import information_blocks, number_chapters, study_document, versions
+from legfem.study.doe.tables import (
+    information_blocks,
+    not_seen,
+    number_chapters,
+    study_document,
+    to_know,
+    to_measure,
+    versions,
+)
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,10 @@ class DoeOptions:
     counting: Counting
     beyond: bool
     quiet: bool = False
+
+    def folder_of(self, definition: Definition) -> Path:
+        """Folder for one study's results."""
+        return self.out if len(self.definitions) == 1 else self.out / definition.source.stem
 
     @property
     def command(self) -> str:
@@ -102,8 +106,7 @@ def _write_all(
 ) -> list[StudyResult]:
     # All studies share the simulations: the same point isn't done twice.
     store = Store(options.out / "runs", Record, workers.context.fingerprint())
-    alone = len(definitions) == 1
-    folders = [options.out if alone else options.out / definition.source.stem for definition in definitions]
+    folders = [options.folder_of(definition) for definition in definitions]
     with progress_on(quiet=options.quiet) as progress:
         planned = sum(simulations_of(definition, options.beyond) for definition in definitions)
         workshop = Workshop(workers, store, progress, Outlook(planned))
@@ -111,13 +114,9 @@ def _write_all(
             _study(options, definition, subject, workshop, out)
             for definition, out in zip(definitions, folders, strict=True)
         ]
-    if not alone:
-        found = verdicts(results)
-        gather_figures(results, folders, options.out)
-        write_atomically(options.out / "verdict.md", claims_page(results, found, options.command))
-        claims = verdict_documents(found, [result.definition.title for result in results])
-        write_document(options.out / "result.json", {"schema": 1, "claims": claims})
-        print(f"verdicts: {options.out / 'verdict.md'}")
+    if len(results) > 1:
+        studies = [json.loads((folder / "result.json").read_text(encoding="utf-8")) for folder in folders]
+        write_document(options.out / "result.json", {"schema": 1, "studies": studies})
     return results
 
 
@@ -133,17 +132,15 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
         print(note, file=sys.stderr)
     if short := result.stopped_short():
         print(f"warning: {short}", file=sys.stderr)
-    drawers = draw_response, draw_half_normal, draw_normality, draw_sobol, draw_information
     page = study_web_page(result, options.seed, options.command)
     entries = [
-        *(ReportFile([path], "a figure") for draw in drawers for path in draw(result, out)),
+        ReportFile(draw_response(result, out), "the response surface (as the paper's Fig. 5)"),
         ReportFile([Path("runs.csv"), Path("runs")], "every simulation: a table, and a file each"),
         RESULT,
     ]
     write_page(page, out, "curves and the response surface", entries)
-    claims = verdict_documents(verdicts([result]), [definition.title])
     wall = time.perf_counter() - began
-    write_document(out / "result.json", study_document(result, options.seed, wall, claims))
+    write_document(out / "result.json", study_document(result, options.seed, wall))
     print(
         f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
         f"report: {out / REPORT}\npage:   {out / PAGE}"
@@ -182,7 +179,6 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
         web.Chapter("The response surface", _surface(result)),
         *number_chapters(result),
         web.Chapter("What to measure", [web.Bullets(to_measure(result)), *information_blocks(result)]),
-        web.Chapter("What was tested", _claims(result)),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
     ]
     return web.WebPage(
@@ -373,8 +369,3 @@ def _surface(result: StudyResult) -> list[web.Block]:
 def _coefficient(analysis: MetricAnalysis, number: int) -> str:
     test = analysis.tests[number]
     return f"{test.value:+.2e} (t {test.t:+.1f}){'*' if test.significant else ''}"
-
-
-def _claims(result: StudyResult) -> list[web.Block]:
-    rows = [[v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])]
-    return [web.WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)]

@@ -156,10 +156,6 @@ class SobolIndices:
     """(k,): with all its interactions."""
     total_ci95: FloatArray
     error: EmulatorError
-    predicted: FloatArray
-    """(m,), of the test simulations."""
-    simulated: FloatArray
-    """(m,)."""
 
 
 def sobol_indices(
@@ -172,7 +168,6 @@ def sobol_indices(
         return None
     emulator = MetricEmulator(coordinates(factors, learn[symbols].to_numpy(float)), learn[metric.name].to_numpy(float))
     at = coordinates(factors, test[symbols].to_numpy(float))
-    simulated = test[metric.name].to_numpy(float)
     found = sobol_of(lambda coded: emulator(coordinates(factors, coded)), symbols, seed)
     return SobolIndices(
         metric,
@@ -180,9 +175,7 @@ def sobol_indices(
         np.asarray(found["S1_conf"]),
         np.asarray(found["ST"]),
         np.asarray(found["ST_conf"]),
-        emulator_error(emulator, at, simulated),
-        emulator(at),
-        simulated,
+        emulator_error(emulator, at, test[metric.name].to_numpy(float)),
     )
 
 

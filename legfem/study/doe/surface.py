@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import statsmodels.formula.api as smf
 from scipy.stats import f as fisher
-from scipy.stats import norm, shapiro
+from scipy.stats import shapiro
 from scipy.stats import t as student
 from statsmodels.stats.diagnostic import lilliefors
 
@@ -189,13 +189,6 @@ class Lenth:
     pseudo_standard_error: float
     margin: float
     simultaneous_margin: float
-
-    @property
-    def half_normal(self) -> tuple[FloatArray, FloatArray, list[str]]:
-        """Quantiles, absolute values and terms, in increasing order."""
-        order = np.argsort(np.abs(self.values))
-        ranks = (np.arange(len(order)) + 0.5) / len(order)
-        return norm.ppf(0.5 + 0.5 * ranks), np.abs(self.values)[order], [self.terms[k] for k in order]
 
     def omitted_from(self, surface: Surface) -> list[str]:
         """Terms beyond the surface whose contrasts exceed the simultaneous margin."""

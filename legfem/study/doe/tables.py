@@ -1,7 +1,7 @@
-"""A study's numbers: its tables and their chapters, the paper's beside them, and ``result.json``."""
+"""A study's numbers: its tables and their chapters, what to measure by them, and ``result.json``."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -9,61 +9,18 @@ import numpy as np
 from legfem.common.documents import Cells, json_types, row_cells, versions_of
 from legfem.common.units import FloatArray
 from legfem.report import page as web
-from legfem.study.doe.design import Factor, in_words, label_of
-from legfem.study.doe.information import IDENTIFIED, Information
+from legfem.report.curves import Curves, Line
+from legfem.study.doe.design import in_words, label_of
+from legfem.study.doe.figures import STAGE_COLOURS
+from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN, Information
 from legfem.study.doe.study import MetricAnalysis, StudyResult
-from legfem.study.doe.surface import LEVEL, Anova
-
-TABLE_2 = (
-    Factor("superficial.C10", 1.0, 30.0, "kPa", "linear"),
-    Factor("deep.C10", 0.5, 30.0, "kPa", "linear"),
-    Factor("deep.C20", 0.5, 30.0, "kPa", "linear"),
-    Factor("fascia.C10", 0.1, 10.0, "MPa", "linear"),
-    Factor("fascia.thickness", 0.2, 1.0, "mm", "linear"),
-)
-"""The paper's factors and their ranges."""
-
-MODEL_DOF, ERROR_DOF = 15, 17
-"""What 16 coefficients and 33 runs leave."""
-
-
-@dataclass(frozen=True)
-class PrintedRow:
-    """One row of the paper's Table 3 as printed; forces per unit thickness."""
-
-    metric: str
-    ssr: str
-    msr: str
-    sse: str
-    mse: str
-    r_squared: str
-
-    @property
-    def label(self) -> str:
-        """Metric as people read it."""
-        kind, start, end = self.metric.split("_")
-        return f"{kind} {start}-{end} mm"
-
-
-TABLE_3 = (
-    PrintedRow("curvature_0_5", "9.40e-5", "6.3e-6", "6.7e-7", "4.0e-8", "0.9929"),
-    PrintedRow("curvature_5_20", "3.2e-5", "2.1e-6", "1.2e-7", "6.9e-9", "0.9964"),
-    PrintedRow("curvature_20_30", "1.8e-4", "1.7e-5", "3.2e-7", "1.9e-8", "0.9982"),
-    PrintedRow("slope_0_5", "2.2e-2", "1.5e-3", "2.1e-4", "1.2e-5", "0.9907"),
-    PrintedRow("slope_5_20", "5.7e-2", "3.8e-3", "1.1e-4", "6.7e-6", "0.9980"),
-    PrintedRow("slope_20_30", "0.19", "1.3e-2", "1.4e-2", "8.0e-4", "0.9336"),
-)
+from legfem.study.doe.surface import LEVEL
 
 UNITS_NOTE = "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures."
-TABLE_3_NOTE = (
-    f"{UNITS_NOTE} Paper / legfem. 'Half of it': legfem's curvature is the mean second derivative; the coefficient of "
-    "d^2 in the least-squares parabola is half of that, and its sums of squares a quarter. The paper prints no F: its "
-    "own is (SSR/15)/(SSE/17)."
-)
 
 
 def anova_cells(result: StudyResult) -> Cells:
-    """Analysis of variance, as in the paper's Table 3 and with more columns."""
+    """Analysis of variance, as in Table 3 of Frauziols et al. and with more columns."""
     return row_cells(
         {
             "metric": a.metric.label,
@@ -79,34 +36,6 @@ def anova_cells(result: StudyResult) -> Cells:
         }
         for a in result.analyses
     )
-
-
-def table_3_cells(result: StudyResult) -> Cells | None:
-    """Analysis beside the paper's Table 3; None where the ranges aren't Table 2's."""
-    if set(result.definition.factors) != set(TABLE_2):
-        return None
-    printed, rows = {row.metric: row for row in TABLE_3}, []
-    for a in result.analyses:
-        if a.metric.name not in printed:
-            continue
-        row = printed[a.metric.name]
-        paper_f = float(row.ssr) / MODEL_DOF / (float(row.sse) / ERROR_DOF)
-        last = [f"{row.r_squared} / {a.anova.r_squared:.4f}", f"{paper_f:.0f} / {a.anova.F:.0f}"]
-        rows.append([a.metric.label, *_sums(row, a.anova, 1.0), *last])
-        if a.metric.kind == "curvature":
-            rows.append(["half of it", *_sums(row, a.anova, 0.25), *last])
-    return ["metric: paper / legfem", "SSR", "MSR", "SSE", "MSE", "R2", "F"], rows
-
-
-def _sums(row: PrintedRow, found: Anova, scale: float) -> list[str]:
-    names = ("ssr", "msr", "sse", "mse")
-    return [f"{_powers(float(getattr(row, n)))} / {_powers(scale * getattr(found, n))}" for n in names]
-
-
-def _powers(value: float) -> str:
-    """Two digits and the power of ten, as the paper prints numbers."""
-    mantissa, _, exponent = f"{value:.1e}".partition("e")
-    return f"{mantissa}e{int(exponent)}"
 
 
 def effects_cells(result: StudyResult) -> Cells:
@@ -208,16 +137,8 @@ def versions() -> dict[str, str]:
     return versions_of("legfem", "fenics-dolfinx", "statsmodels", "SALib", "pyDOE3")
 
 
-def study_document(
-    result: StudyResult, seed: int, wall_s: float, claims: Sequence[Mapping[str, Any]]
-) -> dict[str, Any]:
-    """Result as plain types: every number with its unit.
-
-    Parameters
-    ----------
-    claims
-        The paper's claims put to this study, as plain types.
-    """
+def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, Any]:
+    """Result as plain types: every number with its unit."""
     definition = result.definition
     stopped = [(number, result.records[number - 1]) for number in result.failed]
     document = {
@@ -241,7 +162,6 @@ def study_document(
         "numerical_error": _numerics(result),
         "sobol": _sobol(result),
         "information": _information(result),
-        "claims": claims,
     }
     plain: dict[str, Any] = json_types(document)
     return plain
@@ -331,9 +251,6 @@ def _by(names: Sequence[str], values: FloatArray) -> dict[str, float]:
 def number_chapters(result: StudyResult) -> list[web.Chapter]:
     """Return the analysis of variance, the paper's beside it, numerical errors, Sobol indices."""
     chapters = [web.Chapter("Analysis of variance", _variance(result))]
-    if beside := table_3_cells(result):
-        table = web.WebTable("Paper / legfem", *beside)
-        chapters.append(web.Chapter("Beside the paper's Table 3", [table, web.Prose(TABLE_3_NOTE)]))
     if numerics := numerics_cells(result):
         note = (
             "Errors of the default settings, from a mesh 1.5 times finer with steps of at most 0.5 mm, extrapolated as "
@@ -383,6 +300,71 @@ def _counting(result: StudyResult) -> str:
     )
 
 
+_UNSEEN = 0.01
+"""Share of a metric's variation below which a factor doesn't show."""
+
+
+def not_seen(result: StudyResult) -> list[str]:
+    """Factors whose shares are small in every metric."""
+    every = [analysis.shares()[0] for analysis in result.analyses]
+    return [in_words(f.name) for f in result.definition.factors if all(main[f.symbol] < _UNSEEN for main in every)]
+
+
+def to_know(result: StudyResult) -> str:
+    """Say which assumed parameter moves the identified ones most."""
+    ranked = _ranked_biases(result)
+    if not ranked:
+        return "Not computed: run it without --factorial-only."
+    name, errors = ranked[0]
+    moved = " and ".join(
+        f"{in_words(one)} {abs(10 * error):.0f} % too {'high' if error > 0 else 'low'}"
+        for one, error in zip(IDENTIFIED, errors, strict=True)
+    )
+    assumed = in_words(name)
+    return f"{assumed[:1].upper()}{assumed[1:]} matters most: if it is assumed 10 % too high, the test gives {moved}."
+
+
+def to_measure(result: StudyResult) -> list[str]:
+    """Say what to measure, the most important first."""
+    information, depth = result.information, result.definition.depth
+    ranked = _ranked_biases(result)
+    if information is None or not ranked:
+        return ["Run it without --factorial-only: then it says how well each parameter can be known."]
+    sds = dict(zip(information.names, information.relative_sd(depth, within_ranges=True), strict=True))
+    within = {name: 1.96 * sds[name] for name in IDENTIFIED}
+    halves = " and ".join(
+        f"{in_words(name)} to within {100 * half:.0f} %" if half < 1 else f"no value of {in_words(name)}"
+        for name, half in within.items()
+    )
+    if all(half <= IDENTIFIED_WITHIN for half in within.values()):
+        first = f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial gives {halves}."
+    else:
+        first = (
+            f"One press of {depth:g} mm is not enough: if fat and fascia are only known within their "
+            f"ranges, it gives {halves}. Measure {in_words(ranked[0][0])} by another test."
+        )
+    depths = {n: information.told_from(n, within_ranges=True) for n in information.names if n in IDENTIFIED}
+    return [
+        first,
+        *(
+            f"{in_words(name)} is known to within 50 % from a depth of {at:g} mm."
+            if at is not None
+            else f"{in_words(name)} is not known to within 50 % at any depth while fat and fascia are only known "
+            "within their ranges: do not identify it from this test alone."
+            for name, at in depths.items()
+        ),
+        "These assumed values matter, the most important first: "
+        + ", ".join(in_words(name) for name, _ in ranked)
+        + ".",
+    ]
+
+
+def _ranked_biases(result: StudyResult) -> list[tuple[str, list[float]]]:
+    """Errors of the identified parameters by the assumed one that makes them, the largest first."""
+    found = {} if result.information is None else result.information.biases(result.definition.depth)
+    return sorted(found.items(), key=lambda pair: -max(map(abs, pair[1])))
+
+
 def information_blocks(result: StudyResult) -> list[web.Block]:
     """Return what a curve to each depth tells of the parameters; nothing where it isn't known."""
     found, cells = result.information, information_cells(result)
@@ -392,6 +374,7 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
     point = ", ".join(f"{label_of(name)} {value:.4g}" for name, value in zip(found.names, found.nominal, strict=True))
     return [
         web.WebTable("Smallest possible 95 % half-widths of the parameters, by depth", *cells),
+        _half_widths(found),
         web.Prose(
             "The half-widths are relative to the value. No unbiased estimate can have smaller ones at "
             f"{point} (MPa, mm), from one trial with one independent reading a mm and errors of "
@@ -407,6 +390,24 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
         web.Bullets(_eigenvectors(found, depth)),
         *([web.Bullets(moved)] if (moved := _moved(found, depth)) else []),
     ]
+
+
+def _half_widths(found: Information) -> Curves:
+    widths = 1.96 * np.array([found.relative_sd(float(d), within_ranges=True) for d in found.displacement])
+    shown = np.where(widths < 1, 100 * widths, np.nan)
+    return Curves(
+        "information",
+        f"Smallest possible 95 % half-widths over the depth of the recorded curve, with fat and fascia known within "
+        f"their ranges; lines begin at 100 %. A parameter is determined below {100 * IDENTIFIED_WITHIN:.0f} %.",
+        found.displacement,
+        "depth of the recorded curve (mm)",
+        "half-width (% of the parameter)",
+        "",
+        [
+            Line(label_of(name), shown[:, k], None, STAGE_COLOURS[k % len(STAGE_COLOURS)])
+            for k, name in enumerate(found.names)
+        ],
+    )
 
 
 def _eigenvectors(found: Information, depth: float) -> list[str]:

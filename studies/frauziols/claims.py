@@ -1,88 +1,98 @@
-"""What follows from studies: advice to who wants to test a leg, and the paper's claims with their page."""
+"""The paper's Table 3 and its claims, put to designs of experiments, with their page."""
 
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import markdown_table
+from legfem.common.documents import Cells, markdown_table
 from legfem.report import page as web
-from legfem.report.render import bullets, fill, markdown_chapters, table
+from legfem.report.render import bullets, fill, markdown_chapters
 from legfem.report.words import ORIGINS
-from legfem.study.doe.design import in_words
+from legfem.study.doe.command import DoeOptions
+from legfem.study.doe.design import Factor
 from legfem.study.doe.figures import RESPONSE
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN
 from legfem.study.doe.study import MetricAnalysis, StudyResult
-from legfem.study.doe.surface import CoefficientTest
-from legfem.study.doe.tables import TABLE_3, anova_cells, information_blocks, number_chapters, table_3_cells
+from legfem.study.doe.surface import Anova, CoefficientTest
+from legfem.study.doe.tables import UNITS_NOTE, information_blocks, number_chapters
 
-_UNSEEN = 0.01
-"""Share of a metric's variation below which a factor doesn't show."""
+TABLE_2 = (
+    Factor("superficial.C10", 1.0, 30.0, "kPa", "linear"),
+    Factor("deep.C10", 0.5, 30.0, "kPa", "linear"),
+    Factor("deep.C20", 0.5, 30.0, "kPa", "linear"),
+    Factor("fascia.C10", 0.1, 10.0, "MPa", "linear"),
+    Factor("fascia.thickness", 0.2, 1.0, "mm", "linear"),
+)
+"""The paper's factors and their ranges."""
 
-
-def not_seen(result: StudyResult) -> list[str]:
-    """Factors whose shares are small in every metric."""
-    every = [analysis.shares()[0] for analysis in result.analyses]
-    return [in_words(f.name) for f in result.definition.factors if all(main[f.symbol] < _UNSEEN for main in every)]
-
-
-def to_know(result: StudyResult) -> str:
-    """Say which assumed parameter moves the identified ones most."""
-    ranked = _ranked_biases(result)
-    if not ranked:
-        return "Not computed: run it without --factorial-only."
-    name, errors = ranked[0]
-    moved = " and ".join(
-        f"{in_words(one)} {abs(10 * error):.0f} % too {'high' if error > 0 else 'low'}"
-        for one, error in zip(IDENTIFIED, errors, strict=True)
-    )
-    assumed = in_words(name)
-    return f"{assumed[:1].upper()}{assumed[1:]} matters most: if it is assumed 10 % too high, the test gives {moved}."
+MODEL_DOF, ERROR_DOF = 15, 17
+"""What 16 coefficients and 33 runs leave."""
 
 
-def to_measure(result: StudyResult) -> list[str]:
-    """Say what to measure, the most important first."""
-    information, depth = result.information, result.definition.depth
-    ranked = _ranked_biases(result)
-    if information is None or not ranked:
-        return ["Run it without --factorial-only: then it says how well each parameter can be known."]
-    sds = dict(zip(information.names, information.relative_sd(depth, within_ranges=True), strict=True))
-    within = {name: 1.96 * sds[name] for name in IDENTIFIED}
-    halves = " and ".join(
-        f"{in_words(name)} to within {100 * half:.0f} %" if half < 1 else f"no value of {in_words(name)}"
-        for name, half in within.items()
-    )
-    if all(half <= IDENTIFIED_WITHIN for half in within.values()):
-        first = f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial gives {halves}."
-    else:
-        first = (
-            f"One press of {depth:g} mm is not enough: if fat and fascia are only known within their "
-            f"ranges, it gives {halves}. Measure {in_words(ranked[0][0])} by another test."
-        )
-    depths = {n: information.told_from(n, within_ranges=True) for n in information.names if n in IDENTIFIED}
-    return [
-        first,
-        *(
-            f"{in_words(name)} is known to within 50 % from a depth of {at:g} mm."
-            if at is not None
-            else f"{in_words(name)} is not known to within 50 % at any depth while fat and fascia are only known "
-            "within their ranges: do not identify it from this test alone."
-            for name, at in depths.items()
-        ),
-        "These assumed values matter, the most important first: "
-        + ", ".join(in_words(name) for name, _ in ranked)
-        + ".",
-    ]
+@dataclass(frozen=True)
+class PrintedRow:
+    """One row of the paper's Table 3 as printed; forces per unit thickness."""
+
+    metric: str
+    ssr: str
+    msr: str
+    sse: str
+    mse: str
+    r_squared: str
+
+    @property
+    def label(self) -> str:
+        """Metric as people read it."""
+        kind, start, end = self.metric.split("_")
+        return f"{kind} {start}-{end} mm"
 
 
-def _ranked_biases(result: StudyResult) -> list[tuple[str, list[float]]]:
-    """Errors of the identified parameters by the assumed one that makes them, the largest first."""
-    found = {} if result.information is None else result.information.biases(result.definition.depth)
-    return sorted(found.items(), key=lambda pair: -max(map(abs, pair[1])))
+TABLE_3 = (
+    PrintedRow("curvature_0_5", "9.40e-5", "6.3e-6", "6.7e-7", "4.0e-8", "0.9929"),
+    PrintedRow("curvature_5_20", "3.2e-5", "2.1e-6", "1.2e-7", "6.9e-9", "0.9964"),
+    PrintedRow("curvature_20_30", "1.8e-4", "1.7e-5", "3.2e-7", "1.9e-8", "0.9982"),
+    PrintedRow("slope_0_5", "2.2e-2", "1.5e-3", "2.1e-4", "1.2e-5", "0.9907"),
+    PrintedRow("slope_5_20", "5.7e-2", "3.8e-3", "1.1e-4", "6.7e-6", "0.9980"),
+    PrintedRow("slope_20_30", "0.19", "1.3e-2", "1.4e-2", "8.0e-4", "0.9336"),
+)
+
+TABLE_3_NOTE = (
+    f"{UNITS_NOTE} Paper / legfem. 'Half of it': legfem's curvature is the mean second derivative; the coefficient of "
+    "d^2 in the least-squares parabola is half of that, and its sums of squares a quarter. The paper prints no F: its "
+    "own is (SSR/15)/(SSE/17)."
+)
+
+
+def table_3_cells(result: StudyResult) -> Cells | None:
+    """Analysis beside the paper's Table 3; None where the ranges aren't Table 2's."""
+    if set(result.definition.factors) != set(TABLE_2):
+        return None
+    printed, rows = {row.metric: row for row in TABLE_3}, []
+    for a in result.analyses:
+        if a.metric.name not in printed:
+            continue
+        row = printed[a.metric.name]
+        paper_f = float(row.ssr) / MODEL_DOF / (float(row.sse) / ERROR_DOF)
+        last = [f"{row.r_squared} / {a.anova.r_squared:.4f}", f"{paper_f:.0f} / {a.anova.F:.0f}"]
+        rows.append([a.metric.label, *_sums(row, a.anova, 1.0), *last])
+        if a.metric.kind == "curvature":
+            rows.append(["half of it", *_sums(row, a.anova, 0.25), *last])
+    return ["metric: paper / legfem", "SSR", "MSR", "SSE", "MSE", "R2", "F"], rows
+
+
+def _sums(row: PrintedRow, found: Anova, scale: float) -> list[str]:
+    names = ("ssr", "msr", "sse", "mse")
+    return [f"{_powers(float(getattr(row, n)))} / {_powers(scale * getattr(found, n))}" for n in names]
+
+
+def _powers(value: float) -> str:
+    """Two digits and the power of ten, as the paper prints numbers."""
+    mantissa, _, exponent = f"{value:.1e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
 
 
 NEGLIGIBLE = 0.1
@@ -163,7 +173,7 @@ def _first_order(result: StudyResult) -> ClaimFinding:
         if centre.p_value <= 0.05
     ]
     text = f"mean of the corners less the centre, beyond Lenth's limit: {', '.join(bent) or 'none'}"
-    return ClaimFinding(not bent, text, "half-normal.png, centre-point curvature")
+    return ClaimFinding(not bent, text, "the table of effects")
 
 
 def _deep_dominates(result: StudyResult) -> ClaimFinding:
@@ -227,7 +237,7 @@ def _normal_outputs(result: StudyResult) -> ClaimFinding:
     probabilities = {a.metric.label: a.outputs.shapiro for a in result.analyses}
     far = [f"{name} (p = {p:.1g})" for name, p in probabilities.items() if p <= 0.05]
     text = f"Shapiro and Wilk reject for {', '.join(far) or 'none'}"
-    return ClaimFinding(not far, text, "normality.png, upper row")
+    return ClaimFinding(not far, text, "the table of effects")
 
 
 def _identifies_deep(result: StudyResult) -> ClaimFinding:
@@ -246,7 +256,7 @@ def _identifies_deep(result: StudyResult) -> ClaimFinding:
     )
     free, given = (bool(half.max() <= IDENTIFIED_WITHIN) for half in (nothing, within))
     where = "fat and fascia are known within their ranges" if given and not free else ""
-    return ClaimFinding(given, text, "information.png", where)
+    return ClaimFinding(given, text, "the table of half-widths", where)
 
 
 def _not_before_5_mm(result: StudyResult) -> ClaimFinding:
@@ -261,7 +271,7 @@ def _not_before_5_mm(result: StudyResult) -> ClaimFinding:
         f"half-widths at 5 mm {_percent(shallow[0])} and {_percent(shallow[1])}, at full depth "
         f"{_percent(deep[0])} and {_percent(deep[1])}"
     )
-    return ClaimFinding(bool(np.all(deep < shallow)), text, "information.png")
+    return ClaimFinding(bool(np.all(deep < shallow)), text, "the table of half-widths")
 
 
 def _percent(share: float) -> str:
@@ -298,16 +308,6 @@ def verdict_documents(found: Sequence[Verdict], titles: Sequence[str]) -> list[d
     ]
 
 
-def in_brief(results: Sequence[StudyResult]) -> str:
-    """Return what a terminal shows of studies: their analyses of variance beside the paper's, and its claims."""
-    lines = []
-    for result in results:
-        lines.append(f"{result.definition.title}\n{table(*anova_cells(result))}")
-        if beside := table_3_cells(result):
-            lines.append(f"beside the paper's Table 3\n{table(*beside)}")
-    return "\n".join([*lines, *(f"{one.claim}: {one.verdict}" for one in verdicts(results))])
-
-
 def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], command: str) -> str:
     """Write the page on the claims over all studies of one command.
 
@@ -335,9 +335,20 @@ def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], comman
         f"## What shows it\n\n{_evidence(found, titles)}",
     ]
     for result, title in zip(results, titles, strict=True):
+        variance, *others = number_chapters(result)
         told = web.Chapter("What a curve tells of the parameters", information_blocks(result))
-        blocks += [f"# In numbers: {title}", *markdown_chapters([*number_chapters(result), told])]
+        chapters = [variance, *_beside_table_3(result), *others, told]
+        blocks += [f"# In numbers: {title}", *markdown_chapters(chapters)]
     return "\n\n".join(block.rstrip() for block in blocks) + "\n"
+
+
+def _beside_table_3(result: StudyResult) -> list[web.Chapter]:
+    cells = table_3_cells(result)
+    if cells is None:
+        return []
+    return [
+        web.Chapter("Beside the paper's Table 3", [web.WebTable("Paper / legfem", *cells), web.Prose(TABLE_3_NOTE)])
+    ]
 
 
 def shown(result: StudyResult) -> str:
@@ -345,12 +356,12 @@ def shown(result: StudyResult) -> str:
     return f"figures/{result.definition.source.stem}-{RESPONSE}.svg"
 
 
-def gather_figures(results: Sequence[StudyResult], folders: Sequence[Path], out: Path) -> None:
-    """Copy the studies' figures to where the page, in ``out``, finds them."""
-    for result, folder in zip(results, folders, strict=True):
-        if (drawn := folder / f"{RESPONSE}.svg").exists():
-            (out / shown(result)).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(drawn, out / shown(result))
+def gather_figures(results: Sequence[StudyResult], options: DoeOptions) -> None:
+    """Copy the studies' figures to where the page finds them."""
+    for result in results:
+        if (drawn := options.folder_of(result.definition) / f"{RESPONSE}.svg").exists():
+            (options.out / shown(result)).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(drawn, options.out / shown(result))
 
 
 def _evidence(found: Sequence[Verdict], titles: Sequence[str]) -> str:

@@ -1,0 +1,105 @@
+"""``python -m studies.frauziols``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from mpi4py import MPI
+
+from legfem.common.command_line import FiniteNumbers, check_out_folder, command_context, study_context, usable_cores
+from legfem.common.documents import write_atomically, write_document
+from legfem.report.style import save
+from legfem.study import reproduce
+from legfem.study.correction import command as correction_command
+from legfem.study.correction.calibration import Calibration
+from legfem.study.correction.command import CorrectionOutputs
+from legfem.study.doe.command import DoeOptions, run
+from legfem.study.doe.design import IDENTIFIED, PAPER
+from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
+from studies.frauziols import convergence as convergence_study
+from studies.frauziols.claims import claims_page, gather_figures, verdict_documents, verdicts
+from studies.frauziols.correction_figure import draw_correction
+from studies.frauziols.cost_figure import cost_figure
+
+app = new_app()
+
+
+@app.callback(no_args_is_help=True)
+def frauziols() -> None:
+    """What the paper claims, and how far the model's own curve can be trusted.
+
+    Example: python -m studies.frauziols claims
+    """
+
+
+@app.command()
+def claims(seed: Seed = 1, subject: str = "3", out: Out = None, jobs: Jobs = None) -> None:
+    """Put the claims of the paper's design of experiments to both designs; under mpirun over the ranks.
+
+    Example: python -m studies.frauziols claims
+    """
+    with command_context(DONE_IS_KEPT):
+        folder = out or Path("results") / "doe"
+        check_out_folder(folder)
+        options = DoeOptions(
+            (PAPER, IDENTIFIED), subject, None, folder, jobs or usable_cores(), seed, "coefficients", beyond=True
+        )
+        results = run(options, MPI.COMM_WORLD)
+        if results:
+            found = verdicts(results)
+            gather_figures(results, options)
+            titles = [result.definition.title for result in results]
+            write_atomically(folder / "verdict.md", claims_page(results, found, f"{_COMMAND} claims --seed {seed}"))
+            write_document(folder / "claims.json", {"schema": 1, "claims": verdict_documents(found, titles)})
+            typer.echo("\n".join(f"{one.claim}: {one.verdict}" for one in found))
+            typer.echo(f"verdicts: {folder / 'verdict.md'}")
+
+
+@app.command()
+def costs(seed: Seed = 1, out: Out = None, jobs: Jobs = None) -> None:
+    """Draw the sum of squares of the paper's Eq. 12 over the parameters, of its four subjects.
+
+    Example: python -m studies.frauziols costs
+    """
+    with study_context("reproduce", out, jobs, DONE_IS_KEPT) as (folder, processes):
+        for name, fits in reproduce.run(seed, folder, processes).items():
+            for fit in fits:
+                drawn = save(cost_figure(fit), folder / f"subject-{name}", f"cost-{fit.law}")
+                typer.echo(f"cost: {drawn[0]}")
+
+
+@app.command()
+def correction(out: Out = None, jobs: Jobs = None) -> None:
+    """Draw the paper's Fig. 4: the correction P(d) of the idealised leg, as legfem study correction calibrates it.
+
+    Example: python -m studies.frauziols correction
+    """
+    with study_context("correction", out, jobs, DONE_IS_KEPT) as (folder, processes):
+        given = Calibration()
+        found, lengths = correction_command.run(given, CorrectionOutputs(), folder, processes)
+        typer.echo(f"figure: {draw_correction(given.reference, found, lengths, folder)[0]}")
+
+
+@app.command(cls=FiniteNumbers)
+def convergence(
+    subject: Annotated[str, typer.Option(help="Id of one of legfem's own subjects.")] = "3",
+    subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own subject, in place of --subject.")] = None,
+    c10_kpa: Annotated[float, typer.Option("--c10", min=0.0, help="Deep C10 (kPa).")] = 0.70,
+    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Deep C20 (kPa).")] = 0.80,
+    depth: Annotated[float, typer.Option(min=1.0, max=60.0, help="Depth to press to (mm).")] = 30.0,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """How far the default settings are from convergence: mesh, steps and contact.
+
+    Example: python -m studies.frauziols convergence --subject 3
+    """
+    with study_context("convergence", out, jobs) as (folder, processes):
+        convergence_study.run(subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes)
+
+
+_COMMAND = "python -m studies.frauziols"
+
+
+if __name__ == "__main__":
+    app(prog_name=_COMMAND)
