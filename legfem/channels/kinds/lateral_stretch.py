@@ -1,4 +1,4 @@
-"""Lateral stretch of a round specimen at half its height, as a video of its side shows.
+"""Lateral stretch of a specimen half-way along it, as a video of its side shows.
 
 Where ends stick to the plates the side bulges: its middle is wider than volume alone asks for. Where they slide, it is
 as wide as the tissue's compressibility has it.
@@ -17,7 +17,7 @@ _VIDEO = ChannelAccuracy(reading=0.005, bias=0.003, gain=0.03, slow=0.002, lag=0
 LATERAL_STRETCH = ChannelKind(
     "lateral_stretch",
     "-",
-    "diameter at half the specimen's height over that at first touch",
+    "width half-way along the specimen over that at first touch",
     _VIDEO,
     models=frozenset({"specimen"}),
     at_rest=1.0,
