@@ -111,6 +111,10 @@ class OtherLayers:
             forces.append(-float(residual.reshape(-1, 2)[face, 0].sum()))
         return np.array(forces)
 
+    def sunk(self, height: float) -> float:
+        """Return how far (mm) the point of the axis at a height has moved up."""
+        return float(self.moved[np.argmin(np.hypot(self.mesh.points[:, 0] - height, self.mesh.points[:, 1])), 0])
+
     def sucked(self, aperture: float, rim: float, pressures: Sequence[float], rim_sticks: bool = True) -> np.ndarray:
         """Return the apex's rise (mm) under suctions (MPa) within an aperture, its rim held."""
         region = fem.RegionBiQuadraticQuadBoundary(

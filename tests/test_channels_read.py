@@ -146,7 +146,7 @@ def test_fat_that_grows_under_the_cylinder_is_refused(tmp_path):
 
 
 def test_a_thickness_in_another_unit_is_refused(tmp_path):
-    refused(subject(tmp_path / "leg", {"fat_thickness_mm": 10 * fat(depth_of_frames())}), "section's own", "unit")
+    refused(subject(tmp_path / "leg", {"fat_thickness_mm": 10 * fat(depth_of_frames())}), "by what is stated", "unit")
 
 
 def test_a_lateral_force_above_the_force_is_refused(tmp_path):

@@ -10,7 +10,6 @@ import pytest
 from making import write_subject
 from making_diagnosed import diagnosed, diagnosed_anew, diagnosed_of
 from making_diagnosis import problem_of, ramps
-from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
 from legfem.common.units import percent
@@ -20,10 +19,10 @@ from legfem.legs.loading import load_subject
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import results as report
 from legfem.report.diagnosis import diagnosis_web_page
-from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_of
+from legfem.report.diagnosis_curves import model_name, places_of
 from legfem.report.diagnosis_document import document
-from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
 from legfem.report.diagnosis_sentences import next_experiments, verdict_sentence
+from legfem.report.diagnosis_signatures import leading, matched, signatures_of, strongest
 from legfem.report.render import PAGE_FILES, plain_page
 from legfem.report.words import number, probability
 
@@ -174,21 +173,14 @@ def test_places_have_one_sign_and_hold_what_was_located(found):
     assert runs(np.array([1])) == [(0, 1)]
 
 
-def test_ranking_shows_what_may_be_left_out_and_marks_what_is_reported(found):
+def test_ranking_shows_what_may_be_left_out_the_most_probable_first(found):
     for verdict in CASES:
-        one = found[verdict]
-        axes = ranking_figure(one, "a leg", "simulated").axes[0]
-        labels = [label.get_text() for label in axes.get_yticklabels()]
-        assert "nothing detectable" in labels
-        assert "something unknown" in labels or verdict != "unexplained"
-        bars = [patch.get_width() for patch in axes.patches]
-        assert bars == sorted(bars, reverse=True)
-        reported = [
-            label
-            for label, patch in zip(labels, axes.patches, strict=True)
-            if to_hex(patch.get_facecolor()).upper() == REPAIRED_COLOUR
-        ]
-        assert set(reported) == {model_name(model) for model in one.models}
+        bars = tables.explanation_bars(found[verdict]).bars
+        assert "nothing detectable" in {bar.name for bar in bars}
+        assert "something unknown" in {bar.name for bar in bars} or verdict != "unexplained"
+        values = [bar.value for bar in bars]
+        assert values == sorted(values, reverse=True) and sum(values) <= 100.1
+        assert {model_name(model) for model in found[verdict].models} <= {bar.name for bar in bars}
 
 
 def test_signature_of_the_true_mechanism_matches_the_misfit(found):
@@ -199,6 +191,11 @@ def test_signature_of_the_true_mechanism_matches_the_misfit(found):
     assert share > 0.9, "the true mechanism's signature is nearly all of the misfit"
     left = named.errors.whitened(base.residual - shape)
     assert left @ left < base.chi2
+    (block,) = signatures_of(named)
+    difference, first, *_ = block.lines
+    assert "reported" in first.name and "matches" in first.name
+    assert np.linalg.norm(first.above - difference.above) < 0.3 * np.linalg.norm(difference.above)
+    assert not signatures_of(found["consistent"])
 
 
 @pytest.mark.parametrize(
@@ -208,11 +205,10 @@ def test_signature_of_the_true_mechanism_matches_the_misfit(found):
 def test_report_lists_every_file_it_writes(found, subject, tmp_path, verdict):
     path = report.write_diagnosis_report(found[verdict], subject, tmp_path / "out")
     written = {entry.name for entry in path.parent.iterdir()}
-    wanted = {"section", "recording", "parameters", "ranking"}
+    wanted = {"section", "recording"}
     wanted |= set() if verdict == "consistent" else {"signatures"}
     pictures = {f"{name}.png" for name in wanted}
-    small = {f"{name}.svg" for name in wanted - {"section", "recording", "signatures"}}
-    assert written == set(PAGE_FILES) | pictures | small
+    assert written == set(PAGE_FILES) | pictures
     assert all(name in path.read_text() for name in written - {"report.txt"})
     for name in wanted:
         picture = imread(path.parent / f"{name}.png")
@@ -235,7 +231,7 @@ def test_nothing_is_written_when_drawing_fails(found, subject, tmp_path, monkeyp
     def fail(*_):
         raise RuntimeError("no ink")
 
-    monkeypatch.setattr(report, "signature_figure", fail)
+    monkeypatch.setattr(report, "signatures_of", fail)
     with pytest.raises(RuntimeError, match="no ink"):
         report.write_diagnosis_report(found["named"], subject, tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []

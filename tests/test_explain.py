@@ -300,18 +300,18 @@ def test_a_mechanism_is_fitted_anew_from_where_a_pair_has_it(monkeypatch):
     name = "contact-onset"
 
     def search_that_ends_early(own, mechanisms, start):
-        early = mechanisms[0].name == name and f"{name}.offset" not in start
+        early = [m.name for m in mechanisms] == [name] and f"{name}.offset" not in start
         begun = {f"{name}.offset": 0.05, **start} if early else start
-        return own, fit(own, mechanisms, begun, evaluations=1 if early else None)
+        return fit(own, mechanisms, begun, evaluations=1 if early else None)
 
-    monkeypatch.setattr(explain_module, "fit_beside", search_that_ends_early)
+    monkeypatch.setattr(explain_module, "fit", search_that_ends_early)
 
     def offset() -> float:
         alone = next(e for e in explain(problem, base, SOUGHT).every if e.names == (name,))
         return alone.fit.values[f"{name}.offset"]
 
     assert offset() == pytest.approx(0.3, abs=0.1)
-    monkeypatch.setattr(explain_module, "_begun_anew", lambda found, _: found)
+    monkeypatch.setattr(explain_module, "_begun_anew", lambda found, **_: found)
     assert offset() < 0.1
 
 

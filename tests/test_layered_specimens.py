@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from making_layers import OtherLayer, OtherLayers
 from making_specimens import BAR, record
+from scipy.interpolate import CubicSpline
 from typer.testing import CliRunner
 
 import legfem as lf
+from legfem.channels.kinds import CHANNELS
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
+from legfem.data import Recording, write_recording
+from legfem.data.recording import RecordedChannel
 from legfem.experiments.bodies import BallOnLayer, PunchOnLayer
 from legfem.inverse.body_models import Stopped
 from legfem.inverse.parse_parameters import ParameterTexts
+from legfem.inverse.readings import READINGS
 from legfem.legs.mechanisms import Solution
 from legfem.solve.protocol import Protocol
+from legfem.specimens.channels import readings_of
+from legfem.specimens.comparison import comparison_of
 from legfem.specimens.diagnosis import Scale, mechanisms_of
 from legfem.specimens.folder import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward, SpecimenVariants
@@ -185,6 +194,14 @@ def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
     )
     assert not isinstance(twice, Stopped)
     np.testing.assert_allclose(twice.force_at(at), 2 * found.force_at(at), rtol=1e-9)
+    # Layers are seen under their own names, whichever is open.
+    other = SpecimenVariants(test, depth, (replace(fat, name="muscle"), replace(tissues[0], name="fat")))
+    same_way = other.follow(Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"))
+    assert not isinstance(same_way, Stopped)
+    for path in (found, same_way):
+        assert [float(path.channels[name][0]) for name in SEEN] == [5.0, 12.0]
+        lost = [path.channels[name][0] - path.channels[name][-1] for name in SEEN]
+        assert sum(lost) == pytest.approx(depth, rel=0.02)
     able, _ = mechanisms_of(test, Scale(depth, 1.0, 4.0, 3e-3, BULK))
     assert "superficial-stiffness" in [mechanism.name for mechanism in able]
 
@@ -254,3 +271,98 @@ def test_one_thickness_does_not_tell_the_layers_apart_and_a_prior_does(sheets: P
     print(done.output)
     assert done.exit_code == 0, done.output
     assert "C10 of the muscle" in done.output
+
+
+SEEN = ("fat_thickness", "muscle_thickness")
+WIDER = 3.0
+"""Of all lengths: ultrasound reads whole limbs to a few tenths of a millimetre."""
+
+
+@pytest.fixture(scope="module")
+def seen_layers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One press on 15 mm of fat, with two ultrasound frames; by the other code, whose punch has no rounding."""
+    folder = tmp_path_factory.mktemp("seen")
+    text = PUNCH
+    for key, value in (
+        ("punch_diameter", 12.0),
+        ("edge", 0.3),
+        ("diameter", 80.0),
+        ("thickness", 5.0),
+        ("thickness", 12.0),
+    ):
+        text = text.replace(f"\n{key}_mm = {value}\n", f"\n{key}_mm = {WIDER * value}\n")
+    (folder / "specimen.toml").write_text(text)
+    layers, depths = (OtherLayer(12.0, MUSCLE, BULK), OtherLayer(5.0, FAT, BULK)), np.linspace(0.0, 2.0, 9)
+    other = OtherLayers(layers, 40.0, [6.0], 0.3)
+    force, thickness = [0.0], [(5.0, 12.0)]
+    for depth in depths[1:]:
+        force.append(float(other.punched(6.0, [depth])[0]))
+        interface = 12.0 + other.sunk(12.0)
+        thickness.append((17.0 - depth - interface, interface))
+    rng, time, frames = np.random.default_rng(7), np.linspace(0.0, 4.0, 161), np.array([2.0, 3.9])
+    curve = np.polynomial.Polynomial.fit(depths, force, 5)
+    pressed = WIDER**2 * (curve(0.5 * time) - curve(0.0))
+    read = WIDER * CubicSpline(2.0 * depths, thickness)(frames)
+    read += rng.laplace(0.0, 0.2, (2, 2)) + rng.uniform(-0.3, 0.3, 2)
+    usual = CHANNELS["fat_thickness"].usual
+    channels = tuple(RecordedChannel(name, frames, read[:, k], usual) for k, name in enumerate(SEEN))
+    (folder / "recordings").mkdir()
+    press = Recording(time, WIDER * 0.5 * time, pressed, "press", channels=channels)
+    write_recording(press, folder / "recordings" / "press.csv")
+    return folder
+
+
+def test_what_is_read_is_what_another_code_shows(seen_layers: Path) -> None:
+    """Of layers as stiff as planted: within what frames err by; and read as it is predicted."""
+    folder = lf.load_specimen(seen_layers)
+    (one,) = folder.recordings
+    truth = {"fat.C10": FAT, "muscle.C10": MUSCLE}
+    tissues = [tissue.of_law("neo-hookean") for tissue in folder.tissues]
+    model = SpecimenForward.of_tissues((one.sizes,), (1.02 * one.course.depth,), tissues, MUSCLE)
+    comparison = readings_of(comparison_of([one], model, folder, False), folder.sizes_sd)
+    instrument = np.array([number.null for number in READINGS.values()])
+    found = comparison.predict(model.solve(truth, list(truth)), instrument)
+    np.testing.assert_allclose(found.values, comparison.read(found.model_values, instrument), atol=1e-9)
+    left = comparison.measured - found.values
+    for name in SEEN:
+        at = comparison.channels[name]
+        print(name, left[at])
+        assert len(at) == 2 and np.abs(left[at]).max() < 0.8
+        # Stiffer fat gives way less, and a stiffer muscle lets it do so more.
+        assert (found.sensitivities["fat.C10"][at] * found.sensitivities["muscle.C10"][at] < 0).all()
+    assert np.linalg.eigvalsh(comparison.covariance)[0] > 0
+
+
+@pytest.mark.slow
+def test_two_frames_tell_layers_apart_that_one_force_does_not(seen_layers: Path) -> None:
+    found = lf.identify(lf.load_specimen(seen_layers), "neo-hookean")["neo-hookean"]
+    for name, truth in (("fat.C10", FAT), ("muscle.C10", MUSCLE)):
+        estimate = found.estimates[name]
+        print(name, estimate.value / truth, np.array(estimate.ci95) / truth, dict(estimate.information_shares))
+        assert estimate.ci95[0] < truth < estimate.ci95[1]
+        assert estimate.identifiability != "not identifiable"
+        assert estimate.information_shares["fat_thickness"] > 0.1
+    (press,) = found.tests
+    assert [one.channel.name for one in press.channels] == ["force", *SEEN]
+    assert all(np.abs(one.residual).max() < 1.0 for one in press.channels[1:])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda table: table.assign(fat_thickness_mm=0.1 * table.fat_thickness_mm), "fat thickness is 1.3"),
+        (lambda table: table.drop(columns="fat_thickness_mm"), "no recording has a column fat_thickness_mm"),
+    ],
+)
+def test_thicknesses_that_cannot_be_are_one_line(seen_layers: Path, tmp_path: Path, change, words: str) -> None:
+    (tmp_path / "recordings").mkdir()
+    text = (seen_layers / "specimen.toml").read_text()
+    (tmp_path / "specimen.toml").write_text(text + "[channels.fat_thickness]\nsd_mm = 0.4\n")
+    table = pd.read_csv(seen_layers / "recordings" / "press.csv")
+    table.to_csv(tmp_path / "recordings" / "press.csv", index=False)
+    (press,) = lf.load_specimen(tmp_path).recordings
+    assert [one.accuracy.reading for one in press.recording.channels] == [0.4, 0.3]
+    change(table).to_csv(tmp_path / "recordings" / "press.csv", index=False)
+    with pytest.raises(InputError) as error:
+        lf.load_specimen(tmp_path)
+    assert words in str(error.value) and "\n" not in str(error.value)

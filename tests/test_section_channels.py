@@ -15,7 +15,8 @@ from legfem.channels.kinds import CHANNELS
 from legfem.channels.kinds.contact import ContactForces
 from legfem.channels.kinds.skin_rise import RISES
 from legfem.channels.laid import AS_STATED, WAYS, Laid, laid_course
-from legfem.channels.seen import ChannelReader, ReadState
+from legfem.channels.log import ChannelReader
+from legfem.channels.seen import ReadState
 from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.outlines import first_crossing

@@ -16,7 +16,8 @@ from legfem.channels import Sight
 from legfem.channels.kind import FramesFile
 from legfem.channels.kinds.section_image import INSIDE, SectionDisplacements
 from legfem.channels.laid import STEP_DEG, STEP_MM, WAYS, Laid
-from legfem.channels.seen import ChannelReader, ReadState, Seen, SeenModel
+from legfem.channels.log import ChannelReader
+from legfem.channels.seen import ReadState, Seen, SeenModel
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Solved

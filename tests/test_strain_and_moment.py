@@ -14,7 +14,8 @@ from making_mechanics import COARSE, fixed_steps, subject_3
 from legfem.channels import Sight
 from legfem.channels.kinds.section_image import STRAIN, SectionStrains
 from legfem.channels.laid import STEP_DEG, WAYS
-from legfem.channels.seen import ChannelReader, ReadState
+from legfem.channels.log import ChannelReader
+from legfem.channels.seen import ReadState
 from legfem.common.errors import InputError
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.geometry.section import across

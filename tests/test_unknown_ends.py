@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from making_specimens import BAR, PLANTED, write_bars
+from making_specimens import AREA, BAR, LENGTH, PLANTED, write_bars
 
 import legfem as lf
 from legfem.channels.kinds import CHANNELS
@@ -189,3 +189,23 @@ def test_an_interval_carries_what_its_law_misses(tmp_path: Path) -> None:
     # By how much the neo-Hookean value depends on the depth used: at half of it the law hardly stiffens.
     shallow = 0.5 * (wrong.value + PLANTED.C10)
     assert wrong.ci95[0] < shallow
+
+
+def test_a_pulled_bar_s_width_says_how_compressible_it_is(tmp_path: Path) -> None:
+    """Of Hencky's law, E ln(stretch) with sides that go by a Poisson's ratio of it, in closed form."""
+    poisson, d = 0.35, np.linspace(0.0, 2.0, 150)
+    stretch = 1 + d / LENGTH
+    width, force = stretch**-poisson, AREA * 0.03 * np.log(stretch) / stretch
+    read = np.round(500 * (1 + 1.02 * (width[::10] - 1))) / 500
+    video = RecordedChannel("lateral_stretch", d[::10] / 0.1, read, CHANNELS["lateral_stretch"].usual)
+    noise = np.random.default_rng(2).normal(0.0, 0.005, len(d))
+    (tmp_path / "recordings").mkdir()
+    write_recording(Recording(d / 0.1, d, force + noise, "a", None, (video,)), tmp_path / "recordings" / "a.csv")
+    (tmp_path / "specimen.toml").write_text(BAR.replace('"compression"', '"tension"'))
+    found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean")
+    seen = found["neo-hookean"].details.lateral
+    assert seen is not None and seen.poisson_ratio is not None
+    best, low, high = seen.poisson_ratio
+    print(seen.text)
+    assert low <= poisson <= high and best == pytest.approx(poisson, abs=0.06)
+    assert "more compressible than assumed" in seen.text

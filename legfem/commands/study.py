@@ -161,7 +161,7 @@ def correction(
     quiet: command_line.Quiet = False,
     as_json: command_line.AsJson = False,
 ) -> None:
-    """Calibrate the 3D correction P(d) on the idealised leg, and draw the paper's Fig. 4.
+    """Calibrate the 3D correction P(d) on the idealised leg.
 
     With --subject, P(d) of that leg itself beside the table's, of --c10, --c20 and --depth alone.
 

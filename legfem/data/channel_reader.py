@@ -1,11 +1,11 @@
 """Reading channels beside the force: columns of a recording, or files of their own that ``[channels]`` names."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
 from itertools import product
 from pathlib import Path, PurePath
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from pydantic import Field, create_model, model_validator
@@ -135,22 +135,32 @@ def _field(error: str, unit: str) -> Any:
 _BY_UNIT = {_key(error, unit): _field(error, unit) for error, unit in product(_ERRORS, UNITS)}
 _ENTRY = create_model("ChannelEntry", __base__=RecordedChannelEntry, __module__=__name__, **_BY_UNIT)
 """With the errors of channels of every unit."""
-_FIELDS: dict[str, Any] = dict.fromkeys((*(kind.name for kind in OF_LEGS), *OF_FRAMES), (_ENTRY | None, None))
 
 
 class _SomeChannels(FileTable):
-    alternatives: ClassVar = tuple(_FIELDS)
+    pass
 
 
-ChannelsEntry: type[FileTable] = create_model("ChannelsEntry", __base__=_SomeChannels, __module__=__name__, **_FIELDS)
-"""``[channels]``: an entry for each of what was recorded beside the force."""
+def _channels(title: str, names: Iterable[str]) -> type[FileTable]:
+    fields: dict[str, Any] = dict.fromkeys(names, (_ENTRY | None, None))
+    made = create_model(title, __base__=_SomeChannels, __module__=__name__, **fields)
+    made.alternatives = tuple(fields)
+    return made
+
+
+ChannelsEntry = _channels("ChannelsEntry", (*(kind.name for kind in OF_LEGS), *OF_FRAMES))
+"""``[channels]`` of a leg: an entry for each of what was recorded beside the force."""
+SpecimenChannelsEntry = _channels(
+    "SpecimenChannelsEntry", (kind.name for kind in CHANNELS.values() if "specimen" in kind.models)
+)
+"""The same of specimens."""
 
 LONGEST_LAG_S = 1.0
 """Of a channel's clock, from which on it is refused, s."""
 
 
 def with_channels(
-    toml: Path, given: FileTable, recordings: Sequence[Recording], site: Site, name: str = ""
+    toml: Path, given: FileTable, recordings: Sequence[Recording], site: Site | None = None, name: str = ""
 ) -> tuple[Recording, ...]:
     """Return recordings with the channels that a subject's file names, and the accuracy that it states.
 
@@ -163,7 +173,7 @@ def with_channels(
     recordings
         Of one site.
     site
-        Where the leg is pressed.
+        Where the leg is pressed; None of a specimen, which has no frames.
     name
         Of the site, where a leg has several.
 
@@ -176,7 +186,7 @@ def with_channels(
     for key, entry in entries.items():
         frames = OF_FRAMES.get(key)
         if frames is not None:
-            if recordings:
+            if recordings and site is not None:
                 if entry.file is None or entry.column is not None:
                     remedy = f"give file, of {','.join(('time_s', *frames.columns))}"
                     raise InputError(toml, f"channels.{key}", "frames have a file of their own", remedy)

@@ -170,6 +170,19 @@ class Segmentation:
         _mark_separation(self, labels)
         return labels
 
+    def loading_depths(self, times: FloatArray) -> FloatArray:
+        """Return depths (mm after first contact) at times (s) of the first loading; NaN at others.
+
+        In air before it the depth is 0.
+        """
+        time, depth = self.recording.time, self.smooth - self.contact.displacement
+        nearest = np.clip(np.searchsorted(time, times), 0, len(time) - 1)
+        first = (self.labels == LOADING) & (np.arange(len(time)) <= self.deepest)
+        before = np.arange(len(time)) < np.argmax(first)
+        at = np.interp(times, time, depth)
+        found = np.where(first[nearest], np.maximum(at, 0.0), np.where(before[nearest], 0.0, np.nan))
+        return np.where((times < time[0]) | (times > time[-1]), np.nan, found)
+
     @property
     def parts(self) -> tuple[MotionPart, ...]:
         """The phases one after the other; a motion begins and ends where the hold beside it is."""

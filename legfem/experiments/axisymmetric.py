@@ -10,13 +10,15 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from mpi4py import MPI
 
 from legfem.channels.kinds import files_of
-from legfem.channels.seen import ChannelReader
+from legfem.channels.log import ChannelReader
+from legfem.channels.seen import SeenSpecimen
 from legfem.common.errors import InputError, check_positive
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, Faces
 from legfem.experiments.experiment import Solved
@@ -49,11 +51,14 @@ class Layer:
         mm.
     law : Hyperelastic
         Law of the tissue.
+    called : str
+        Name of the tissue for what sees it, where its parameters have another.
     """
 
     name: str
     thickness: float
     law: Hyperelastic
+    called: str = ""
 
     def __post_init__(self) -> None:
         """Check the thickness."""
@@ -174,7 +179,7 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
     """
 
     side_seen: ClassVar[bool] = False
-    """Whether channels of a specimen's side are read."""
+    """Whether a specimen's side is seen, in place of its layers."""
 
     @property
     @abstractmethod
@@ -193,6 +198,16 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
         model = leg_model(self.laws, given.indenter, given.contact, formulation)
         return model.with_terms(self.mechanisms)
 
+    @property
+    def _seen(self) -> SeenSpecimen | None:
+        if self.side_seen:
+            return SeenSpecimen(side=True)
+        if not isinstance(self.law, tuple):
+            return None
+        heights = pairwise((0.0, *self.interfaces, self.arrangement.height))
+        names = (layer.called or layer.name for layer in self.law)
+        return SeenSpecimen(dict(zip(names, heights, strict=True)))
+
     def _made(self) -> IndentationModel:
         given, settings = self.arrangement, self.settings
         meshed = mesh_meridian(
@@ -206,7 +221,8 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
         if isinstance(self.law, tuple):
             stiffnesses = (f"{name}.{key}" for name in self.laws for key in ("C10", "C20"))
             contact = replace(contact, stiffnesses=tuple(stiffnesses))
-        reader = ChannelReader(system, files_of("specimen")) if self.side_seen else None
+        seen = self._seen
+        reader = None if seen is None else ChannelReader(system, files_of("specimen"), specimen=seen)
         return IndentationModel(system, solver, contact, given.length, given.whole, settings.steps, reader)
 
 

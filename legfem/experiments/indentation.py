@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from legfem.channels.seen import ChannelLog, ChannelReader
+from legfem.channels.log import ChannelLog, ChannelReader
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import Meshed, Picklable, Solved, as_protocol, cached_in_process
 from legfem.fem.system import System

@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from legfem.channels.kinds import files_of
-from legfem.channels.seen import ChannelReader
+from legfem.channels.log import ChannelReader
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.experiment import cached_in_process

@@ -13,7 +13,7 @@ from shapely import Point
 
 from legfem.channels import Sight
 from legfem.channels.kinds import files_of
-from legfem.channels.seen import ChannelReader
+from legfem.channels.log import ChannelReader
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments import indentation

@@ -76,6 +76,20 @@ class Prediction:
         """Derivatives of the readings by parameters, (n, p)."""
         return np.column_stack([self.sensitivities[name] for name in names])
 
+    def followed_by(self, other: "Prediction") -> "Prediction":
+        """Return the prediction with readings that only some of its parameters move after its own."""
+
+        def joined(own: Mapping[str, FloatArray], then: Mapping[str, FloatArray], size: int) -> dict[str, FloatArray]:
+            nothing = np.zeros(size)
+            return {name: np.concatenate([values, then.get(name, nothing)]) for name, values in own.items()}
+
+        return Prediction(
+            np.concatenate([self.values, other.values]),
+            joined(self.sensitivities, other.sensitivities, len(other.values)),
+            np.concatenate([self.model_values, other.model_values]),
+            joined(self.model_sensitivities, other.model_sensitivities, len(other.model_values)),
+        )
+
     def part(self, span: slice) -> "Prediction":
         """Prediction of some of the readings; nothing of the model's grid goes along."""
         values = self.values[span]

@@ -32,7 +32,7 @@ from legfem.inverse.explanation import (
 from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.laplace import gain_of_widths, integrate_strength, laplace_posterior
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
-from legfem.inverse.map_fit import fit, fit_beside
+from legfem.inverse.map_fit import fit, refitted_beside
 from legfem.inverse.mechanism import Mechanism, null_of
 from legfem.inverse.posterior import Posterior
 
@@ -237,24 +237,29 @@ def explain(
         Base parameters that searches begin with; the base model's fit without it.
     """
     weighing = Weighing.about(problem, base)
-    plain = fit_beside(problem, (), base.values) if problem.nuisances else (problem, base)
+    plain = refitted_beside(problem, base)
     found = [
         weighing.base_model(*plain, float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE)), unknown)
         for unknown in (False, True)
     ]
     priors = ExplanationPriors.among(mechanisms)
-    singles = [weighing.of(*fit_beside(problem, [m], start or base.values), priors.log_of(m.name)) for m in mechanisms]
+    alone = [fit(problem, [m], start or base.values) for m in mechanisms]
+    singles = [
+        weighing.of(*refitted_beside(problem, one), priors.log_of(m.name))
+        for m, one in zip(mechanisms, alone, strict=True)
+    ]
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
     pairs = _pairs(singles) if _open(found) else []
+    anew = partial(_begun_anew, weighing=weighing, tried=set())
     while True:
         found += [
             weighing.of(one.problem, _joint(one.problem, one, other), priors.log_of(*one.names, *other.names))
             for one, other in pairs
         ]
-        found = _begun_anew(with_probabilities(found), weighing)
+        found = anew(with_probabilities(found))
         if confirm is not None:
-            found = _confirmed(found, weighing, confirm)
+            found = _confirmed(found, weighing, confirm, anew)
         pairs = _untried(found)
         if not pairs:
             found = _integrated(found, weighing)
@@ -328,7 +333,9 @@ def _joint(problem: LinearisedProblem, one: Explanation, other: Explanation) -> 
     return fit(problem, both, {**one.fit.values, **shapes})
 
 
-def _begun_anew(found: list[Explanation], weighing: Weighing) -> list[Explanation]:
+def _begun_anew(
+    found: list[Explanation], weighing: Weighing, tried: set[tuple[str, LinearisedFit]]
+) -> list[Explanation]:
     """Fit mechanisms anew alone from where the leading pairs have them, which may be at another minimum.
 
     A stiff region lies on one side or on the other: beside a tilt of nothing a search may find the right one, and the
@@ -337,14 +344,22 @@ def _begun_anew(found: list[Explanation], weighing: Weighing) -> list[Explanatio
     leading = [e for e in found[:CONFIRMED_MOST] if len(e.names) == 2 and e.probability >= CONFIRMED_FROM]
     for pair in leading:
         for single in [e for e in found if len(e.names) == 1 and e.names[0] in pair.names]:
+            if (single.names[0], pair.fit) in tried:
+                continue
+            tried.add((single.names[0], pair.fit))
             start = {k: v for k, v in pair.fit.values.items() if k in single.fit.values}
-            beside, again = fit_beside(pair.problem, single.fit.mechanisms, start)
+            beside, again = refitted_beside(pair.problem, fit(pair.problem, single.fit.mechanisms, start))
             if again.cost < single.fit.cost - ANEW:
                 found[found.index(single)] = weighing.of(beside, again, single.log_prior)
     return with_probabilities(found)
 
 
-def _confirmed(found: list[Explanation], weighing: Weighing, confirm: Confirm) -> list[Explanation]:
+def _confirmed(
+    found: list[Explanation],
+    weighing: Weighing,
+    confirm: Confirm,
+    anew: Callable[[list[Explanation]], list[Explanation]],
+) -> list[Explanation]:
     """Refit the leading explanations about full solutions, until none of them is emulated.
 
     Those that explain no more than nothing does stay emulated: they change no verdict. With a pair goes the better one
@@ -377,7 +392,7 @@ def _confirmed(found: list[Explanation], weighing: Weighing, confirm: Confirm) -
                 about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
                 found[found.index(pair)] = weighing.of(shifted, about, pair.log_prior)
             found[found.index(one)] = again if made else _as_confirmed(one)
-        found = _begun_anew(with_probabilities(found), weighing)
+        found = anew(with_probabilities(found))
     return found
 
 

@@ -64,13 +64,10 @@ def fit(
     return _fit_from(problem, mechanisms, starts[0], held, evaluations or _MANY)
 
 
-def fit_beside(
-    problem: LinearisedProblem, mechanisms: Sequence[Mechanism], start: Mapping[str, float]
-) -> tuple[LinearisedProblem, LinearisedFit]:
-    """Return the problem with what nuisances do beside mechanisms where they fit, and the fit by that."""
-    fitted = fit(problem, mechanisms, start)
+def refitted_beside(problem: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit]:
+    """Return the problem with what nuisances do beside a fit's mechanisms, and the refit if that is something else."""
     beside = problem.beside(fitted)
-    return beside, fitted if beside is problem else fit(beside, mechanisms, fitted.values)
+    return beside, fitted if beside is problem else fit(beside, fitted.mechanisms, fitted.values)
 
 
 def fit_base(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:

@@ -210,7 +210,7 @@ class Observations:
         """Return the observations without channels whose courses a model doesn't know, with a remark on each."""
         known = set(names)
         remarks = tuple(
-            f"{one.kind.words} was recorded, but isn't solved for on this leg, so it isn't weighed."
+            f"{one.kind.words} was recorded, but the model's solutions don't have it, so it isn't weighed."
             for one in self.channels
             if not known.issuperset(one.needed)
         )

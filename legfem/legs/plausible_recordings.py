@@ -17,7 +17,6 @@ from legfem.data import Recording, Segmentation, ranges
 from legfem.data.channel_reader import LONGEST_LAG_S
 from legfem.data.contact import LEG
 from legfem.data.formats import recording_files
-from legfem.data.phases import LOADING
 from legfem.data.plausibility import loading_doubts, pull_doubts, refuse_copies, trial_doubts
 from legfem.data.recording import RecordedChannel
 from legfem.geometry.indenter import Indenter, Site
@@ -273,7 +272,7 @@ def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter,
         source = trial.source
         _check_time(channel, trial, source)
         force = np.interp(channel.time, trial.recording.time, trial.recording.force - trial.contact.baseline)
-        depths, values = loading_depths(channel, trial), channel.values
+        depths, values = trial.loading_depths(channel.time), channel.values
         recorded = ReadingsAtSite(
             values, depths, force, channel.accuracy, Site(section, indenter), outline_sd, channel.place
         )
@@ -282,24 +281,10 @@ def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter,
             raise InputError(source, channel.name, found.what, found.remedy)
 
 
-def loading_depths(channel: RecordedChannel, trial: Segmentation) -> FloatArray:
-    """Return the depths (mm after first contact) of a channel's readings in the first loading; NaN of others.
-
-    Readings in air before it have depth 0.
-    """
-    time, depth = trial.recording.time, trial.smooth - trial.contact.displacement
-    nearest = np.clip(np.searchsorted(time, channel.time), 0, len(time) - 1)
-    first = (trial.labels == LOADING) & (np.arange(len(time)) <= trial.deepest)
-    before = np.arange(len(time)) < np.argmax(first)
-    at = np.interp(channel.time, time, depth)
-    found = np.where(first[nearest], np.maximum(at, 0.0), np.where(before[nearest], 0.0, np.nan))
-    return np.where((channel.time < time[0]) | (channel.time > time[-1]), np.nan, found)
-
-
 def _check_time(channel: RecordedChannel, trial: Segmentation, source: str) -> None:
     if not np.isfinite(channel.values).all() or not len(channel.values):
         raise InputError(source, channel.name, "has no readings", "leave the column out")
-    if not np.isfinite(loading_depths(channel, trial)).any():
+    if not np.isfinite(trial.loading_depths(channel.time)).any():
         t = trial.recording.time
         raise InputError(
             source,

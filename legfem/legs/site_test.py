@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from legfem.channels.kind import ChannelKind
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve, mean_loading_curve
@@ -16,10 +15,10 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
 from legfem.inverse.errors import numerical_covariance
 from legfem.inverse.fit import TestFit
+from legfem.inverse.loading_channels import BesideForce, LoadingChannel, image_errors
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Channel, Data, Reading
 from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
-from legfem.legs.site_channels import SiteChannel, image_errors
 from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.solve.path import ForceCurve
 
@@ -51,7 +50,7 @@ class SiteTest(Test):
         Whether the instrument has a gain, zero or contact offset that is free or held.
     finds_contact : bool
         Whether the model's own rise says where contact was, as it does where readings are weighed by their errors.
-    beside : tuple of SiteChannel
+    beside : tuple of LoadingChannel
         What else was recorded, and is predicted.
     """
 
@@ -61,7 +60,7 @@ class SiteTest(Test):
     beyond: float = 0.0
     by_instrument: bool = False
     finds_contact: bool = True
-    beside: tuple[SiteChannel, ...] = ()
+    beside: tuple[LoadingChannel, ...] = ()
 
     @property
     def name(self) -> str:
@@ -86,15 +85,14 @@ class SiteTest(Test):
     @property
     def model_size(self) -> int:
         """Number m of values on the model's grid: forces, and of each channel its value at rest and changes."""
-        return len(self.grid) + len(self._parts) * (1 + len(self.grid))
+        return len(self.grid) + self._beside.size
 
     @cached_property
     def linear_scale(self) -> FloatArray | None:
         """Sizes (m,) of what isn't a force along the travel, which is 0; None where all is."""
         if not self.beside:
             return None
-        sizes = [np.full(1 + len(self.grid), one.size) for one, _, _ in self._parts]
-        return np.concatenate([np.zeros(len(self.grid)), *sizes])
+        return np.concatenate([np.zeros(len(self.grid)), self._beside.scale])
 
     @property
     def reach(self) -> str:
@@ -109,8 +107,7 @@ class SiteTest(Test):
 
     def reached_by(self, curve: ForceCurve) -> bool:
         """Whether a solve came to the grid's end; one that stops short says nothing of the greatest forces."""
-        told = all(course in curve.channels for _, course, _ in self._parts)
-        return told and curve.depth >= self.grid[-1] - 1e-9
+        return self._beside.told_by(curve) and curve.depth >= self.grid[-1] - 1e-9
 
     def seen_in(self, curve: ForceCurve) -> "SiteTest | None":
         """Same test with what images do that lie elsewhere, as a solve shows it; None where that is known already."""
@@ -122,10 +119,10 @@ class SiteTest(Test):
         """Readings (..., n) that the instrument shows of the model's (..., m)."""
         if not self.beside:
             return self._reading(model_values, instrument) if self.by_instrument else model_values
-        force, *others = np.split(model_values, self._ends, axis=-1)
+        force, others = np.split(model_values, [len(self.grid)], axis=-1)
         offset = instrument[..., 2] if self.by_instrument else np.zeros(())
         seen = self._reading(force, instrument) if self.by_instrument else force[..., : len(self.curve.force)]
-        return np.concatenate([seen, *map(self._beside_at(offset), self._beside_readings, others)], axis=-1)
+        return np.concatenate([seen, self._beside.read(others, offset)], axis=-1)
 
     def predict(self, curve: ForceCurve, values: Values, instrument: FloatArray) -> Prediction:
         """Corrected force of a solve, and further channels, as the instrument shows them."""
@@ -144,49 +141,14 @@ class SiteTest(Test):
 
     def _with_beside(self, read: Prediction, curve: ForceCurve, values: Values, offset: FloatArray) -> Prediction:
         """Return a prediction of forces with those of further channels after them, at a contact's offset (mm)."""
-        for (one, course, depth), reading in zip(self._parts, self._beside_readings, strict=True):
-            block, by = self._beside(one.readings.kind, course, curve, values)
-            read_by = {name: reading.at(change[1:], offset) for name, change in by.items()}
-            read_by |= {name: np.zeros(len(depth)) for name in read.sensitivities if name not in by}
-            if OFFSET in read.sensitivities:
-                read_by[OFFSET] = -reading.at(block[1:], offset, derivative=True)
-            read = Prediction(
-                np.concatenate([read.values, block[0] + reading.at(block[1:], offset)]),
-                _joined(read.sensitivities, read_by),
-                np.concatenate([read.model_values, block]),
-                _joined(read.model_sensitivities, by),
-            )
-        return read
-
-    def _beside(
-        self, kind: ChannelKind, course: str, curve: ForceCurve, values: Values
-    ) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """Return a channel's course at rest and its changes on the grid, (1 + g,), and the derivatives of these."""
-        at = np.concatenate([[0.0], self.grid])
-        level = curve.channel(course, at)
-        by = {p: curve.channel_sensitivity(course, p, at) for p in curve.sensitivities}
-        change, by_change = level[1:] - level[0], {p: one[1:] for p, one in by.items()}
-        if kind.follows_force:
-            change, by_change = self._corrected(change, by_change, values)
-        return np.concatenate([level[:1], change]), {p: np.concatenate([by[p][:1], by_change[p]]) for p in by}
+        if not self.beside:
+            return read
+        corrected = partial(self._corrected, values=values)
+        return read.followed_by(self._beside.predict(curve, offset, corrected))
 
     @cached_property
-    def _ends(self) -> list[int]:
-        """Where courses of channels begin among the model's values."""
-        return [len(self.grid) + k * (1 + len(self.grid)) for k in range(len(self._parts))]
-
-    @cached_property
-    def _parts(self) -> list[tuple[SiteChannel, str, FloatArray]]:
-        """Channels by their courses: the channel, the course's name, and the depths (mm) of its readings."""
-        return [(one, name, depth) for one in self.beside for name, depth in one.parts]
-
-    @cached_property
-    def _beside_readings(self) -> list[Reading]:
-        return [Reading(self.grid, depth) for _, _, depth in self._parts]
-
-    @staticmethod
-    def _beside_at(offset: FloatArray) -> Callable[[Reading, FloatArray], FloatArray]:
-        return lambda reading, block: block[..., :1] + reading.at(block[..., 1:], offset)
+    def _beside(self) -> BesideForce:
+        return BesideForce(self.grid, self.beside)
 
     @cached_property
     def _reading(self) -> Reading:
@@ -261,10 +223,6 @@ def _on_grid(
     of: Callable[[str, FloatArray], FloatArray], names: Iterable[str], grid: FloatArray
 ) -> dict[str, FloatArray]:
     return {name: of(name, grid) for name in names}
-
-
-def _joined(first: Mapping[str, FloatArray], then: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    return {name: np.concatenate([values, then[name]]) for name, values in first.items()}
 
 
 def source_of_mode(name: str) -> ErrorSource:

@@ -20,6 +20,7 @@ from legfem.report import page as web
 from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_numbers import known_of
+from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.further_channels import channel_chapter, misfit_in_section
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import still_section
@@ -105,7 +106,7 @@ def diagnosis_web_page(
             [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)],
         ),
         *channel_chapter(found),
-        web.Chapter("Where the model is wrong", [*_where(found), *located, *each]),
+        web.Chapter("Where the model is wrong", [*_where(found), *signatures_of(found), *located, *each]),
         web.Chapter("Which physics, and how sure", _physics(found)),
         web.Chapter("What was tested", _tested(found)),
         web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
@@ -206,7 +207,7 @@ def _physics(found: Diagnosis) -> list[web.Block]:
     blocks: list[web.Block] = [
         web.Prose(f"Verdict: {found.verdict.upper()}. {diagnosis_sentences.verdict_sentence(found)}"),
         web.Prose(_looks(found)),
-        web.WebTable("How probable each explanation is", *tables.explanation_cells(found)),
+        tables.explanation_bars(found),
     ]
     blocks += _checks(found)
     if found.verdict == "consistent":

@@ -16,8 +16,6 @@ from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"
-SUITING_COLOUR = "#56B4E9"
-CONTRADICTED_COLOUR = "#BDBDBD"
 BASE_NAME = "base model"
 UNKNOWN_NAME = "something unknown"
 

@@ -14,7 +14,7 @@ from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report import diagnosis_curves
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows
-from legfem.report.page import Known, Provenance
+from legfem.report.page import Bars, Known, LabelledBar, Provenance
 from legfem.report.words import moduli_text, number, short_probability
 
 _WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
@@ -245,12 +245,13 @@ def evidence_cells(found: Diagnosis) -> Cells:
     return header, rows
 
 
-def explanation_cells(found: Diagnosis) -> Cells:
+def explanation_bars(found: Diagnosis) -> Bars:
     """Return the eight most probable things that may have been left out; nothing that shows, too."""
-    rows = [
-        [diagnosis_curves.statement_name(one), percent(one.probability)] for one in found.explained.statements()[:8]
+    bars = [
+        LabelledBar(diagnosis_curves.statement_name(one), 100 * one.probability, percent(one.probability))
+        for one in found.explained.statements()[:8]
     ]
-    return ["left out", "probability"], rows
+    return Bars("How probable each explanation is", ("left out", "probability"), bars, greatest=100.0)
 
 
 def limit_cells(found: Diagnosis) -> Cells:

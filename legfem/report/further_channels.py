@@ -22,7 +22,7 @@ from legfem.legs.subject import Subject
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.diagnosis_curves import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
-from legfem.report.diagnosis_figures import matched
+from legfem.report.diagnosis_signatures import matched
 from legfem.report.page import Arrow, Mark, StillSection
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
@@ -33,6 +33,16 @@ SHOWS = "what was recorded beside the force and what the model makes of it, and 
 def beside_force(fit: Fit[Any]) -> list[tuple[int, int]]:
     """Return the numbers of test and channel of all that was recorded beside the force."""
     return [(number, k) for number, one in enumerate(fit.tests) for k in range(1, len(one.channels))]
+
+
+def drawn(fits: Sequence[Fit[Any]]) -> list[Curves]:
+    """Return the panels of all channels that were read more than once: a single reading has no course."""
+    return [channel_curves(fits, *at) for at in beside_force(fits[0]) if len(_channel(fits[0], at).channel) > 1]
+
+
+def _channel(fit: Fit[Any], at: tuple[int, int]) -> ChannelFit:
+    number, k = at
+    return fit.tests[number].channels[k]
 
 
 def channel_name(one: ChannelFit) -> str:
@@ -111,7 +121,7 @@ def channel_lines(fit: Fit[Any]) -> list[str]:
     several = len(fit.tests) > 1
     found = []
     for number, k in beside_force(fit):
-        test, one = fit.tests[number], fit.tests[number].channels[k]
+        test, one = fit.tests[number], _channel(fit, (number, k))
         where = f"{test.name}, " if several else ""
         error = float(np.sqrt(np.mean(one.channel.sd**2)))
         count = len(one.channel)
@@ -135,8 +145,7 @@ def _shares(parameters: Mapping[str, Estimate]) -> str:
 
 def channels_figure(fits: Sequence[Fit[Any]]) -> Figure:
     """Draw every channel beside the force over displacement, and the laws' differences from it beneath."""
-    blocks = [channel_curves(fits, number, k) for number, k in beside_force(fits[0])]
-    return curves_figure(blocks, "Recorded beside the force", fits[0].subject.title, fits[0].subject.origin)
+    return curves_figure(drawn(fits), "Recorded beside the force", fits[0].subject.title, fits[0].subject.origin)
 
 
 _LEAST = 1.0

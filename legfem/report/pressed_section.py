@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
@@ -19,9 +20,53 @@ from legfem.legs.subject import Subject
 from legfem.mechanics.model import Skin
 from legfem.meshing.section import REGIONS
 from legfem.report.curves import packed
-from legfem.report.leg_figure import DrawnSection
 from legfem.report.page import PressedSection, StillSection
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS
+
+# Corners of a second-order cell in the order of its outline, among DOLFINx' nodes.
+_CORNERS = {6: [0, 1, 2], 9: [0, 1, 3, 2]}
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnSection:
+    """A section's second-order cells as arrays; one rank's, so use it on one rank."""
+
+    nodes: FloatArray
+    """(cells, 6 or 9, 2), mm, undeformed."""
+    displacement: FloatArray
+    """(cells, 6 or 9, 2), mm."""
+    numbers: FloatArray
+    """(cells, 6 or 9): of the nodes."""
+    region: FloatArray
+    """(cells,)."""
+    pressure: FloatArray
+    """(cells, 6 or 9), kPa."""
+    stretch: FloatArray
+    """(cells, 6 or 9), the greatest principal one."""
+
+    @classmethod
+    def of(cls, fields: LegFields) -> "DrawnSection":
+        """Return the arrays of some fields in a plane."""
+        space = fields.displacement.function_space
+        numbers = space.dofmap.list
+        there = space.tabulate_dof_coordinates()[:, :2]
+        moved = fields.displacement.x.array.reshape(-1, 2)
+        quadratic = fem.functionspace(space.mesh, ("DG", 2))
+
+        def at_nodes(linear: Any) -> FloatArray:
+            values = fem.Function(quadratic)
+            values.interpolate(linear)
+            return np.asarray(values.x.array[quadratic.dofmap.list])
+
+        return cls(
+            there[numbers],
+            moved[numbers],
+            numbers,
+            fields.region.x.array[: len(numbers)],
+            at_nodes(fields.pressure),
+            at_nodes(fields.stretch),
+        )
+
 
 _MOVE, _SHARE = 1 / 200, 1 / 50_000
 """mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""
@@ -72,7 +117,7 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
     if len(film.states) < 2:
         return None
     first = film.states[0].drawn
-    corners = first.cell_outlines[::2]
+    corners = _CORNERS[first.numbers.shape[1]]
     vertices, cells = np.unique(first.numbers[:, corners], return_inverse=True)
     cells = cells.reshape(-1, len(corners))
     moves = np.zeros((len(film.states) + 1, len(vertices), 2))

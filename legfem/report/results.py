@@ -21,13 +21,14 @@ from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report import diagnosis_document
 from legfem.report import diagnosis_numbers as tables
+from legfem.report.curves import curves_figure
 from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import model_name, recording_figure
-from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
+from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.estimates import preferred
 from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_another, made_in_place, write_fields
 from legfem.report.kinds import kind_of
-from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
+from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import filmed
 from legfem.report.render import bullets, estimates_frame, fill, table, write_page
@@ -102,7 +103,6 @@ def pressed_section_of(fits: LegFits, experiment: PlaneStrainIndentation) -> Pre
 def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: Path) -> _Solved:
     """Solve the best law once more, and write what is to be seen of it."""
     best = preferred(fits)
-    subject = best.details.subject
     depth = float(curve_of(best.tests[0]).displacement[-1])
     shot = filmed(experiment, best.model_values, depth)
     solved = shot.solved
@@ -111,34 +111,17 @@ def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: P
             f"The deformed state at {depth:g} mm could not be solved for again with the same mesh "
             f"({solved.report.reason}): its picture and fields are left out."
         )
-    fields = shot.fields
-    files, pressed = [], None
-    if shot.film is not None:
-        pressed = shot.section(f"the {LAW_NAMES[best.law]} law")
-        figure = leg_figure(
-            fields,
-            subject.section,
-            subject.indenter.radius,
-            solved.report.reached,
-            float(solved.curve.force[-1]),
-            f"{subject.title}, {LAW_NAMES[best.law]} law",
-            subject.origin,
-        )
-        shows = "the section with its mesh, and deformed with the hydrostatic pressure"
-        files.append(ReportFile(save(figure, folder, "leg"), shows))
-    files.append(
-        ReportFile(
-            write_fields(fields, folder, solved.report.reached),
-            "the same for ParaView: displacement (mm), hydrostatic pressure and von Mises stress "
-            "(kPa), greatest stretch, J, tissue; contact pressure on the skin (kPa)",
-        )
+    fields = ReportFile(
+        write_fields(shot.fields, folder, solved.report.reached),
+        "the pressed section for ParaView: displacement (mm), hydrostatic pressure and von Mises stress "
+        "(kPa), greatest stretch, J, tissue; contact pressure on the skin (kPa)",
     )
     note = (
         f"The pressed section and its fields were computed in plane strain with the {LAW_NAMES[best.law]} law at "
         f"{solved.report.reached:g} mm, in one full solve in addition to the search's {best.log.forward_solves} "
         f"({solved.report.factorisations} factorisations, {solved.report.seconds:.1f} s)."
     )
-    return _Solved(note, files, pressed)
+    return _Solved(note, [fields], shot.section(f"the {LAW_NAMES[best.law]} law"))
 
 
 _COARSER = 2.4
@@ -205,16 +188,10 @@ def _figures(found: Diagnosis, subject: diagnosis_document.Recorded, folder: Pat
                 f"recordings ({stations.label}) against the model, what it misses, and where",
             )
         )
-    if found.verdict != "consistent" and leading(found):
-        figure = signature_figure(found, *whose)
+    if blocks := signatures_of(found):
+        figure = curves_figure(blocks, "What the base model misses", *whose)
         shows = "what the base model misses, and what each leading mechanism would leave"
         entries.append(ReportFile(save(figure, folder, "signatures"), shows))
-    figure = ranking_figure(found, *whose)
-    shows = "how probable every explanation is"
-    entries.append(ReportFile(save(figure, folder, "ranking", svg=True), shows))
-    figure = parameter_figure(found, *whose)
-    shows = "the parameters with their 95 % intervals, before and after"
-    entries.append(ReportFile(save(figure, folder, "parameters", svg=True), shows))
     return entries
 
 

@@ -9,6 +9,7 @@ from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
+from legfem.report.further_channels import channel_lines, drawn
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.words import ORIGINS, capital, fit_probability
@@ -341,22 +342,26 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
     return rows
 
 
-def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
-    first = estimates.least_akaike(results)
-    worst = sorted(compared(first), key=lambda one: one.r_squared)[:_MOST_CURVES]
-    blocks: list[web.Block] = []
-    if len(compared(first)) > _MOST_CURVES:
-        blocks.append(
-            web.Prose(
-                f"The {_MOST_CURVES} of {len(compared(first))} recordings with the poorest fit are drawn; "
-                f"fit.png shows all."
-            )
-        )
+def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
+    """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
+    worst = sorted(compared(estimates.least_akaike(results)), key=lambda one: one.r_squared)[:_MOST_CURVES]
+    blocks = []
     for number, one in enumerate(worst):
         axes = one.axes
         blocks.append(_curves(results, one, number, axes.ways * one.course.displacement, axes.way, axes.way_unit))
         if one.course.holds:
             blocks.append(_curves(results, one, number, one.course.time, "time", "s"))
+    return blocks
+
+
+def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
+    first = estimates.least_akaike(results)
+    blocks: list[web.Block] = []
+    if len(compared(first)) > _MOST_CURVES:
+        blocks.append(
+            web.Prose(f"The {_MOST_CURVES} of {len(compared(first))} recordings with the poorest fit are drawn.")
+        )
+    blocks += curves_of(results)
     blocks.append(
         Bars(
             f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)",
@@ -372,6 +377,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
             greatest=1.0,
         )
     )
+    blocks += drawn(results)
     return [*blocks, *(block for result in results for block in _in_numbers(result))]
 
 
@@ -443,6 +449,7 @@ def _tested(results: Sequence[SpecimenFit]) -> list[str]:
             f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
             f"chi-square {result.goodness.chi_square:.4g} on {result.goodness.degrees_of_freedom} degrees of freedom "
             f"({fit_probability(result.goodness.p_value)}).",
+            *channel_lines(result),
             *estimates.why_identifiable(result.estimates, result.law),
             *(f"{text}." for text in (*differing(result), *predictions(result))),
         )

@@ -13,30 +13,15 @@ from matplotlib.patches import Patch
 from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import outward_normals
-from legfem.geometry.slices import CONTOURS, SliceSet
-from legfem.report.style import (
-    BONE_COLOUR,
-    DATA_COLOUR,
-    FAINT,
-    REGION_COLOURS,
-    new_figure,
-    panel,
-    scale_in_kpa,
-    styled,
-    title,
-)
-from legfem.report.words import Directions, number, unwrapped
-from legfem.stockings.contour_distances import CONTOUR_NAMES, ContourMisfit
+from legfem.report.style import BONE_COLOUR, DATA_COLOUR, new_figure, panel, scale_in_kpa, styled, title
+from legfem.report.words import ROUND, Directions, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
-from legfem.stockings.estimates import StiffnessFit, expected_rms
-from legfem.stockings.pressures import FatPressures, SectionPressures
+from legfem.stockings.pressures import SectionPressures
 
 COLOURS = "viridis"
 BARE_COLOUR = "#D9D9D9"
 NO_PRESSURE = 0.01
 """Of the greatest, below which there is none to speak of."""
-_ROUND = np.linspace(-180.0, 180.0, 361)
-"""Angles round the leg at which values of its points are drawn, degrees from the front."""
 
 
 @styled
@@ -91,23 +76,18 @@ def stocking_pressure_figure(details: StockingDetails) -> Figure:
 
 def _unrolled(axes: Axes, levels: FloatArray, skin: FloatArray, pressure: FloatArray, norm: Normalize) -> Any:
     """Draw the pressure over the angle round the leg and the height."""
-    rows = np.stack([_round_leg(*pair) for pair in zip(unwrapped(skin), pressure, strict=True)])
-    image = axes.pcolormesh(_ROUND, levels, rows, cmap=COLOURS, norm=norm, shading="gouraud", rasterized=True)
+    rows = np.stack([round_leg(*pair) for pair in zip(unwrapped(skin), pressure, strict=True)])
+    image = axes.pcolormesh(ROUND, levels, rows, cmap=COLOURS, norm=norm, shading="gouraud", rasterized=True)
     least = NO_PRESSURE * float(pressure.max())
-    axes.contourf(_ROUND, levels, rows, levels=[-1.0, least], colors=[BARE_COLOUR])
-    hatched = axes.contourf(_ROUND, levels, rows, levels=[-1.0, least], colors="none", hatches=["//"])
+    axes.contourf(ROUND, levels, rows, levels=[-1.0, least], colors=[BARE_COLOUR])
+    hatched = axes.contourf(ROUND, levels, rows, levels=[-1.0, least], colors="none", hatches=["//"])
     hatched.set_edgecolor("#777777")
     hatched.set_linewidth(0.0)
     apart = 5.0 if pressure.max() < 35.0 else 10.0
     drawn = np.arange(apart, pressure.max(), apart)
-    lines = axes.contour(_ROUND, levels, rows, levels=drawn, colors="white", linewidths=0.6)
+    lines = axes.contour(ROUND, levels, rows, levels=drawn, colors="white", linewidths=0.6)
     axes.clabel(lines, fmt="%g", fontsize=8)
     return image
-
-
-def _round_leg(angles: FloatArray, values: FloatArray) -> FloatArray:
-    """Interpolate values (n,) at angles (n,) round the leg to `_ROUND`."""
-    return np.interp(_ROUND, angles, values, period=360.0)
 
 
 def _solid(axes: Any, points: FloatArray, pressure: FloatArray, norm: Normalize, angle: float) -> None:
@@ -267,159 +247,3 @@ def _draw_bones(axes: Axes, shape: LegShape, level: float) -> None:
 def _closed(contour: FloatArray) -> FloatArray:
     """Return x and y of a contour (n, 2) with its first point repeated, (2, n + 1)."""
     return np.vstack([contour, contour[:1]]).T
-
-
-INTERFACE, GREATEST = "#0072B2", "#D55E00"
-
-
-@styled
-def stocking_fat_figure(details: StockingDetails, fat: FatPressures, level: float) -> Figure:
-    """Return thickness and pressures round the leg at a level (mm), and over all levels."""
-    leg = details.leg
-    row = int(np.argmin(np.abs(fat.levels - level)))
-    figure = new_figure(13.5, 5.4)
-    title(figure, "Fat thickness and the pressures over it and in it", leg.title, leg.origin)
-    around, by_thickness, by_interface = figure.subplots(1, 3, width_ratios=(1.5, 1, 1))
-
-    angles = unwrapped(fat.skin)
-
-    def at_level(values: FloatArray) -> FloatArray:
-        return _round_leg(angles[row], values[row])
-
-    thick = around.twinx()
-    thick.fill_between(_ROUND, at_level(fat.thickness), color=REGION_COLOURS["superficial"])
-    thick.set_ylim(0, 2.2 * fat.thickness[row].max())
-    thick.set_ylabel("fat thickness (mm), shaded")
-    thick.spines["right"].set_visible(True)
-    around.set_zorder(thick.get_zorder() + 1)
-    around.patch.set_visible(False)
-    for values, colour, line, label in (
-        (fat.greatest, GREATEST, "-", "hydrostatic in the fat, greatest in its depth"),
-        (fat.mean, GREATEST, "--", "hydrostatic in the fat, mean over its depth"),
-        (fat.interface, INTERFACE, "-.", "on the skin"),
-    ):
-        around.plot(_ROUND, at_level(mpa_to_mmhg(values)), color=colour, linewidth=1.5, linestyle=line, label=label)
-    around.set(xlim=(-180, 180), ylabel="pressure (mmHg)")
-    around.set_ylim(0.0, 1.3 * around.get_ylim()[1])
-    around.set_xticks(*Directions.of(leg.bare).sides())
-    around.legend(loc="upper left")
-    panel(around, "A", f"round the leg at z = {fat.levels[row]:.1f} mm")
-
-    greatest, interface = mpa_to_mmhg(fat.greatest).ravel(), mpa_to_mmhg(fat.interface).ravel()
-    thickness = fat.thickness.ravel()
-    thick_label, skin_label = "fat thickness there (mm)", "pressure on the skin there (mmHg)"
-    low, top = 0.95 * float(np.nanmin(greatest)), 1.05 * float(np.nanmax(greatest))
-    for axes, letter, x, by, shade, colours, label in (
-        (by_thickness, "B", thickness, fat.thickness, interface, "viridis", skin_label),
-        (by_interface, "C", interface, fat.interface, thickness, "cividis", thick_label),
-    ):
-        image = axes.scatter(x, greatest, c=shade, cmap=colours, s=6, linewidths=0)
-        figure.colorbar(image, ax=axes, location="bottom", shrink=0.9).set_label(label)
-        axes.set_ylim(low, top)
-        panel(axes, letter, f"all columns: rank correlation {number(fat.rank_correlation(fat.greatest, by))}")
-    by_thickness.set(
-        xlabel="fat thickness (mm)", xlim=(0, None), ylabel="greatest hydrostatic pressure\nin the fat (mmHg)"
-    )
-    by_interface.plot([low, top], [low, top], color=FAINT, linewidth=0.8, zorder=0)
-    by_interface.annotate("equal ", (top, top), color=FAINT, ha="right", va="top")
-    by_interface.set(xlabel="pressure on the skin (mmHg)")
-    mean = mpa_to_mmhg(details.equilibrium.load.mean_pressure)
-    for axes in (by_thickness, by_interface):
-        axes.axhline(mean, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
-    by_thickness.annotate("mean on the skin", (0.1, mean), va="top", fontsize=8)
-    return figure
-
-
-MODEL_COLOUR, BARE_SLICE_COLOUR, ERROR_COLOUR = "#0072B2", "#E69F00", "#BDBDBD"
-SHORT = {"anterior": "ant.", "posterior": "post.", "medial": "med.", "lateral": "lat."}
-
-
-@styled
-def stocking_contours_figure(details: StockingDetails, found: StiffnessFit) -> Figure:
-    """Return outlines and distances of the best fit, slice by slice.
-
-    Parameters
-    ----------
-    details
-        Of a leg that was scanned in its stocking.
-    found
-        The fit that is shown.
-    """
-    leg, misfit = details.leg, details.misfit
-    assert misfit is not None
-    target, simulated = misfit.target, found.equilibrium.shape
-    fitted, bare = (_distances_by_contour(misfit, found, shape) for shape in (simulated, leg.bare))
-    figure = new_figure(3.0 * len(target.levels) + 0.6, 9.4)
-    title(figure, "Contours that were compared: model of the compressed leg against its scan", leg.title, leg.origin)
-    axes = figure.subplots(3, len(target.levels), sharey="row", height_ratios=(1.35, 1, 1))
-    sides, words = Directions.of(leg.bare).sides()
-    names = [SHORT.get(word, word) for word in words]
-    slices = {
-        "scan": (target, DATA_COLOUR, "-", 2.2),
-        "bare": (SliceSet.of(leg.bare, target.levels), BARE_SLICE_COLOUR, "-", 1.0),
-        "model": (SliceSet.of(simulated, target.levels), MODEL_COLOUR, "-", 1.0),
-    }
-    error = 1.96 * expected_rms(leg.accuracy)
-    reach = 1.05 * max(error, *(float(np.abs(d[c]).max()) for d in (fitted, bare) for c in d))
-    for column, level in enumerate(target.levels):
-        top = axes[0, column]
-        _draw_slices(top, slices, column)
-        top.set_title(f"z = {level:.1f} mm", loc="center")
-        for row, name in enumerate(CONTOURS, 1):
-            panel = axes[row, column]
-            _draw_distances(panel, target, name, column, (bare, fitted), error)
-            panel.set(xlim=(-180, 180), ylim=(-reach, reach))
-            panel.set_xticks(sides, names if row == 2 else [""] * len(names))
-            for label, side in zip(panel.get_xticklabels(), ("left", *3 * ["center"], "right"), strict=True):
-                label.set_horizontalalignment(side)
-            rms = float(np.sqrt(np.mean(fitted[name][column] ** 2)))
-            panel.text(
-                0.97, 0.04, f"rms {rms:.2f} mm", transform=panel.transAxes, ha="right", color=MODEL_COLOUR, fontsize=9
-            )
-    axes[0, 0].set_ylabel("y (mm), front at the top")
-    for row, name in enumerate(CONTOURS, 1):
-        axes[row, 0].set_ylabel(f"{CONTOUR_NAMES[name]}:\ndistance outside the scan (mm)")
-    handles = [
-        Line2D([], [], color=DATA_COLOUR, linewidth=2.2, label="scan in the stocking"),
-        Line2D([], [], color=MODEL_COLOUR, label="model, best fit"),
-        Line2D([], [], color=BARE_SLICE_COLOUR, label="bare leg: what the stocking did"),
-        Patch(color=ERROR_COLOUR, alpha=0.6, label=f"errors of the contours, 95 % (±{error:.2f} mm)"),
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
-    return figure
-
-
-def _distances_by_contour(misfit: ContourMisfit, found: StiffnessFit, shape: LegShape) -> dict[str, FloatArray]:
-    """Return distances by contour, (n_slices, n_points), with the fit's rigid motion."""
-    distances = misfit.distances(shape)
-    if found.rigid is not None:
-        distances = distances + misfit.rigid_slopes(shape) @ found.rigid
-    shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
-    parts = np.split(distances, [shapes[0][0] * shapes[0][1]])
-    return {name: part.reshape(shape) for name, part, shape in zip(CONTOURS, parts, shapes, strict=True)}
-
-
-def _draw_slices(axes: Axes, slices: dict[str, tuple[SliceSet, str, str, float]], column: int) -> None:
-    for found, colour, style, width in slices.values():
-        for name in CONTOURS:
-            contour = found.contours(name)[column]
-            axes.plot(*_closed(contour), color=colour, linestyle=style, linewidth=width)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x (mm)")
-    if column == 0:
-        axes.invert_yaxis()
-
-
-def _draw_distances(
-    axes: Axes,
-    target: SliceSet,
-    name: str,
-    column: int,
-    both: tuple[dict[str, FloatArray], dict[str, FloatArray]],
-    error: float,
-) -> None:
-    angle = unwrapped(target.contours(name)[column : column + 1])[0]
-    axes.axhspan(-error, error, color=ERROR_COLOUR, alpha=0.6, linewidth=0)
-    axes.axhline(0.0, color=DATA_COLOUR, linewidth=1.0)
-    for found, colour in zip(both, (BARE_SLICE_COLOUR, MODEL_COLOUR), strict=True):
-        axes.plot(_ROUND, _round_leg(angle, found[name][column]), color=colour, linewidth=1.3)

@@ -193,7 +193,10 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
         web.Chapter(stocking_stiffness.STIFFNESS, stocking_stiffness.stiffness_blocks(fit)),
         web.Chapter(
             "Where model and scan differ",
-            [web.Prose(_wrong(details))] if differ is None else stocking_stiffness.discrepancy_blocks(differ),
+            [
+                *([web.Prose(_wrong(details))] if differ is None else stocking_stiffness.discrepancy_blocks(differ)),
+                *stocking_stiffness.contour_curves(details),
+            ],
         ),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
         web.Chapter("What to do next", [web.Bullets(_next(fit))]),

@@ -8,11 +8,11 @@ from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape, fat_thickness_around
 from legfem.geometry.motion import inward, stretch_round
 from legfem.inverse.intervals import quantile
-from legfem.report.curves import Curves, Line
+from legfem.report.curves import Curves, Dash, Line
 from legfem.report.leg_3d_view import Marked, SkinField, turned_leg
 from legfem.report.page import Bars, Block, LabelledBar, Prose, Slider, TurnedLeg, View, WebTable
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.words import Directions, angle_round
+from legfem.report.words import ROUND, Directions, angle_round, round_leg, unwrapped
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.fabric import CALF_SHARE
 from legfem.stockings.levels import PLACES, LevelPressure, rises
@@ -187,7 +187,29 @@ def _inside(details: StockingDetails) -> list[Block]:
                 "places on one leg, and say nothing about differences between legs."
             )
         )
-    return blocks
+    return [*blocks, *fat_curves(details)]
+
+
+def fat_curves(details: StockingDetails) -> list[Curves]:
+    """Thickness of the fat at mid calf, and the pressures over it and in it; nothing where these aren't known."""
+    fat, section = details.fat, details.section
+    if fat is None or section is None:
+        return []
+    row = int(np.argmin(np.abs(fat.levels - section.level)))
+    angles = unwrapped(fat.skin)[row]
+    shown: list[tuple[str, FloatArray, str, Dash]] = [
+        ("hydrostatic in the fat, greatest in its depth", fat.greatest, "#D55E00", "solid"),
+        ("hydrostatic in the fat, mean over its depth", fat.mean, "#D55E00", "dashed"),
+        ("on the skin", fat.interface, "#0072B2", "dotdash"),
+    ]
+    lines = [
+        Line(name, round_leg(angles, mpa_to_mmhg(values[row])), None, colour, dash)
+        for name, values, colour, dash in shown
+    ]
+    caption = f"Pressures over and in the fat, round the leg at z = {fat.levels[row]:.1f} mm; beneath, its thickness."
+    lines.append(Line("thickness of the fat", None, round_leg(angles, fat.thickness[row]), tabled=False))
+    x = Directions.of(details.leg.bare).axis()
+    return [Curves("fat", caption, ROUND, x, "pressure (mmHg)", "fat thickness (mm)", lines)]
 
 
 def _postures(details: StockingDetails) -> list[Block]:

@@ -2,14 +2,18 @@
 
 import numpy as np
 
-from legfem.common.units import mpa_to_kpa
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.slices import CONTOURS
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report import page as web
+from legfem.report.curves import Curves, Line
 from legfem.report.page import Block, Prose, WebTable
-from legfem.report.words import short_probability
+from legfem.report.style import FAINT
+from legfem.report.words import ROUND, Directions, capital, round_leg, short_probability, unwrapped
 from legfem.stockings.assessment import TISSUES
-from legfem.stockings.contour_distances import CONTOUR_NAMES
+from legfem.stockings.contour_distances import CONTOUR_NAMES, ContourMisfit
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import PARAMETERS
@@ -176,6 +180,51 @@ def _agreement(details: StockingDetails) -> str:
                 else " Its values are within the intervals above."
             )
     return text
+
+
+_SLICE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+
+
+def contour_curves(details: StockingDetails) -> list[Curves]:
+    """Distances of the best fit from the scan by slice, skin and hull apart; nothing where there is no fit."""
+    misfit, found, leg = details.misfit, details.best, details.leg
+    if misfit is None or found is None:
+        return []
+    fitted, bare = (_distances_by_contour(misfit, found, shape) for shape in (found.equilibrium.shape, leg.bare))
+    blocks = []
+    for name in CONTOURS:
+        lines = [Line("scan in the stocking", np.zeros(len(ROUND)), None, FAINT)]
+        angles = unwrapped(misfit.target.contours(name))
+        for row, (level, colour) in enumerate(zip(misfit.target.levels, _SLICE_COLOURS, strict=True)):
+            model, before = (round_leg(angles[row], distances[name][row]) for distances in (fitted, bare))
+            lines += [
+                Line(f"model, z = {level:.0f} mm", model, None, colour),
+                Line("bare", before, None, colour, "dotted", faint=True, tabled=False),
+            ]
+        blocks.append(
+            Curves(
+                f"contour-{name}",
+                f"{capital(CONTOUR_NAMES[name])}: distance of the model outside the scan, round the leg at the heights "
+                "that were compared; dotted: of the bare leg, which is what the stocking did.",
+                ROUND,
+                Directions.of(leg.bare).axis(),
+                "distance outside the scan (mm)",
+                "",
+                lines,
+                np.full(len(ROUND), 1.96 * expected_rms(leg.accuracy)),
+                "errors of the contours, 95 %",
+            )
+        )
+    return blocks
+
+
+def _distances_by_contour(misfit: ContourMisfit, found: StiffnessFit, shape: LegShape) -> dict[str, FloatArray]:
+    distances = misfit.distances(shape)
+    if found.rigid is not None:
+        distances = distances + misfit.rigid_slopes(shape) @ found.rigid
+    shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
+    parts = np.split(distances, [shapes[0][0] * shapes[0][1]])
+    return {name: part.reshape(shape) for name, part, shape in zip(CONTOURS, parts, shapes, strict=True)}
 
 
 def discrepancy_blocks(found: ModelDiscrepancy) -> list[web.Block]:

@@ -121,6 +121,10 @@ class Directions:
         angles = [-180.0, -90.0, 0.0, 90.0, 180.0]
         return angles, [self.at(angle) for angle in angles]
 
+    def axis(self) -> str:
+        """Return the label of an axis of angles."""
+        return f"angle round the leg (° from the front, {self.at(90.0)} at 90)"
+
 
 def angle_round(points: FloatArray, centre: FloatArray) -> FloatArray:
     """Return the angle round the leg from the front (degrees, -180 to 180) of points (..., 2)."""
@@ -132,6 +136,15 @@ def unwrapped(points: FloatArray) -> FloatArray:
     """Return the angles of closed contours' points (n, m, 2) about their middles, increasing."""
     centre = points.mean(axis=1, keepdims=True)
     return np.asarray(np.unwrap(angle_round(points, centre), axis=1, period=360.0))
+
+
+ROUND = np.linspace(-180.0, 180.0, 361)
+"""Angles round a leg at which values of its points are drawn, degrees from the front."""
+
+
+def round_leg(angles: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values of a closed contour's points (m,) at `ROUND`."""
+    return np.interp(ROUND, angles, values, period=360.0)
 
 
 def share(value: float) -> str:

@@ -34,7 +34,7 @@ from legfem.inverse.fit import (
 )
 from legfem.inverse.intervals import identifiability, verdict_on
 from legfem.specimens.artefacts import LateralFit, SizeDependence
-from legfem.specimens.comparison import SpecimenComparison
+from legfem.specimens.channels import SpecimenReadings
 from legfem.specimens.course import Course
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
@@ -157,39 +157,39 @@ _RESIZED = 0.03
 
 
 def size_covariance(
-    comparison: SpecimenComparison,
+    comparison: SpecimenReadings,
     model: SpecimenForward,
     values: Values,
     readings: FloatArray,
     predicted: FloatArray,
     relative_sd: Mapping[Sizes, Mapping[str, float]],
 ) -> FloatArray:
-    """Return the covariance (n, n), N2, of predicted forces by the sizes' errors, each a specimen's own.
+    """Return the covariance (n, n) of predicted readings by the sizes' errors, each a specimen's own.
 
     Parameters
     ----------
     comparison
-        Recordings of n stations.
+        Recordings of n readings.
     model
         Of their tests.
     values, readings
         At the optimum.
     predicted
-        (n,), N, there.
+        (n,), there.
     relative_sd
         Relative errors of sizes by name, of every test.
     """
     found = np.zeros((len(predicted), len(predicted)))
-    specimens = np.repeat(
-        [part.recording.specimen for part in comparison.parts], [len(part.course.time) for part in comparison.parts]
-    )
-    numbers = np.repeat([part.test for part in comparison.parts], [len(part.course.time) for part in comparison.parts])
+    parts = comparison.forces.parts
+    specimens = np.array([parts[k].recording.specimen for k in comparison.part_of])
+    numbers = np.array([parts[k].test for k in comparison.part_of])
+    forces_alone = np.where(np.arange(len(predicted)) < len(comparison.forces), predicted, 0.0)
     for number, sizes in enumerate(model.tests):
         for name, sd in relative_sd[sizes].items():
             if not sd:
                 continue
             if name in kind_in(sizes).as_force:
-                change = predicted
+                change = forces_alone
             else:
                 larger = resized(sizes, name, (1 + _RESIZED) * lengths_of(sizes)[name])
                 tests = tuple(larger if one == sizes else one for one in model.tests)

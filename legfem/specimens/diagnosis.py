@@ -290,7 +290,7 @@ def _diagnosed(
     able, _ = shown_mechanisms(observed, None, every=every)
     library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS, False)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
-    stiff = stiffness_doubts(folder, middle)
+    observed, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
     observed = replace(observed, remarks=(*doubt_lines(doubts), *observed.remarks))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN

@@ -5,10 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from legfem.channels.kinds.layer_thickness import between_of, refused
 from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable, check_printable
 from legfem.common.units import kpa_to_mpa
-from legfem.data import Instrument, among_repeats
+from legfem.data import Instrument, Segmentation, among_repeats
+from legfem.data.channel_reader import is_channel_file, with_channels
 from legfem.data.formats import READERS, is_litter, read_sheets, recording_files
 from legfem.data.plausibility import refuse_copies, trial_doubts
 from legfem.data.recording import Origin
@@ -27,6 +29,7 @@ from legfem.specimens.sizes import (
     doubts_about_sizes,
     doubts_about_stiffness,
     kind_in,
+    layers_of,
     sizes_of,
     under,
 )
@@ -134,7 +137,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
     kind = given.kind
     at_contact = given.recordings.starts_at_contact or kind.starts_at_contact
-    doubts += _unread(directory, [path for _, _, path in named])
+    doubts += _unread(directory, given, [path for _, _, path in named])
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
         try:
@@ -153,7 +156,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             used.append(SpecimenRecording(name, specimen, sizes[entry], course, trial))
     if not used:
         raise InputError(directory / "recordings", left[0].name, "no recording can be used", left[0].reason)
-    used = _agreeing(used)
+    used = _agreeing(_with_channels(toml, given, used))
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id,
@@ -229,8 +232,32 @@ def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
     return found
 
 
-def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
-    others = [f.name for f in recording_files(directory / "recordings") if f not in read]
+def _with_channels(toml: Path, given: SpecimenFile, used: Sequence[SpecimenRecording]) -> list[SpecimenRecording]:
+    """Return recordings with the channels that the folder's file names, as accurate as it states."""
+    found = []
+    recordings = with_channels(toml, given.channels, [one.recording for one in used])
+    for one, recording in zip(used, recordings, strict=True):
+        same = recording is one.recording
+        found.append(one if same else replace(one, trial=replace(one.trial, recording=recording)))
+        _check_thicknesses(found[-1].trial, one.sizes, _sizes_sd(given))
+    return found
+
+
+def _check_thicknesses(trial: Segmentation, sizes: Sizes, relative_sd: float) -> None:
+    """Refuse thicknesses that aren't those of a specimen's layers."""
+    layers = layers_of(sizes)
+    between = between_of(layers.heights) if layers else {}
+    for one in (channel for channel in trial.recording.channels if channel.name in between):
+        low, high = between[one.name]
+        depths = trial.loading_depths(one.time)
+        found = refused(one.kind, high - low, depths, one.values, one.accuracy, relative_sd * (high - low))
+        if found is not None:
+            raise InputError(trial.source, one.name, found.what, found.remedy)
+
+
+def _unread(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> list[Doubt]:
+    files = recording_files(directory / "recordings")
+    others = [f.name for f in files if f not in read and not is_channel_file(f, given.channels)]
     if not others:
         return []
     return [
@@ -258,6 +285,7 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
             files = _matching(toml, directory, pattern)
             if entry is None:
                 files = [path for path in files if path.suffix.lower() in suffixes]
+                files = [path for path in files if not is_channel_file(path, given.channels)]
             if not files:
                 where = "recordings" if entry is None else f"specimen {entry.name}"
                 raise InputError(

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,18 +35,25 @@ if TYPE_CHECKING:
     from legfem.meshing.section import MeshMotion
 
 
-def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE) -> SpecimenTest:
+def experiment_of(
+    sizes: Sizes,
+    laws: Mapping[str, Hyperelastic],
+    depth: float,
+    fibrous: str = ONE,
+    called: Mapping[str, str] = MappingProxyType({}),
+) -> SpecimenTest:
     """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm).
 
-    Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.laws.ONE`.
+    Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.laws.ONE`. Tissues may be called
+    otherwise by what sees them.
     Fibres, if there are, are the named tissue's, and do nothing until their numbers are given.
     """
     if isinstance(sizes, FibrousTest):
         fibres = Fibres(fibrous, axis=AXES[sizes.direction])
-        return experiment_of(sizes.whole, laws, depth).with_terms((fibres,))
+        return experiment_of(sizes.whole, laws, depth, called=called).with_terms((fibres,))
     law: Law
     if isinstance(sizes, LayeredTest):
-        law = tuple(Layer(name, thickness, laws[name]) for name, thickness in sizes.layers)
+        law = tuple(Layer(name, thickness, laws[name], called.get(name, "")) for name, thickness in sizes.layers)
     else:
         law = laws[ONE]
     return kind_in(sizes).model(bare(sizes), law, depth)
@@ -176,11 +185,16 @@ class SpecimenForward(Picklable):
 
 def _at_poissons_ratio(curve: ForceCurve, values: Values, tied: Sequence[str]) -> ForceCurve:
     """Return a curve with derivatives by C10 along which D1 falls as C10 rises."""
-    by = dict(curve.sensitivities)
-    for tissue in tied:
-        c10, d1 = f"{tissue}.C10", f"{tissue}.D1"
-        by[c10] = by[c10] - values[d1] / values[c10] * by.pop(d1)
-    return replace(curve, sensitivities=by)
+
+    def along(by: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        found = dict(by)
+        for tissue in tied:
+            c10, d1 = f"{tissue}.C10", f"{tissue}.D1"
+            found[c10] = found[c10] - values[d1] / values[c10] * found.pop(d1)
+        return found
+
+    beside = {name: along(by) for name, by in curve.channel_sensitivities.items()}
+    return replace(curve, sensitivities=along(curve.sensitivities), channel_sensitivities=beside)
 
 
 _C10, _C20 = "deep.C10", "deep.C20"
@@ -295,7 +309,8 @@ class SpecimenVariants:
             laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
             fibrous = next((one.name for one in self._named if one.fibrous), ONE)
             sizes = self._of_model(self._sizes(variant))
-            model = experiment_of(sizes, laws, self.depth, fibrous)
+            called = {one.name: tissue.name for one, tissue in zip(self._named, self.tissues, strict=True)}
+            model = experiment_of(sizes, laws, self.depth, fibrous, called)
             self._models[variant] = model.with_terms(self._terms(variant))
         return self._models[variant]
 
@@ -347,22 +362,27 @@ class SpecimenVariants:
         found = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
         if isinstance(found, Stopped):
             return found
-        by: dict[str, Any] = {name: scale * values for name, values in found.sensitivities.items()}
-        if _C20 in by:
-            by[_C20] = found.sensitivities[_C20]
-            # Euler's theorem: the force is homogeneous in the stiffnesses.
-            rest = own[_C20] * by[_C20] + sum(
-                (-value if name.endswith(".D1") else value) * found.sensitivities[name]
-                for name, value in others.items()
-            )
-            by[_C10] = (found.force - rest) / REFERENCE_MPA
+        # Euler's theorem: the force is homogeneous of the first degree in the stiffnesses, and channels of none.
+        every = {**others, _C20: own[_C20]} if _C10 in sensitivities else {}
+        force, nothing = scale * found.force, np.zeros(len(found.time))
+        along = partial(_along_c10, stiffnesses=every, scale=scale, c10=deep[_C10])
+        by = along({name: scale * values for name, values in found.sensitivities.items()}, value=force)
+        known = found.channel_sensitivities
+        seen = {channel: along(known.get(channel, {}), value=nothing) for channel in found.channels}
         for name in (name for name in sensitivities if name in self.measured):
-            changed = self._resized(name).follow(protocol, deep, solution)
+            changed, step = self._resized(name).follow(protocol, deep, solution), _RESIZED * self.measured[name]
             if isinstance(changed, Stopped):
                 return changed
-            rise = changed.force_at(found.time) - scale * found.force
-            by[name] = rise / (_RESIZED * self.measured[name])
-        return replace(found, force=scale * found.force, sensitivities={n: by[n] for n in sensitivities})
+            by[name] = (changed.force_at(found.time) - force) / step
+            for channel, course in changed.channels_at(found.time).items():
+                seen[channel][name] = (course - found.channels[channel]) / step
+        return replace(
+            found,
+            force=force,
+            sensitivities={n: by[n] for n in sensitivities},
+            # What branches bear changes no channel.
+            channel_sensitivities={c: {n: own.get(n, nothing) for n in sensitivities} for c, own in seen.items()},
+        )
 
     def _resized(self, name: str) -> "SpecimenVariants":
         value = (1 + _RESIZED) * self.measured[name]
@@ -396,6 +416,30 @@ class SpecimenVariants:
         if kind_in(self.sizes).relaxes_as_a_whole:
             return _relaxing(solved.path, values, sensitivities)
         return solved.path
+
+
+def _along_c10(
+    by: Mapping[str, FloatArray], stiffnesses: Mapping[str, float], scale: float, c10: float, value: FloatArray
+) -> dict[str, FloatArray]:
+    """Return derivatives by the deep stiffness (MPa) too, of what is homogeneous in all stiffnesses.
+
+    Parameters
+    ----------
+    by
+        Derivatives (n,) by all others, as solved.
+    stiffnesses
+        These (MPa, 1/MPa) as solved.
+    scale
+        Actual stiffness over that.
+    c10
+        Actual deep C10, MPa.
+    value
+        (n,): the degree of homogeneity times the value.
+    """
+    if _C20 not in by:
+        return dict(by)
+    rest = sum((-own if name.endswith(".D1") else own) * by[name] for name, own in stiffnesses.items())
+    return {**by, _C20: by[_C20] / scale, _C10: (value - rest) / c10}
 
 
 def _of_variant(variant: str) -> list[TissueMechanism]:

@@ -123,8 +123,12 @@ class OnsetEffect:
     @cached_property
     def modes(self) -> FloatArray:
         """Changes by one standard deviation (n, 2), N, of contact and zero."""
-        way = np.hypot(self.sd, self.pressed)
-        return np.column_stack([way * self.slope, np.full_like(self.slope, self.zero_sd)])
+        return np.column_stack([self.way * self.slope, np.full_like(self.slope, self.zero_sd)])
+
+    @property
+    def way(self) -> float:
+        """By how much (mm) contact may have begun earlier, one standard deviation."""
+        return float(np.hypot(self.sd, self.pressed))
 
     def whitened(self, values: FloatArray, sd: float) -> FloatArray:
         """Return values (n, k) over the errors' covariance's root, stations' own being ``sd``."""

@@ -7,146 +7,33 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from legfem.common.errors import Doubt, InputError
-from legfem.common.progress import Progress
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
 from legfem.inverse.intervals import quantile
-from legfem.inverse.outcome import Outcome
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
 from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
-from legfem.jobs.pool import Workers
-from legfem.jobs.store import Store, finish
 from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
+from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
 from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, warnings_about, weighed
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, begin_at, identified_law
+from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
 from legfem.specimens.model_discrepancy import LawMisfit, misfit_of
-from legfem.specimens.nuisances import SETTLED, check_strained, deepest_of, seeks_ratio, why_ratio_undetermined
-from legfem.specimens.sizes import (
-    OF_LAYER,
-    LeftOut,
-    Sizes,
-    SpecimenRecording,
-    doubts_about_differing,
-    kind_in,
-    lengths_of,
-)
-
-_BEYOND = 1.02
-# Of the depth that was reached: short of where a solution stopped.
-_SHORT_OF = 0.97
-_LEAST_SHARE = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
-
-    recordings: tuple[SpecimenRecording, ...]
-    left_out: tuple[LeftOut, ...]
-    notes: tuple[str, ...]
-    tests: tuple[Sizes, ...]
-    depths: tuple[float, ...]
-    c10: float
-    """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
-    doubts: tuple[Doubt, ...]
-    """About recordings beside others."""
-
-
-def prepare(
-    folder: SpecimenFolder, held: set[SpecimenRecording], out: Path | None, jobs: int, progress: Progress
-) -> Prepared:
-    """Solve every test once, and leave out or shorten what can't be modelled.
-
-    Raises
-    ------
-    InputError
-        If nothing that is to be fitted is left.
-    """
-    deepest: dict[Sizes, float] = {}
-    for one in folder.recordings:
-        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
-    usual = begin_at(folder.tissues, REFERENCE_MPA)
-    model = SpecimenForward.of_tissues(
-        tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
-    )
-    outcomes = _solved_once(model, out, jobs, progress)
-    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
-    within = dict[Sizes, float]()
-    for one in folder.recordings:
-        outcome = outcomes[one.sizes]
-        reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
-        within[one.sizes] = reached
-        if one.course.depth <= reached:
-            used.append(one)
-        elif reached < _LEAST_SHARE * one.course.depth:
-            reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
-            left.append(LeftOut(one.name, reason))
-        else:
-            used.append(one.to(reached))
-            notes.append(
-                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
-                f"stopped there ({outcome.reason})."
-            )
-    fitted = [one for one in used if one.name not in {other.name for other in held}]
-    if not fitted:
-        raise InputError(
-            folder.directory,
-            "recordings",
-            f"none can be modelled: {left[0].reason}",
-            "check the sizes, or record less deep",
-        )
-    depths = dict[Sizes, float]()
-    for one in used:
-        needed = min(deepest_of(one.course), within[one.sizes])
-        depths[one.sizes] = max(depths.get(one.sizes, 0.0), needed, one.course.depth)
-    stiffness = dict[SpecimenRecording, float]()
-    for one in fitted:
-        course = one.course
-        unit = outcomes[one.sizes].curve(course.displacement)
-        stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
-    return Prepared(
-        tuple(used),
-        tuple(left),
-        tuple(notes),
-        tuple(depths),
-        tuple(depths.values()),
-        max(float(np.median(list(stiffness.values()))), 1e-9),
-        tuple(doubts_about_differing(stiffness)),
-    )
-
-
-def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
-    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
-    with Workers(_solve_one, model, jobs) as workers:
-        found = finish(
-            workers,
-            range(len(model.tests)),
-            store,
-            progress,
-            "solving every test once; on a machine's first run, compiling",
-            lambda k, outcome: f"{type(model.tests[k]).__name__} to {outcome.curve.depth:.3g} mm",
-            lambda k: ("once", model.tests[k], model.depths[k]),
-        )
-    return dict(zip(model.tests, found, strict=True))
-
-
-def _solve_one(model: SpecimenForward, number: int) -> Outcome:
-    return model.solve_one(number, model.nominal)
+from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
+from legfem.specimens.prepared import Prepared, prepare
+from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, kind_in, lengths_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,52 +77,59 @@ class SpecimenProblem:
         """Recordings count alike in the search, whatever they share."""
         return False
 
-    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> SpecimenComparison:
+    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> SpecimenReadings:
         """Forces beside the recordings, from where their contact seems to be: nothing after that is air."""
         fitted = _fitted(self.folder, self.prepared, self.held_out)
-        return comparison_of(fitted, self.forward, self.folder, self._seeks_ratio)
+        return self._with_channels(comparison_of(fitted, self.forward, self.folder, self._seeks_ratio))
 
-    def refined(self, search: Search[SpecimenComparison]) -> SpecimenComparison | None:
+    def _with_channels(self, forces: SpecimenComparison) -> SpecimenReadings:
+        return readings_of(forces, self.folder.sizes_sd)
+
+    def refined(self, search: Search[SpecimenReadings]) -> SpecimenReadings | None:
         """Comparison with contacts moved to where a fit has them, and slopes of its forces; None where all stay."""
         assert search.best.prediction is not None
         now = search.misfit
-        moved = self._moved(now, now.aheads(search.best.prediction.values))
+        moved = self._moved(now.forces, now.forces.aheads(now.of_forces(search.best.prediction.values)))
         if moved is None:
             return None
         model = self.forward
         by_itself = comparison_of(moved, model, self.folder, self._seeks_ratio)
         readings = search.law.readings(search.best.point)
         slopes = by_itself.slopes(search.best.prediction.model_values, readings)
-        return comparison_of(moved, model, self.folder, self._seeks_ratio, slopes=slopes)
+        return self._with_channels(comparison_of(moved, model, self.folder, self._seeks_ratio, slopes=slopes))
 
-    def assessed(self, found: Found[SpecimenComparison]) -> Fit[SpecimenDetails]:
+    def assessed(self, found: Found[SpecimenReadings]) -> Fit[SpecimenDetails]:
         """Fit of a finished search."""
         comparison, best, law = found.search.misfit, found.best, found.search.law
-        linear = found.linear
-        force, readings = linear.prediction.values, law.readings(best.point)
-        stiffness = comparison.stiffness(linear.prediction, readings)
-        apart = 0 if comparison.own is None else comparison.own.degrees
+        linear, forces = found.linear, comparison.forces
+        predicted, readings = linear.prediction.values, law.readings(best.point)
+        force = comparison.of_forces(predicted)
+        stiffness = forces.stiffness(linear.prediction, readings)
+        apart = 0 if forces.own is None else forces.own.degrees
         spread = float(np.sqrt(np.sum(np.log(list(stiffness.values())) ** 2) / apart)) if apart else 0.0
-        covariance = total_of(comparison.covariances_at(force))
-        covariances = dict(comparison.covariances_at(force, spread))
-        if comparison.own is None:
+        covariance = total_of(comparison.covariances_at(predicted))
+        covariances = dict(comparison.covariances_at(predicted, spread))
+        if forces.own is None:
             errors = {sizes: self._size_errors(sizes) for sizes in self.forward.tests}
             covariances["sizes"] = size_covariance(
-                comparison, self.forward, model_values(best.values), readings, force, errors
+                comparison, self.forward, model_values(best.values), readings, predicted, errors
             )
         missed = self._missed(found, covariance)
-        covariances["misfit"] = missed.covariance
-        goodness = goodness_of(found, covariance, comparison.expected_force, lost=apart)
-        fitted = comparison.recordings
+        covariances["misfit"] = comparison.of_forces_alone(missed.covariance)
+        goodness = goodness_of(found, covariance + comparison.thickness_errors, comparison.expected, lost=apart)
+        fitted = forces.recordings
         estimates, correlations = optimum_of(
             found, covariances, quantile(apart or len(fitted) - 1), goodness, {}, False
         )
-        thickness = goes_with_thickness(comparison, force, stiffness)
+        thickness = goes_with_thickness(forces, force, stiffness)
         if thickness is not None:
             moved = {name: thickness.over(one) for name, one in estimates.items() if name.endswith("C10")}
             estimates = MappingProxyType({**estimates, **moved})
-        tests = [_test_fit(one, force[span]) for one, span in zip(fitted, comparison.spans, strict=True)]
-        predicted, notes = self._predicted(found, stiffness, readings)
+        tests = [
+            _test_fit(one, force[span], comparison.fits_of(k, predicted))
+            for k, (one, span) in enumerate(zip(fitted, forces.spans, strict=True))
+        ]
+        left_out, notes = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(fitted, self.forward, model_values(best.values))
         notes += [lateral.text] if lateral else []
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
@@ -253,7 +147,7 @@ class SpecimenProblem:
             goodness=goodness,
             cost=cost_of(found),
             agreement=EXACT,
-            tests=(*tests, *predicted),
+            tests=(*tests, *left_out),
             log=log_of(found),
             neo_hookean_limit=found.neo_hookean_limit,
             weighting="covariance",
@@ -262,7 +156,7 @@ class SpecimenProblem:
             details=SpecimenDetails(
                 self.folder,
                 self.prepared.left_out,
-                comparison.gain_sd(force),
+                forces.gain_sd(force),
                 MappingProxyType(stiffness),
                 spread,
                 missed,
@@ -275,13 +169,14 @@ class SpecimenProblem:
         in_air = [one.name for one in fitted if one.course.in_air]
         return replace(result, warnings=warnings_about(result, in_air, (*self.prepared.notes, why, *notes)))
 
-    def _missed(self, found: Found[SpecimenComparison], covariance: FloatArray) -> LawMisfit:
-        """What the law misses, beyond errors of a covariance."""
+    def _missed(self, found: Found[SpecimenReadings], covariance: FloatArray) -> LawMisfit:
+        """What the law misses of the forces, beyond errors of a covariance."""
         comparison, law, prediction = found.search.misfit, found.search.law, found.linear.prediction
         pairs = zip(found.best.point, law.parameters, strict=True)
         scales = [max(abs(value), 1e-3 * one.bounds[1]) for value, one in pairs]
-        jacobian = prediction.jacobian(law.names) * scales
-        return misfit_of(comparison, covariance, prediction.values, jacobian)
+        own, of = len(comparison.forces), comparison.of_forces
+        jacobian = of(prediction.jacobian(law.names)) * scales
+        return misfit_of(comparison.forces, covariance[:own, :own], of(prediction.values), jacobian)
 
     def _size_errors(self, sizes: Sizes) -> dict[str, float]:
         """Relative errors of the sizes that a test's specimen has, by name."""
@@ -318,7 +213,7 @@ class SpecimenProblem:
         return None if moved == recordings else moved
 
     def _predicted(
-        self, found: Found[SpecimenComparison], stiffness: dict[str, float], readings: FloatArray
+        self, found: Found[SpecimenReadings], stiffness: dict[str, float], readings: FloatArray
     ) -> tuple[list[TestFit], list[str]]:
         """Recordings that were left out beside the law, and what is to be said of them."""
         others = [one for one in self.prepared.recordings if one.name in self.held_out]
@@ -439,8 +334,10 @@ def _from_seeming_contact(one: SpecimenRecording, returns: bool) -> SpecimenReco
     return one
 
 
-def _test_fit(one: SpecimenRecording, predicted: FloatArray, fitted: bool = True) -> TestFit:
+def _test_fit(
+    one: SpecimenRecording, predicted: FloatArray, beside: Sequence[ChannelFit] = (), fitted: bool = True
+) -> TestFit:
     channel = one.data.channels[0]
     left = (predicted - channel.values) / channel.sd
     goodness = Goodness.of(float(left @ left), len(left))
-    return TestFit(one, (ChannelFit(channel, predicted),), goodness, fitted)
+    return TestFit(one, (ChannelFit(channel, predicted), *beside), goodness, fitted)

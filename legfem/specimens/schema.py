@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, create_model, model_validator
 
 from legfem.common import input_files
+from legfem.data.channel_reader import SpecimenChannelsEntry
 from legfem.data.folder import InstrumentEntry, with_lab
 from legfem.inverse.catalogue import LawName
 from legfem.specimens.kind import Direction, SpecimenKind, SpecimenRecordingsEntry
@@ -132,6 +133,7 @@ class SpecimenFile(_Tests):
     accuracy: SizesAccuracy = SizesAccuracy()
     instrument: InstrumentEntry | None = None
     recordings: SpecimenRecordingsEntry = SpecimenRecordingsEntry()
+    channels: SpecimenChannelsEntry = SpecimenChannelsEntry()  # type: ignore[valid-type]
     confirmed: list[input_files.Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 

@@ -5,6 +5,7 @@ import re
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,18 @@ class LayeredTest:
 
     whole: OneTissue
     layers: tuple[tuple[str, float], ...]
+
+    @property
+    def heights(self) -> dict[str, tuple[float, float]]:
+        """Heights (mm) above the base between which each layer lies, by its name."""
+        ends = np.cumsum([0.0, *(thickness for _, thickness in self.layers)]).tolist()
+        return dict(zip((name for name, _ in self.layers), pairwise(ends), strict=True))
+
+
+def layers_of(sizes: "Sizes") -> LayeredTest | None:
+    """Return what layers a test is of; None of one tissue."""
+    found = sizes.whole if isinstance(sizes, FibrousTest) else sizes
+    return found if isinstance(found, LayeredTest) else None
 
 
 @dataclass(frozen=True)

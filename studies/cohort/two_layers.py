@@ -9,9 +9,11 @@ import numpy as np
 import pandas as pd
 import typer
 
+from legfem.channels.kinds import CHANNELS
 from legfem.common.command_line import study_context
 from legfem.common.documents import write_atomically
 from legfem.data import Recording, write_recording
+from legfem.data.recording import RecordedChannel
 from studies.command_line import DONE_IS_KEPT, Out, new_app
 from studies.people.__main__ import CALF
 from studies.people.data import Indentations, read_indentations
@@ -69,7 +71,11 @@ def write_person(folder: Path, rows: Indentations, k: int) -> None:
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
     write_atomically(folder / "specimen.toml", text)
     lost = float(rows.superficial_loss[k] + rows.deep_loss[k])
-    recording = Recording(_SECONDS * share, lost * share, force * share, "press")
+    frame = {"fat_thickness": rows.superficial - rows.superficial_loss, "muscle_thickness": rows.deep - rows.deep_loss}
+    seen = tuple(
+        RecordedChannel(name, np.array([_SECONDS]), left[[k]], CHANNELS[name].usual) for name, left in frame.items()
+    )
+    recording = Recording(_SECONDS * share, lost * share, force * share, "press", channels=seen)
     write_recording(recording, folder / "recordings" / "press.csv")
 
 

@@ -10,11 +10,15 @@ from legfem.common.command_line import FiniteNumbers, check_out_folder, command_
 from legfem.common.documents import write_atomically, write_document
 from legfem.report.style import save
 from legfem.study import reproduce
+from legfem.study.correction import command as correction_command
+from legfem.study.correction.calibration import Calibration
+from legfem.study.correction.command import CorrectionOutputs
 from legfem.study.doe.command import DoeOptions, run
 from legfem.study.doe.design import IDENTIFIED, PAPER
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
 from studies.frauziols import convergence as convergence_study
 from studies.frauziols.claims import claims_page, gather_figures, verdict_documents, verdicts
+from studies.frauziols.correction_figure import draw_correction
 from studies.frauziols.cost_figure import cost_figure
 
 app = new_app()
@@ -62,6 +66,18 @@ def costs(seed: Seed = 1, out: Out = None, jobs: Jobs = None) -> None:
             for fit in fits:
                 drawn = save(cost_figure(fit), folder / f"subject-{name}", f"cost-{fit.law}")
                 typer.echo(f"cost: {drawn[0]}")
+
+
+@app.command()
+def correction(out: Out = None, jobs: Jobs = None) -> None:
+    """Draw the paper's Fig. 4: the correction P(d) of the idealised leg, as legfem study correction calibrates it.
+
+    Example: python -m studies.frauziols correction
+    """
+    with study_context("correction", out, jobs, DONE_IS_KEPT) as (folder, processes):
+        given = Calibration()
+        found, lengths = correction_command.run(given, CorrectionOutputs(), folder, processes)
+        typer.echo(f"figure: {draw_correction(given.reference, found, lengths, folder)[0]}")
 
 
 @app.command(cls=FiniteNumbers)

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from dolfinx import fem
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, RBFInterpolator
 from scipy.stats import qmc
 
+from legfem.channels.kinds.layer_thickness import FAT, TISSUE
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.experiments.axisymmetric import AxisymmetricSettings, AxisymmetricTest, Layer
+from legfem.experiments.axisymmetric import AxisymmetricSettings, Layer
 from legfem.experiments.bodies import Faces, PunchOnLayer
 from legfem.experiments.flat_punch import FlatPunchIndentation
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.structured import MeridianMeshSettings
-from legfem.solve.path import SolveReport
 from legfem.solve.settings import StepSettings
 from studies.people.data import Indentations
 
@@ -81,12 +80,13 @@ def solve_point(model: ProbeModel, point: Sequence[float], refined: float = 1.0)
         MeridianMeshSettings(0.25 * _EDGE, 0.35, 6.0).refined(refined),
         steps=StepSettings(first=0.4 * STRAINS[0] * depth / STRAINS[-1], largest=depth / 12),
     )
-    found = compress_layers(FlatPunchIndentation(given, layers, settings), depth)
-    strain = found.total / given.thickness
-    if strain[-1] < STRAINS[-1] or not (found.force[1:] > 0).all():
-        return SolvedPoint((), (), found.report.reason)
-    share = found.lost["superficial"][1:] / layers[1].thickness / strain[1:]
-    modulus = np.log(found.force[1:] / strain[1:] / (_C10 * _RADIUS**2))
+    solved = FlatPunchIndentation(given, layers, settings).solve(depth=depth)
+    path = solved.path
+    strain = 1 - path.channels[TISSUE.name] / given.thickness
+    if strain[-1] < STRAINS[-1] or not (path.force[1:] > 0).all():
+        return SolvedPoint((), (), solved.report.reason)
+    share = (1 - path.channels[FAT.name] / layers[1].thickness)[1:] / strain[1:]
+    modulus = np.log(path.force[1:] / strain[1:] / (_C10 * _RADIUS**2))
     at = PchipInterpolator(np.log(strain[1:]), np.stack([modulus, share], 1))(np.log(STRAINS))
     return SolvedPoint(tuple(at[:, 0] + np.log(STRAINS)), tuple(at[:, 1]))
 
@@ -254,62 +254,3 @@ def _place(value: FloatArray, grid: FloatArray) -> tuple[NDArray[np.int64], Floa
     at = np.clip((value - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.0)
     lower = np.minimum(at.astype(np.int64), len(grid) - 2)
     return lower, at - lower
-
-
-@dataclass(frozen=True)
-class LayerCompression:
-    """Compression of layers at the axis, and the force, at the solved steps."""
-
-    force: FloatArray
-    """Force, (n,), N."""
-    lost: Mapping[str, FloatArray]
-    """Thickness that each layer has lost, from the base up, by its name; (n,), mm."""
-    report: SolveReport
-
-    @property
-    def total(self) -> FloatArray:
-        """Thickness that all layers have lost, (n,), mm."""
-        return np.asarray(sum(self.lost.values()))
-
-
-def compress_layers[Sizes](
-    test: AxisymmetricTest[Sizes], depth: float, values: Mapping[str, float] | None = None
-) -> LayerCompression:
-    """Press to a depth, and return how much each layer's thickness falls at the axis.
-
-    Parameters
-    ----------
-    test
-        On layers.
-    depth
-        Displacement of what presses, mm.
-    values
-        Numbers that differ from the model's own, by full name.
-
-    Returns
-    -------
-    LayerCompression
-        As far as the solution came, from zero.
-    """
-    spaces = test.system.spaces
-    nodes = spaces.displacement_space.tabulate_dof_coordinates()
-    # The second component, along the axis, of the nodes on it at the layers' tops.
-    dofs = [
-        spaces.displacement_dofs[2 * int(np.argmin(np.hypot(nodes[:, 0], nodes[:, 1] - z))) + 1]
-        for z in (*test.interfaces, test.arrangement.height)
-    ]
-    # Every attempt at the solution begins anew at small displacements.
-    attempts: list[dict[float, FloatArray]] = []
-
-    def look(at: float) -> None:
-        if not attempts or at <= max(attempts[-1]):
-            attempts.append({})
-        unknown: fem.Function = test.system.unknown
-        attempts[-1][at] = -np.asarray(unknown.x.array[dofs])
-
-    solved = test.solve(values, depth=depth, on_step=look)
-    steps = solved.path.displacement[1:].tolist()
-    seen = next((one for one in attempts if list(one) == steps), {})
-    sunk = np.array([np.zeros(len(dofs)), *seen.values()])
-    lost = np.diff(sunk, axis=1, prepend=0.0).T
-    return LayerCompression(solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report)

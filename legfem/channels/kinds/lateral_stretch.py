@@ -1,12 +1,10 @@
-"""Lateral stretch of a round specimen at half its height, as a video of its side shows.
+"""Lateral stretch of a specimen half-way along it, as a video of its side shows.
 
 Where ends stick to the plates the side bulges: its middle is wider than volume alone asks for. Where they slide, it is
 as wide as the tissue's compressibility has it.
 """
 
 from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
 
 from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, ReadingsAtSite
 
@@ -18,7 +16,7 @@ _VIDEO = ChannelAccuracy(reading=0.005, bias=0.003, gain=0.03, slow=0.002, lag=0
 LATERAL_STRETCH = ChannelKind(
     "lateral_stretch",
     "-",
-    "diameter at half the specimen's height over that at first touch",
+    "width half-way along the specimen over that at first touch",
     _VIDEO,
     models=frozenset({"specimen"}),
     at_rest=1.0,
@@ -33,13 +31,11 @@ class LateralStretches(ChannelFile):
 
     def read(self, seen: "Seen") -> Channels:
         """Return the stretch of the side's lowest node: the mirror is at height 0."""
-        spaces, state = seen.model.system.spaces, seen.state
-        places = spaces.displacement_space.tabulate_dof_coordinates()[:, :2]
-        radius = float(places[:, 0].max())
-        side = np.flatnonzero(places[:, 0] > radius * (1 - 1e-9))
-        node = int(side[np.argmin(np.abs(places[side, 1]))])
-        dof = int(spaces.displacement_dofs[2 * node])
-        return {LATERAL_STRETCH.name: (1 + float(state.unknown[dof]) / radius, state.unknown_rates[:, dof] / radius)}
+        if seen.model.specimen is None or not seen.model.specimen.side:
+            return {}
+        radius = float(seen.model.places[:, 0].max())
+        outwards, rates = seen.move((radius, 0.0), 0)
+        return {LATERAL_STRETCH.name: (1 + outwards / radius, rates / radius)}
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse what isn't a stretch: a diameter in mm, or a strain."""

@@ -1,6 +1,6 @@
 """Thicknesses of the layers under the cylinder, along the line of travel, by ultrasound."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -25,8 +25,14 @@ if TYPE_CHECKING:
 
 _ULTRASOUND = ChannelAccuracy(reading=0.3, bias=0.3, gain=0.02, slow=0.1, lag=0.1)
 """Wall-to-wall distances in B-mode images: a pixel or two, the boundary's choice and the speed of sound."""
+_MODELS = frozenset({"2d", "specimen"})
 FAT = ChannelKind(
-    "fat_thickness", "mm", "thickness of the fat under the cylinder, along the line of travel", _ULTRASOUND, 0.002
+    "fat_thickness",
+    "mm",
+    "thickness of the fat under the cylinder, along the line of travel",
+    _ULTRASOUND,
+    0.002,
+    models=_MODELS,
 )
 MUSCLE = ChannelKind(
     "muscle_thickness",
@@ -34,6 +40,7 @@ MUSCLE = ChannelKind(
     "thickness of the deep tissue, from fascia to bone along the line of travel",
     _ULTRASOUND,
     0.002,
+    models=_MODELS,
 )
 TISSUE = ChannelKind(
     "tissue_thickness",
@@ -41,13 +48,70 @@ TISSUE = ChannelKind(
     "thickness of all soft tissue, from skin to bone along the line of travel",
     _ULTRASOUND,
     0.002,
+    models=_MODELS,
 )
 _BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone"), TISSUE.name: ("skin", "bone")}
 """Outlines that a layer lies between."""
+_LAYERS = {FAT.name: ("superficial", "fat"), MUSCLE.name: ("deep", "muscle")}
+"""Names of a specimen's layers."""
 _APART_MM, _APART = 3.0, 0.35
 """Of a thickness from the section's own: mm, or a share of it where that is more."""
 _IN_MUSCLE_MM = 8.0
 """Under the fascia: where a figure marks the muscle."""
+
+
+def between_of(layers: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Return by channel the heights (mm) between which the thickness of a specimen's layers is read.
+
+    Parameters
+    ----------
+    layers
+        By name the heights between which each lies.
+    """
+    found = {kind: layers[name] for kind, names in _LAYERS.items() for name in names if name in layers}
+    ends = [end for one in layers.values() for end in one]
+    return {**found, TISSUE.name: (min(ends), max(ends))} if ends else found
+
+
+def refused(
+    kind: ChannelKind, own: float, depths: FloatArray, values: FloatArray, accuracy: ChannelAccuracy, own_sd: float
+) -> Impossible | None:
+    """Return why readings can't be the thickness of a layer; None where they can.
+
+    Parameters
+    ----------
+    kind
+        Of the channel.
+    own, own_sd
+        The layer's thickness before it is pressed, as stated, and the standard deviation of its ends, mm.
+    depths, values
+        (k,), mm: how deep it was pressed at each reading, NaN out of the loading; and the readings.
+    accuracy
+        Of the instrument.
+    """
+    name, kept = kind.title, np.isfinite(depths)
+    depth, values = depths[kept], values[kept]
+    if not len(values):
+        return None
+    # A single frame says little of how it changes.
+    several = len(values) > 2 and np.ptp(depth) > 0
+    ends = Polynomial.fit(depth, values, 1)(np.array([0.0, depth.max()])) if several else values[[0, 0]]
+    start, end = map(float, ends)
+    # Of a line through n readings.
+    error = accuracy.reading * np.sqrt(12 / len(values))
+    if several and end - start > max(3 * error, 0.05 * own):
+        return Impossible(
+            f"the {name} grows from {start:.3g} to {end:.3g} mm as it is pressed",
+            "check that the columns aren't exchanged, and that the frames are in order",
+        )
+    first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
+    tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * own_sd) + float(depth.min())
+    if abs(first - own) > tolerance:
+        return Impossible(
+            f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and {own:.3g} mm by what is stated",
+            "check its unit, the outlines or sizes, and that both are along the line of travel",
+        )
+    return None
 
 
 class LayerThicknesses(ChannelFile):
@@ -57,6 +121,8 @@ class LayerThicknesses(ChannelFile):
 
     def read(self, seen: "Seen") -> Channels:
         """Return the layers' thicknesses, of those whose outlines the line of travel meets."""
+        if seen.model.specimen is not None:
+            return _along_axis(seen, between_of(seen.model.specimen.layers))
         found = {}
         for name, between in _BETWEEN.items():
             above, below = (seen.line(outline).place() for outline in between)
@@ -83,35 +149,14 @@ class LayerThicknesses(ChannelFile):
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a layer that grows as the cylinder presses, or isn't the section's."""
-        site, name = recorded.site, kind.title
+        site = recorded.site
         own = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)
         if own is None:
             return Impossible(
                 "the line of travel meets no bone in the section: so there is no such thickness",
                 "leave the column out, or correct aim_mm and direction_deg",
             )
-        kept = np.isfinite(recorded.depth)
-        depth, values = recorded.depth[kept], recorded.values[kept]
-        # A single frame says little of how it changes.
-        several = len(values) > 2 and np.ptp(depth) > 0
-        ends = Polynomial.fit(depth, values, 1)(np.array([0.0, depth.max()])) if several else values[[0, 0]]
-        start, end = map(float, ends)
-        accuracy = recorded.accuracy
-        # Of a line through n readings.
-        error = accuracy.reading * np.sqrt(12 / len(values))
-        if several and end - start > max(3 * error, 0.05 * own):
-            return Impossible(
-                f"the {name} grows from {start:.3g} to {end:.3g} mm as the cylinder presses",
-                "check that the columns aren't exchanged, and that the frames are in order",
-            )
-        first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
-        tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * recorded.outline_sd) + float(depth.min())
-        if abs(first - own) > tolerance:
-            return Impossible(
-                f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and the section's own is {own:.3g} mm",
-                "check its unit, the outlines, and that both are along the line of travel",
-            )
-        return None
+        return refused(kind, own, recorded.depth, recorded.values, recorded.accuracy, recorded.outline_sd)
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return the middle of the fat, or a point within the muscle, under the cylinder."""
@@ -121,3 +166,11 @@ class LayerThicknesses(ChannelFile):
         )
         along = 0.5 * (skin + fascia) if kind == FAT else fascia + _IN_MUSCLE_MM
         return np.asarray(site.touch + along * site.direction)
+
+
+def _along_axis(seen: "Seen", between: Mapping[str, tuple[float, float]]) -> Channels:
+    found = {}
+    for name, heights in between.items():
+        (low, low_rates), (high, high_rates) = (seen.move((0.0, height), 1) for height in heights)
+        found[name] = heights[1] - heights[0] + high - low, high_rates - low_rates
+    return found

@@ -19,7 +19,7 @@ from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.folder import ReportFile
-from legfem.report.further_channels import SHOWS, beside_force, channel_curves, channel_lines, channels_figure
+from legfem.report.further_channels import SHOWS, channel_lines, channels_figure, drawn
 from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_3d_view import pressed_leg
@@ -72,7 +72,7 @@ class LegReport(ReportKind):
                 "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
             )
         ]
-        if beside_force(fits[0]):
+        if drawn(fits):
             entries.append(ReportFile(save(channels_figure(fits), folder, "channels", svg=True), SHOWS))
         leg = fits[0].details.leg
         for site in leg.sites:
@@ -102,7 +102,6 @@ def leg_page(
     chosen = estimates.preferred(fits)
     leg, several = chosen.details.leg, _several(chosen)
     where = f", from {len(leg.sites)} sites together" if several else ""
-    beside = [channel_curves(fits, number, k) for number, k in beside_force(chosen)]
     return web.WebPage(
         title=f"How stiff is the deep tissue (muscle) of {'leg' if several else 'subject'} {leg.id}{where}?",
         subject=leg.title,
@@ -115,7 +114,7 @@ def leg_page(
         ),
         known=known_of(fits),
         chapters=[
-            web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen), *beside]),
+            web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen), *drawn(fits)]),
             *_leg_itself(fits, chosen, pressed, note),
             web.Chapter(web.TESTED, [web.Bullets(_tested(fits))]),
             web.Chapter(

@@ -9,19 +9,16 @@ from mpi4py import MPI
 
 from legfem.fem.fields import fields_of
 from legfem.inverse.document import KindDocument
+from legfem.report.curves import curves_figure
 from legfem.report.folder import ReportFile, write_fields
 from legfem.report.kinds import ReportKind
 from legfem.report.page import PressedSection, WebPage
-from legfem.report.stocking_figures import (
-    stocking_contours_figure,
-    stocking_fat_figure,
-    stocking_pressure_figure,
-    stocking_section_figure,
-)
+from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure
 from legfem.report.stocking_page import stocking_web_page
-from legfem.report.stocking_pressures import PRESSURES
-from legfem.report.stocking_stiffness import STIFFNESS
+from legfem.report.stocking_pressures import PRESSURES, fat_curves
+from legfem.report.stocking_stiffness import STIFFNESS, contour_curves
 from legfem.report.style import save
+from legfem.report.words import capital
 from legfem.stockings.assessment import KIND
 from legfem.stockings.details import StockingDocument, StockingFit
 
@@ -47,7 +44,7 @@ class StockingReport(ReportKind):
     def files(self, fits: Sequence[StockingFit], folder: Path) -> list[ReportFile]:
         """Write pressures on the skin, in a section and in the fat, and the contours that were compared."""
         details, entries = fits[0].details, []
-        if details.section is not None and details.fat is not None:
+        if details.section is not None:
             entries = [
                 ReportFile(
                     save(stocking_pressure_figure(details), folder, "interface-pressure"),
@@ -58,15 +55,14 @@ class StockingReport(ReportKind):
                     "hydrostatic pressure in the section at mid calf, with the veins (Figs. 5 and 6); "
                     "the outlines before and in the stocking",
                 ),
-                ReportFile(
-                    save(stocking_fat_figure(details, details.fat, details.section.level), folder, "fat"),
-                    "fat thickness round the leg against the pressures over it and in it",
-                ),
             ]
-        if details.best is not None:
-            figure = stocking_contours_figure(details, details.best)
-            shows = "the slices that were compared: outlines, and distances of model and bare leg"
-            entries.append(ReportFile(save(figure, folder, "contours"), shows))
+        for name, curves, what in (
+            ("fat", fat_curves(details), "fat thickness round the leg, and the pressures over it and in it"),
+            ("contours", contour_curves(details), "the contours that were compared: distances of model and bare leg"),
+        ):
+            if curves:
+                figure = curves_figure(curves, capital(what), details.leg.title, details.leg.origin)
+                entries.append(ReportFile(save(figure, folder, name), what))
         return entries
 
     def comm(self, fits: Sequence[StockingFit]) -> MPI.Intracomm:

@@ -15,23 +15,24 @@ from legfem.legs.correction import smooth_ratio
 from legfem.report.folder import write_fields
 from legfem.report.page import PAGE, command_line
 from legfem.report.render import rendered, table
-from legfem.study.correction.calibration import Calibration, LegTable, calibrate, coarsened, run_cases, tabulate_legs
-from legfem.study.correction.cases import CaseOutcome, CorrectionCase
-from legfem.study.correction.page import (
-    correction_cells,
-    correction_web_page,
-    draw_correction,
-    draw_trends,
-    meshes_cells,
-    trend_cells,
+from legfem.study.correction.calibration import (
+    Calibrated,
+    Calibration,
+    LegTable,
+    calibrate,
+    coarsened,
+    run_cases,
+    tabulate_legs,
 )
+from legfem.study.correction.cases import CaseOutcome, CorrectionCase
+from legfem.study.correction.page import correction_cells, correction_web_page, draw_trends, meshes_cells, trend_cells
 
 DOCUMENT = "correction.json"
 
 
 @dataclass(frozen=True)
 class CorrectionOutputs:
-    """What is wanted besides the calibration and Fig. 4."""
+    """What is wanted besides the calibration."""
 
     trends: bool = False
     """What P depends on."""
@@ -41,8 +42,10 @@ class CorrectionOutputs:
     """Fields of the reference leg in 3D for ParaView, which solves it once more."""
 
 
-def run(given: Calibration, asked: CorrectionOutputs, out: Path, jobs: int, quiet: bool = False) -> None:
-    """Calibrate, draw Fig. 4, and look at what P depends on; collective over all ranks.
+def run(
+    given: Calibration, asked: CorrectionOutputs, out: Path, jobs: int, quiet: bool = False
+) -> tuple[Calibrated, dict[str, FloatArray]]:
+    """Calibrate, and look at what P depends on; collective over all ranks.
 
     Parameters
     ----------
@@ -56,15 +59,22 @@ def run(given: Calibration, asked: CorrectionOutputs, out: Path, jobs: int, quie
         Processes.
     quiet
         Whether progress isn't told.
+
+    Returns
+    -------
+    Calibrated
+        The correction.
+    dict of array
+        P of cylinders of other lengths, every half a millimetre.
     """
     comm = MPI.COMM_WORLD
     with progress_on(quiet=quiet or comm.rank > 0) as progress:
-        _run(given, asked, out, jobs, progress, comm)
+        return _run(given, asked, out, jobs, progress, comm)
 
 
 def _run(
     given: Calibration, asked: CorrectionOutputs, out: Path, jobs: int, progress: Progress, comm: MPI.Intracomm
-) -> None:
+) -> tuple[Calibrated, dict[str, FloatArray]]:
     kept = out / "cases"
     found = calibrate(given, kept, jobs, progress, comm)
     if comm.rank == 0:
@@ -78,9 +88,6 @@ def _run(
     # The coarse mesh doesn't carry the longest one to 25 mm.
     others = _of_other_cylinders(coarsened(given.reference, given.between))
     lengths = _vary(others, kept, jobs, progress, comm)
-    if comm.rank == 0:
-        figure = draw_correction(given.reference, found, lengths, out)
-        print(f"figure: {figure[0]}", flush=True)
     if asked.fields:
         written = write_leg_fields(given.reference, out, comm)
         if comm.rank == 0:
@@ -94,7 +101,7 @@ def _run(
         progress.stage(f"P against the {name}", len(cases))
         studied[name] = _vary(cases, kept, jobs, progress, comm)
     if comm.rank != 0:
-        return
+        return found, lengths
     page = correction_web_page(given, found, studied, command_line())
     write_atomically(out / PAGE, rendered(page))
     print(f"page: {out / PAGE}")
@@ -111,6 +118,7 @@ def _run(
             },
         )
         print(f"figure: {draw_trends(found.correction.name, studied, out)[0]}")
+    return found, lengths
 
 
 def write_leg_fields(case: CorrectionCase, out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> list[Path]:

@@ -1,0 +1,167 @@
+"""Channels of a pressed model along a path: what reads them off each state, and the log of all of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from legfem.channels import Sight
+from legfem.channels.laid import WAYS, Laid, laid_course
+from legfem.channels.seen import ReadState, Seen, SeenModel, SeenSpecimen
+from legfem.common.units import FloatArray
+from legfem.fem.system import System
+from legfem.geometry.indenter import TravelLine
+from legfem.solve.sensitivity import SensitivityTracker
+
+
+class Reads(Protocol):
+    """What reads channels: the file of a kind, see `legfem.channels.kind.ChannelFile`."""
+
+    def read(self, seen: Seen) -> Mapping[str, tuple[float, FloatArray]]:
+        """Return value and derivatives (p,) by a course's name."""
+
+    def laid(self, seen: Seen, image: Laid) -> Mapping[str, tuple[float, FloatArray]]:
+        """Return those of images that are laid elsewhere."""
+
+
+def _of_images(
+    file: Reads, seen: Seen, stated: Mapping[str, tuple[float, FloatArray]]
+) -> dict[str, tuple[float, FloatArray]]:
+    """Return what a step in each of the ways does that images may lie elsewhere.
+
+    Where one to a side shows nothing, beyond the tissue, it is the step to the other; nothing where both don't.
+    """
+    found = {}
+    for way, image in WAYS.items():
+        sides = file.laid(seen, image), file.laid(seen, image.other_side)
+        for name in (name for name in stated if name in sides[0] or name in sides[1]):
+            ahead, behind = (one[name] if name in one and np.isfinite(one[name][0]) else None for one in sides)
+            (high, high_rates), (low, low_rates) = ahead or stated[name], behind or stated[name]
+            span = 2.0 if ahead and behind else 1.0
+            found[laid_course(name, way)] = (high - low) / span, (high_rates - low_rates) / span
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelReader:
+    """Reads what is seen of a pressed model beside the force.
+
+    Parameters
+    ----------
+    system
+        The model: a section with its line of travel, or a leg with its axis along z, pressed square to that.
+    files
+        Of the kinds that the model gives.
+    sights
+        Places at which some kinds are seen.
+    stated
+        Line of travel that images refer to; the cylinder's own without it.
+    specimen
+        What is seen of a specimen; None of a leg.
+    """
+
+    system: System
+    files: Sequence[Reads]
+    sights: tuple[Sight, ...] = ()
+    stated: TravelLine | None = None
+    specimen: SeenSpecimen | None = None
+
+    @cached_property
+    def _model(self) -> SeenModel:
+        return SeenModel(self.system, self.sights, self.stated, self.specimen)
+
+    def read(self, state: ReadState) -> Mapping[str, tuple[float, FloatArray]]:
+        """Return the channels there are in a state; collective over the system's ranks."""
+        seen, found = Seen(self._model, state), dict[str, tuple[float, FloatArray]]()
+        for file in self.files:
+            stated = file.read(seen)
+            found |= {**stated, **_of_images(file, seen, stated)}
+        return found
+
+
+class ChannelLog:
+    """Channels along a path, from the undeformed state on.
+
+    Parameters
+    ----------
+    reader
+        What reads them; without one there are none.
+    parameters
+        Full names of what they are differentiated by.
+    """
+
+    def __init__(self, reader: ChannelReader | None, parameters: Sequence[str]) -> None:
+        self._reader, self._parameters = reader, tuple(parameters)
+        self.values: dict[str, list[float]] = {}
+        """By name, NaN where a channel isn't there."""
+        self._rates: dict[str, list[FloatArray]] = {}
+        if reader is not None:
+            number, size = len(self._parameters), len(reader.system.direction)
+            at_rest = np.zeros_like(reader.system.unknown.x.array)
+            nodes = len(reader.system.spaces.trace) // size
+            first = reader.read(
+                ReadState(
+                    at_rest,
+                    np.zeros((number, len(at_rest))),
+                    np.zeros(size),
+                    np.zeros((number, size)),
+                    np.zeros((nodes, size)),
+                    np.zeros((number, nodes, size)),
+                )
+            )
+            self.values = {name: [value] for name, (value, _) in first.items()}
+            self._rates = {name: [rates] for name, (_, rates) in first.items()}
+
+    def take(
+        self, contact_force: FloatArray, tracker: SensitivityTracker | None, chain: FloatArray, whole: float
+    ) -> None:
+        """Read the state that a step came to.
+
+        Parameters
+        ----------
+        contact_force
+            On the model, N.
+        tracker
+            Derivatives there, by the names that the chain rule starts from.
+        chain
+            Derivatives of those by the parameters, (names, parameters).
+        whole
+            Force of the whole cylinder over that on the model.
+        """
+        if self._reader is None:
+            return
+        system = self._reader.system
+        unknown, nodal = system.unknown.x.array, system.nodal_contact_force()
+        rates: FloatArray = np.zeros((0, len(unknown)))
+        force_rates: FloatArray = np.zeros((0, len(contact_force)))
+        nodal_rates: FloatArray = np.zeros((0, *nodal.shape))
+        if tracker is not None:
+            rates = chain.T @ np.array(list(tracker.state_rates().values()))
+            force_rates = chain.T @ tracker.contact_force_rates
+            nodal_rates = np.tensordot(chain.T, tracker.nodal_force_rates, axes=1)
+        read = self._reader.read(
+            ReadState(
+                unknown,
+                rates,
+                whole * contact_force,
+                whole * force_rates,
+                nodal,
+                nodal_rates,
+                system.displacement,
+                whole,
+            )
+        )
+        for name, values in self.values.items():
+            value, by = read.get(name, (np.nan, np.full(len(self._parameters), np.nan)))
+            values.append(value)
+            self._rates[name].append(by)
+
+    def channels(self) -> tuple[dict[str, FloatArray], dict[str, dict[str, FloatArray]]]:
+        """Return the channels that are there at every step, and their derivatives by channel and parameter."""
+        there = {name: np.array(values) for name, values in self.values.items() if np.isfinite(values).all()}
+        if not self._parameters:
+            return there, {}
+        columns = {name: np.array(self._rates[name]).T for name in there}
+        return there, {name: dict(zip(self._parameters, by, strict=True)) for name, by in columns.items()}

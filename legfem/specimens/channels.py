@@ -1,0 +1,238 @@
+"""Thicknesses of a specimen's layers beside its force: what was read, and how far a model is from both."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from legfem.channels.kinds.layer_thickness import between_of
+from legfem.common.units import FloatArray
+from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
+from legfem.inverse.fit import ChannelFit
+from legfem.inverse.loading_channels import BesideForce, LoadingChannel, image_errors, loading_channel, loading_readings
+from legfem.inverse.outcome import Outcome
+from legfem.inverse.readings import INSTRUMENT, OFFSET
+from legfem.specimens.comparison import Part, SpecimenComparison
+from legfem.specimens.sizes import SpecimenRecording, layers_of
+
+
+def thicknesses_of(recording: SpecimenRecording, relative_sd: float) -> tuple[LoadingChannel, ...]:
+    """Return what a recording of layers has of their thicknesses, in the loading.
+
+    Parameters
+    ----------
+    recording
+        Of layers; of one tissue there are none.
+    relative_sd
+        Standard deviation of a layer's stated thickness, over that.
+    """
+    layers = layers_of(recording.sizes)
+    if layers is None:
+        return ()
+    between = between_of(layers.heights)
+    course = recording.course
+    trial = recording.trial.touching(replace(recording.detected, displacement=course.contact.displacement))
+    found = []
+    for one in loading_readings([trial], course.depth, "specimen"):
+        if one.name in between:
+            low, high = between[one.name]
+            force = np.interp(one.time, course.time, course.force, left=0.0)
+            contact = np.zeros((len(force), len(force)))
+            found.append(loading_channel(one, [trial], force, contact, high - low, relative_sd * (high - low)))
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenReadings(Comparison):
+    """Forces of recordings, then what was read beside them.
+
+    Parameters
+    ----------
+    forces : SpecimenComparison
+        n of them.
+    beside : tuple of tuple
+        Channels of every recording, in the order of the forces' parts.
+    """
+
+    forces: SpecimenComparison
+    beside: tuple[tuple[LoadingChannel, ...], ...]
+
+    @cached_property
+    def _every(self) -> list[LoadingChannel]:
+        return [one for channels in self.beside for one in channels]
+
+    @cached_property
+    def _read(self) -> list[tuple[Part, BesideForce]]:
+        """Recordings with channels, and what their models make of these."""
+        parts = zip(self.forces.parts, self.beside, strict=True)
+        return [(part, BesideForce(self.forces.grids[part.test], channels)) for part, channels in parts if channels]
+
+    def of_forces(self, values: FloatArray) -> FloatArray:
+        """Return the forces among readings (n, ...), in the order of the recordings' stations."""
+        return values[: len(self.forces)]
+
+    @cached_property
+    def part_of(self) -> NDArray[np.int_]:
+        """Number of the recording that every reading (n,) is of."""
+        stations = [len(part.course.time) for part in self.forces.parts]
+        numbers = np.arange(len(stations))
+        of_channels = [len(one) for channels in self.beside for one in channels]
+        return np.concatenate(
+            [np.repeat(numbers, stations), np.repeat(np.repeat(numbers, [len(c) for c in self.beside]), of_channels)]
+        )
+
+    @cached_property
+    def measured(self) -> FloatArray:
+        """Forces (N) of all stations, and readings of channels in their units."""
+        return np.concatenate([self.forces.measured, *(one.readings.values for one in self._every)])
+
+    @cached_property
+    def _spans(self) -> list[slice]:
+        """Place of every channel among the readings."""
+        ends = np.cumsum([len(self.forces), *map(len, self._every)])
+        return [slice(*pair) for pair in pairwise(ends)]
+
+    @cached_property
+    def channels(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of each channel's readings; empty where there is but the force."""
+        found: dict[str, list[NDArray[np.int_]]] = {}
+        for one, span in zip(self._every, self._spans, strict=True):
+            found.setdefault(one.readings.name, []).append(np.arange(span.start, span.stop))
+        together = {name: np.concatenate(places) for name, places in found.items()}
+        return {"force": np.arange(len(self.forces)), **together} if found else {}
+
+    @property
+    def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
+        """As the forces'."""
+        return self.forces.parts_along
+
+    @cached_property
+    def linear_scale(self) -> FloatArray | None:
+        """Sizes of the model's values, 0 of forces; None of these alone."""
+        if not self._read:
+            return None
+        return np.concatenate([np.zeros(self._forces_on_grids), *(beside.scale for _, beside in self._read)])
+
+    @cached_property
+    def _forces_on_grids(self) -> int:
+        return sum(map(len, self.forces.grids))
+
+    @property
+    def reach(self) -> str:
+        """The tests' depths."""
+        return self.forces.reach
+
+    def reached_by(self, outcome: Outcome) -> bool:
+        """Whether every test came to its depth, and tells what was read."""
+        told = all(beside.told_by(outcome.curves[part.test]) for part, beside in self._read)
+        return told and self.forces.reached_by(outcome)
+
+    @property
+    def if_deeper(self) -> FloatArray:
+        """Change of the readings per relative change of the displacements."""
+        return np.concatenate([self.forces.if_deeper, *(-one.depth * one.slope for one in self._every)])
+
+    @cached_property
+    def expected(self) -> FloatArray:
+        """Readings as they are expected of contacts where they are taken to be."""
+        moved = [
+            part.onset.ahead * one.slope
+            for part, channels in zip(self.forces.parts, self.beside, strict=True)
+            for one in channels
+        ]
+        return self.measured - np.concatenate([self.forces.measured - self.forces.expected_force, *moved])
+
+    def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
+        """Read complete full solves."""
+        found, offset = self.forces.predict(outcome, instrument), _offset(instrument)
+        for part, beside in self._read:
+            found = found.followed_by(beside.predict(outcome.curves[part.test], offset))
+        return found
+
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return readings (..., n) of the models' values (..., m)."""
+        ends = np.cumsum([self._forces_on_grids, *(beside.size for _, beside in self._read)])[:-1]
+        force, *others = np.split(model_values, ends, axis=-1) if self._read else [model_values]
+        found = [self.forces.read(force, instrument)]
+        pairs = zip(self._read, others, strict=True)
+        found += [beside.read(values, _offset(instrument)) for (_, beside), values in pairs]
+        return np.concatenate(found, axis=-1)
+
+    def covariances_at(self, values: FloatArray, spread: float = 0.0) -> Covariances:
+        """Return covariances about predicted readings by their source; sizes aren't among them."""
+        found = {
+            k: self.of_forces_alone(c) for k, c in self.forces.covariances_at(self.of_forces(values), spread).items()
+        }
+        if not self._every:
+            return found
+        own = block_diag(*(one.instrument for one in self._every)) + image_errors(self._every)
+        found["channels"] = self._beside_only(own)
+        found["model"] += self._beside_only(block_diag(*(one.numerical for one in self._every)))
+        # Where contact is moves forces and channels together.
+        spans = iter(self._spans)
+        for part, force, channels in zip(self.forces.parts, self.forces.spans, self.beside, strict=True):
+            of_force = part.onset.modes[:, 0]
+            mode = np.zeros(len(self))
+            mode[force] = of_force
+            for one in channels:
+                mode[next(spans)] = part.onset.way * one.slope
+            found["recordings"] += np.outer(mode, mode)
+            found["recordings"][force, force] -= np.outer(of_force, of_force)
+        return found
+
+    def of_forces_alone(self, of_forces: FloatArray) -> FloatArray:
+        """Return a covariance of the forces as one of all readings (n, n)."""
+        more = len(self) - len(of_forces)
+        return np.asarray(block_diag(of_forces, np.zeros((more, more))))
+
+    def _beside_only(self, covariance: FloatArray) -> FloatArray:
+        none = np.zeros((len(self.forces), len(self.forces)))
+        return np.asarray(block_diag(none, covariance))
+
+    @cached_property
+    def thickness_errors(self) -> FloatArray:
+        """Covariance (n, n) by the stated thickness of layers, where channels show it."""
+        if not self._every:
+            return np.zeros((len(self), len(self)))
+        return self._beside_only(block_diag(*(one.outlines for one in self._every)))
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance of measured less predicted readings."""
+        return total_of(self.covariances_at(self.measured)) + self.thickness_errors
+
+    def weighted(self, values: FloatArray) -> FloatArray:
+        """Scale values (n, ...): forces alone as recordings that count alike, beside channels by their errors."""
+        return super().weighted(values) if self._every else self.forces.weighted(values)
+
+    def residual(self, values: FloatArray) -> FloatArray:
+        """Return the weighted residual (..., n) of readings (..., n)."""
+        flat = (values - self.expected).reshape(-1, values.shape[-1])
+        return self.weighted(flat.T).T.reshape(values.shape)
+
+    def fits_of(self, part: int, values: FloatArray) -> list[ChannelFit]:
+        """Return what was read beside a recording's force, and predicted readings of all recordings at it."""
+        before = sum(map(len, self.beside[:part]))
+        spans = self._spans[before:]
+        return [ChannelFit(one.channel, values[span]) for one, span in zip(self.beside[part], spans, strict=False)]
+
+
+def _offset(instrument: FloatArray) -> FloatArray:
+    return np.asarray(instrument[..., list(INSTRUMENT).index(OFFSET)])
+
+
+def readings_of(forces: SpecimenComparison, relative_sd: float) -> SpecimenReadings:
+    """Return forces with what their recordings have of layers' thicknesses.
+
+    Parameters
+    ----------
+    forces
+        Beside the model.
+    relative_sd
+        Standard deviation of a layer's stated thickness, over that.
+    """
+    return SpecimenReadings(forces, tuple(thicknesses_of(one, relative_sd) for one in forces.recordings))

@@ -1,0 +1,119 @@
+"""What of specimens' recordings can be modelled: every test is solved once, and the rest is left out or shortened."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.errors import Doubt, InputError
+from legfem.common.progress import Progress
+from legfem.inverse.outcome import Outcome
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store, finish
+from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.laws import REFERENCE_MPA, begin_at
+from legfem.specimens.nuisances import deepest_of
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, doubts_about_differing
+
+_BEYOND = 1.02
+# Of the depth that was reached: short of where a solution stopped.
+_SHORT_OF = 0.97
+_LEAST_SHARE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
+
+    recordings: tuple[SpecimenRecording, ...]
+    left_out: tuple[LeftOut, ...]
+    notes: tuple[str, ...]
+    tests: tuple[Sizes, ...]
+    depths: tuple[float, ...]
+    c10: float
+    """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
+    doubts: tuple[Doubt, ...]
+    """About recordings beside others."""
+
+
+def prepare(
+    folder: SpecimenFolder, held: set[SpecimenRecording], out: Path | None, jobs: int, progress: Progress
+) -> Prepared:
+    """Solve every test once, and leave out or shorten what can't be modelled.
+
+    Raises
+    ------
+    InputError
+        If nothing that is to be fitted is left.
+    """
+    deepest: dict[Sizes, float] = {}
+    for one in folder.recordings:
+        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
+    usual = begin_at(folder.tissues, REFERENCE_MPA)
+    model = SpecimenForward.of_tissues(
+        tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
+    )
+    outcomes = _solved_once(model, out, jobs, progress)
+    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
+    within = dict[Sizes, float]()
+    for one in folder.recordings:
+        outcome = outcomes[one.sizes]
+        reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
+        within[one.sizes] = reached
+        if one.course.depth <= reached:
+            used.append(one)
+        elif reached < _LEAST_SHARE * one.course.depth:
+            reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
+            left.append(LeftOut(one.name, reason))
+        else:
+            used.append(one.to(reached))
+            notes.append(
+                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
+                f"stopped there ({outcome.reason})."
+            )
+    fitted = [one for one in used if one.name not in {other.name for other in held}]
+    if not fitted:
+        raise InputError(
+            folder.directory,
+            "recordings",
+            f"none can be modelled: {left[0].reason}",
+            "check the sizes, or record less deep",
+        )
+    depths = dict[Sizes, float]()
+    for one in used:
+        needed = min(deepest_of(one.course), within[one.sizes])
+        depths[one.sizes] = max(depths.get(one.sizes, 0.0), needed, one.course.depth)
+    stiffness = dict[SpecimenRecording, float]()
+    for one in fitted:
+        course = one.course
+        unit = outcomes[one.sizes].curve(course.displacement)
+        stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
+    return Prepared(
+        tuple(used),
+        tuple(left),
+        tuple(notes),
+        tuple(depths),
+        tuple(depths.values()),
+        max(float(np.median(list(stiffness.values()))), 1e-9),
+        tuple(doubts_about_differing(stiffness)),
+    )
+
+
+def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
+    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios, model.code))
+    with Workers(_solve_one, model, jobs) as workers:
+        found = finish(
+            workers,
+            range(len(model.tests)),
+            store,
+            progress,
+            "solving every test once; on a machine's first run, compiling",
+            lambda k, outcome: f"{type(model.tests[k]).__name__} to {outcome.curve.depth:.3g} mm",
+            lambda k: ("once", model.tests[k], model.depths[k]),
+        )
+    return dict(zip(model.tests, found, strict=True))
+
+
+def _solve_one(model: SpecimenForward, number: int) -> Outcome:
+    return model.solve_one(number, model.nominal)
