@@ -189,6 +189,16 @@ def test_readings_at_other_times_are_refused(tmp_path):
     refused(directory, "none of its readings", "clock")
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_channel_that_goes_on_beyond_its_recording_is_read_without_a_warning(tmp_path):
+    directory = write_subject(tmp_path / "leg", AIMED + '[channels.fat_thickness]\nfile = "us.csv"\n')
+    last = float(press().time[-1])
+    times = [0.3 * last, 0.5 * last, *(last + np.arange(1.0, 40.0))]
+    rows = "\n".join(f"{t},{FAT - 0.3 - 0.01 * k}" for k, t in enumerate(times))
+    (directory / "us.csv").write_text(f"time_s,fat_thickness_mm\n{rows}\n")
+    assert len(loaded(directory, "fat_thickness").values) == len(times)
+
+
 def test_a_channel_that_is_late_is_refused(tmp_path):
     """Of a test that presses and lets go, a lag is clear."""
     directory = write_subject(tmp_path / "leg", AIMED + '[channels.fat_thickness]\nfile = "us.csv"\nsd_mm = 0.05\n')
