@@ -257,6 +257,17 @@ def test_look_proposes_channels_of_either_kind_of_file(tmp_path):
         assert ("recordings" in stated) == (name == "lateral_force")
 
 
+def test_look_says_how_the_other_axes_of_a_load_cell_are_read(tmp_path):
+    at = np.linspace(0.0, 16.0, 300)
+    rows = "\n".join(f"{d / 0.4:.3f},{d:.3f},{0.01 * d:.4f},{0.1 * d:.4f},{0.3 * d + 0.01 * d * d:.4f}" for d in at)
+    (tmp_path / "six.csv").write_text(f"Time (s),Disp (mm),Fx (N),Fy (N),Fz (N)\n{rows}\n")
+    done = CliRunner().invoke(app, ["look", str(tmp_path / "six.csv"), "--force", "Fz", "--out", str(tmp_path / "out")])
+    said = " ".join(done.output.split())
+    assert "not read: 'Fx', 'Fy'." in said and "called lateral_force and axial_force" in said
+    (tmp_path / "six.csv").write_text(f"Time (s),Disp (mm),Lateral force (N),Axial force (N),Fz (N)\n{rows}\n")
+    assert {one.name for one in read_samples(tmp_path / "six.csv").channels} == {"lateral_force", "axial_force"}
+
+
 def test_a_preview_shows_channels(tmp_path):
     folder = subject(tmp_path / "leg", {"fat_thickness_mm": fat(depth_of_frames())})
     seen = preview_of(folder, tmp_path)
