@@ -10,8 +10,11 @@ import pytest
 from making_specimens import BAR, BRANCHES, compressed, ramp, record, relaxing, write_bars
 from typer.testing import CliRunner
 
+from legfem.channels.kinds import CHANNELS
 from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
+from legfem.data import Recording, write_recording
+from legfem.data.recording import RecordedChannel
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock, UniaxialSpecimen
 from legfem.inverse.body_models import BodyModels, Stopped
 from legfem.inverse.catalogue import DEEP_C10
@@ -24,6 +27,7 @@ from legfem.specimens.forward import SpecimenVariants, experiment_of
 from legfem.specimens.laws import REFERENCE_MPA, specimen_law
 from legfem.specimens.sizes import slipping
 
+PLATES = '[plates]\ndiameter_mm = 24.0\nheight_mm = 12.0\nends = "bonded"'
 STATED = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.002\n"
 
 
@@ -62,6 +66,26 @@ def test_a_rig_that_yields_is_named_with_its_compliance(tmp_path: Path) -> None:
     best = next(m for m in found.models if "support-compliance" in m.names)
     low, high = best.interval("support-compliance.compliance")
     assert low < 0.08 < high
+
+
+def test_a_disc_between_plates_is_diagnosed_with_the_width_that_a_video_shows(tmp_path: Path) -> None:
+    """As the model itself presses it: that a channel beside the force is carried through, not how well."""
+    sizes = CylinderBetweenPlates(12.0, 12.0, "bonded")
+    law = NeoHookean(5e-3, 1.0)
+    curve = experiment_of(sizes, {"deep": law}, 2.0).solve(None, 2.0).curve
+    d = np.linspace(0.0, 1.9, 100)
+    width = np.round(500 * curve.channel("lateral_stretch", d[::20])) / 500
+    video = RecordedChannel("lateral_stretch", d[::20] / 0.5, width, CHANNELS["lateral_stretch"].usual)
+    noise = np.random.default_rng(3).normal(0.0, 0.004, len(d))
+    (tmp_path / "recordings").mkdir()
+    write_recording(Recording(d / 0.5, d, curve(d) + noise, "a", None, (video,)), tmp_path / "recordings" / "a.csv")
+    text = BAR.replace('[uniaxial]\ndirection = "compression"\nlength_mm = 10.0\narea_mm2 = 100.0', PLATES)
+    (tmp_path / "specimen.toml").write_text(text + STATED)
+    found = diagnosed(tmp_path).diagnosis
+    assert found is not None and found.verdict == "consistent"
+    assert [one.name for one in found.observed.channels] == ["lateral_stretch"]
+    low, high = found.intervals[DEEP_C10]
+    assert low < 5e-3 < high
 
 
 def test_relaxation_is_named_by_a_hold(tmp_path: Path) -> None:
@@ -108,16 +132,22 @@ def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
     found = models.follow(Protocol.ramp(depth, 1.0), given, Solution("plain"), asked)
     assert not isinstance(found, Stopped)
 
-    def direct(first: float, second: float, of=sizes) -> np.ndarray:
+    def direct(first: float, second: float, of=sizes, channel: str = "") -> np.ndarray:
         law = specimen_law("reduced-polynomial", REFERENCE_MPA, None)
         values = {"deep.C10": first, "deep.C20": second, "deep.D1": law.parameters["D1"] * REFERENCE_MPA / first}
-        return experiment_of(of, {"deep": law}, depth).solve(values, depth).curve(at)
+        curve = experiment_of(of, {"deep": law}, depth).solve(values, depth).curve
+        return curve.channel(channel, at) if channel else curve(at)
 
     np.testing.assert_allclose(found.force_at(at), direct(c10, c20), rtol=2e-5)
     for name, step in (("deep.C10", (1e-2 * c10, 0.0)), ("deep.C20", (0.0, 1e-2 * c20))):
         up, down = (direct(c10 + s * step[0], c20 + s * step[1]) for s in (1, -1))
         slope = (up - down) / (2 * sum(step))
         np.testing.assert_allclose(found.sensitivity_at(name, at), slope, rtol=5e-3)
+        for channel in found.channels:
+            ends = [direct(c10 + s * step[0], c20 + s * step[1], channel=channel) for s in (1, -1)]
+            slope = (ends[0] - ends[1]) / (2 * sum(step))
+            rates = found.channel_sensitivities_at(name, at)[channel]
+            np.testing.assert_allclose(rates, slope, rtol=1e-2, atol=1e-3 * np.abs(slope).max() + 1e-6)
     if hasattr(sizes, "height"):
         from dataclasses import replace
 

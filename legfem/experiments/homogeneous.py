@@ -19,6 +19,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import HomogeneousBody
@@ -34,6 +35,7 @@ _POINTS = 80
 _SHORTEST = 0.05
 _NEWTON_STEPS = 40
 _IMAGINARY = 1e-30
+_FORCE = "force"
 # Of the stretches' logarithms.
 _MOVE, _SMALL, _FARTHEST = 1e-7, 1e-15, 0.3
 
@@ -87,19 +89,20 @@ class HomogeneousTest(ProtocolTest):
         target = protocol.depth
         farthest = target if self.test.sign > 0 else min(target, (1 - _SHORTEST) * self.test.length)
         time, at = sample_protocol(protocol, _POINTS, farthest)
-        force = self._force(parameters, at)
-        by = {}
+        values, by = self._read(parameters, at), dict[str, dict[str, FloatArray]]()
         for name in sensitivities:
-            moved = {**parameters, name: parameters[name] + 1j * _IMAGINARY}
-            by[name] = self._force(moved, at).imag / _IMAGINARY
-        path = Path(time, at, force.real, by)
+            moved = self._read({**parameters, name: parameters[name] + 1j * _IMAGINARY}, at)
+            for what, rates in moved.items():
+                by.setdefault(what, {})[name] = rates.imag / _IMAGINARY
+        read = {what: value.real for what, value in values.items()}
+        path = Path(time, at, read.pop(_FORCE), by.pop(_FORCE, {}), read, by)
         complete = farthest >= target
         reason = "" if complete else "the specimen is pressed to nothing"
         report = SolveReport(float(at.max()), target, complete, reason)
         return Solved(parameters, path.loading, path, report)
 
-    def _force(self, parameters: Mapping[str, Any], at: FloatArray) -> Any:
-        """Return the force (n,), N, with complex numbers where a parameter is complex."""
+    def _read(self, parameters: Mapping[str, Any], at: FloatArray) -> dict[str, Any]:
+        """Return the force (n,), N, and a bar's lateral stretch, with complex numbers where a parameter is complex."""
         own = {name.removeprefix("deep."): value for name, value in parameters.items()}
         law = replace(self.law, **{name: own[name] for name in self.law.parameters})
         body, sign = self.test, self.test.sign
@@ -126,7 +129,10 @@ class HomogeneousTest(ProtocolTest):
         gradient, kirchhoff = stresses(free)
         nominal = np.linalg.solve(gradient, np.swapaxes(kirchhoff, 1, 2))
         row, column = body.component
-        return sign * body.area * nominal[:, column, row]
+        found = {_FORCE: sign * body.area * nominal[:, column, row]}
+        # Fibres across make a bar's sides unlike.
+        alike = len(axes) == 2 and self.fibres is None
+        return {**found, LATERAL_STRETCH.name: np.exp(free[0])} if alike else found
 
     def _kirchhoff(self, law: Hyperelastic, own: Mapping[str, Any], gradient: Any) -> Any:
         """Return the Kirchhoff stress (n, 3, 3), MPa, at deformation gradients (n, 3, 3)."""

@@ -58,6 +58,8 @@ class LateralFit:
     poisson_ratio
         That meets the readings best, of `POISSON_RATIOS`, and between which it may be within two units of the density's
         logarithm; None where the fit's does, or of several tissues.
+    pressed
+        Whether the specimen is; else it is pulled.
     """
 
     readings: int
@@ -66,6 +68,7 @@ class LateralFit:
     error: float
     log_density: float
     poisson_ratio: tuple[float, float, float] | None = None
+    pressed: bool = True
 
     @property
     def agrees(self) -> bool:
@@ -79,10 +82,12 @@ class LateralFit:
         known = f"each is known to {self.error:.2g}"
         if self.agrees:
             return f"Lateral stretch, {self.readings} readings: the model's within {self.rms:.2g} (rms), where {known}."
+        less = (self.deepest > 0) == self.pressed
+        held = "its ends hold otherwise than stated" if self.pressed else "its grips hold its sides"
         return (
-            f"Lateral stretch: at the deepest readings the specimen is {more} by {abs(self.deepest):.2g} of its "
-            f"diameter than the model, where {known}: its ends hold otherwise than stated, or it is "
-            f"{'less' if self.deepest > 0 else 'more'} compressible than assumed{self._ratio_text}."
+            f"Lateral stretch: at the {'deepest' if self.pressed else 'farthest'} readings the specimen is {more} by "
+            f"{abs(self.deepest):.2g} of its width than the model, where {known}: {held}, or it is "
+            f"{'less' if less else 'more'} compressible than assumed{self._ratio_text}."
         )
 
     @property
@@ -90,7 +95,8 @@ class LateralFit:
         if self.poisson_ratio is None:
             return ""
         best, low, high = self.poisson_ratio
-        return f" (with ends as stated a Poisson's ratio near {best:.3g}, of {low:.3g} to {high:.3g})"
+        given = "with ends as stated " if self.pressed else ""
+        return f" ({given}a Poisson's ratio near {best:.3g}, of {low:.3g} to {high:.3g})"
 
 
 def lateral_fit(recordings: Sequence[SpecimenRecording], model: SpecimenForward, values: Values) -> LateralFit | None:
@@ -147,7 +153,9 @@ def _compared(recordings: Sequence[SpecimenRecording], model: SpecimenForward, v
     )
     every = np.concatenate(left)
     error = float(np.sqrt(np.mean(np.concatenate([np.diag(c) for c in errors]))))
-    return LateralFit(len(every), float(np.sqrt(np.mean(every**2))), float(np.mean(deepest)), error, density)
+    pressed = kind_in(recordings[0].sizes).presses(bare(recordings[0].sizes))
+    rms, farthest = float(np.sqrt(np.mean(every**2))), float(np.mean(deepest))
+    return LateralFit(len(every), rms, farthest, error, density, pressed=pressed)
 
 
 def _covariance(one: SpecimenRecording, readings: ChannelReadings, predicted: FloatArray) -> FloatArray:

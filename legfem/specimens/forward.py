@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -361,22 +362,27 @@ class SpecimenVariants:
         found = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
         if isinstance(found, Stopped):
             return found
-        by: dict[str, Any] = {name: scale * values for name, values in found.sensitivities.items()}
-        if _C20 in by:
-            by[_C20] = found.sensitivities[_C20]
-            # Euler's theorem: the force is homogeneous in the stiffnesses.
-            rest = own[_C20] * by[_C20] + sum(
-                (-value if name.endswith(".D1") else value) * found.sensitivities[name]
-                for name, value in others.items()
-            )
-            by[_C10] = (found.force - rest) / REFERENCE_MPA
+        # Euler's theorem: the force is homogeneous of the first degree in the stiffnesses, and channels of none.
+        every = {**others, _C20: own[_C20]} if _C10 in sensitivities else {}
+        force, nothing = scale * found.force, np.zeros(len(found.time))
+        along = partial(_along_c10, stiffnesses=every, scale=scale, c10=deep[_C10])
+        by = along({name: scale * values for name, values in found.sensitivities.items()}, value=force)
+        known = found.channel_sensitivities
+        seen = {channel: along(known.get(channel, {}), value=nothing) for channel in found.channels}
         for name in (name for name in sensitivities if name in self.measured):
-            changed = self._resized(name).follow(protocol, deep, solution)
+            changed, step = self._resized(name).follow(protocol, deep, solution), _RESIZED * self.measured[name]
             if isinstance(changed, Stopped):
                 return changed
-            rise = changed.force_at(found.time) - scale * found.force
-            by[name] = rise / (_RESIZED * self.measured[name])
-        return replace(found, force=scale * found.force, sensitivities={n: by[n] for n in sensitivities})
+            by[name] = (changed.force_at(found.time) - force) / step
+            for channel, course in changed.channels_at(found.time).items():
+                seen[channel][name] = (course - found.channels[channel]) / step
+        return replace(
+            found,
+            force=force,
+            sensitivities={n: by[n] for n in sensitivities},
+            # What branches bear changes no channel.
+            channel_sensitivities={c: {n: own.get(n, nothing) for n in sensitivities} for c, own in seen.items()},
+        )
 
     def _resized(self, name: str) -> "SpecimenVariants":
         value = (1 + _RESIZED) * self.measured[name]
@@ -410,6 +416,30 @@ class SpecimenVariants:
         if kind_in(self.sizes).relaxes_as_a_whole:
             return _relaxing(solved.path, values, sensitivities)
         return solved.path
+
+
+def _along_c10(
+    by: Mapping[str, FloatArray], stiffnesses: Mapping[str, float], scale: float, c10: float, value: FloatArray
+) -> dict[str, FloatArray]:
+    """Return derivatives by the deep stiffness (MPa) too, of what is homogeneous in all stiffnesses.
+
+    Parameters
+    ----------
+    by
+        Derivatives (n,) by all others, as solved.
+    stiffnesses
+        These (MPa, 1/MPa) as solved.
+    scale
+        Actual stiffness over that.
+    c10
+        Actual deep C10, MPa.
+    value
+        (n,): the degree of homogeneity times the value.
+    """
+    if _C20 not in by:
+        return dict(by)
+    rest = sum((-own if name.endswith(".D1") else own) * by[name] for name, own in stiffnesses.items())
+    return {**by, _C20: by[_C20] / scale, _C10: (value - rest) / c10}
 
 
 def _of_variant(variant: str) -> list[TissueMechanism]:
