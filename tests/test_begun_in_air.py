@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from making_identification import DEPTH, curve_of, identify, pressed_leg
 
+from legfem.data import segment_all
+from legfem.data.alignment import align_branches, loading_branch
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 
 DRAWS, RATE, PRESSED = 16, 0.5, DEPTH - 2.0
@@ -33,3 +35,15 @@ def test_sound_repeats_with_different_ways_of_air_are_not_refused(tmp_path: Path
     assert held >= 0.85 * DRAWS
     assert abs(np.mean(errors)) < 0.02
     assert np.std(errors) < 0.03
+
+
+def test_a_load_cell_that_wanders_through_much_air_is_not_taken_for_the_leg() -> None:
+    time = np.arange(0.0, 28.0, 0.1)
+    for seed in range(24):
+        generator = np.random.default_rng([seed, 40])
+        travel = RATE * time
+        course = Course(time, travel, generator.uniform(0.1, 0.3) * (travel + 0.05 * travel**2))
+        trials = segment_all(record([course] * 3, LabErrors(0.01, 12.0), generator), INSTRUMENT)
+        found = align_branches([loading_branch(one) for one in trials], [one.contact for one in trials], INSTRUMENT)
+        deepest = [float(one.depth[-1]) for one in found.branches]
+        assert abs(np.mean(deepest) - travel[-1]) < 0.8, seed

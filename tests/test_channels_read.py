@@ -149,6 +149,28 @@ def test_a_thickness_in_another_unit_is_refused(tmp_path):
     refused(subject(tmp_path / "leg", {"fat_thickness_mm": 10 * fat(depth_of_frames())}), "by what is stated", "unit")
 
 
+@pytest.mark.parametrize(
+    ("column", "values", "word"),
+    [
+        ("fat_thickness_mm", np.where(np.arange(len(FRAMES)) == 4, 1200.0, FAT), "1.2e+03 mm"),
+        ("fat_thickness_mm", np.where(np.arange(len(FRAMES)) == 4, -FAT, FAT), "it is -6 mm"),
+        ("contact_width_mm", -FRAMES, "down to"),
+        ("skin_rise_left_25_mm", -10 * FRAMES, "where the cylinder moves by"),
+        ("skin_rise_left_30_mm", -0.1 * FRAMES, "'skin_rise_left_30_mm' is not expected"),
+        ("axis_moment_Nm", 1e-4 * FRAMES, "'axis_moment_Nm' is not expected"),
+    ],
+)
+def test_readings_that_no_instrument_has_and_columns_of_no_channel_are_refused(tmp_path, column, values, word):
+    refused(subject(tmp_path / "leg", {column: values}), word)
+
+
+def test_another_layer_s_thickness_is_not_taken_for_the_fat_s(tmp_path):
+    directory = write_subject(tmp_path / "leg", AIMED + '[channels.fat_thickness]\nfile = "us.csv"\n')
+    rows = "\n".join(f"{t},{v}" for t, v in zip(FRAMES, fat(depth_of_frames()), strict=True))
+    (directory / "us.csv").write_text(f"time_s,muscle_thickness_mm\n{rows}\n")
+    refused(directory, "'muscle_thickness' in mm", "time_s,fat_thickness_mm")
+
+
 def test_a_lateral_force_above_the_force_is_refused(tmp_path):
     recording = press()
     lateral = 1.5 * np.interp(FRAMES, recording.time, recording.force)

@@ -76,6 +76,7 @@ WRONG = {
     "no rows": ("folder,date\n", "rows: there are none; give a row a folder"),
     "empty": ("\n\n", "file: is empty; write a header, and a row a folder"),
     "misspelt": ("foldr,age\na,3\n", "header: there is no column folder or subject; rename 'foldr' folder"),
+    "folder misspelt": ("subject,fodler\nA,a\nA,b\n", "header: there is no column folder; rename 'fodler' folder"),
     "a cell too many": ("folder,note\na,x\nb,x,y\n", "rows: cells don't match the header (Expected 2 fields in line 3"),
     "cells too many": ("folder,note\na,x,y\nb,x,y\n", "rows: have more cells than the header; put texts that"),
     "a column without a name": ("folder,\na,x\n", "header: column 2 has no name; name it, or remove it"),
@@ -154,6 +155,31 @@ def test_what_may_be_meant_otherwise_is_noted(tmp_path: Path) -> None:
     )
 
 
+def test_people_of_two_groups_and_sexes_in_many_spellings_are_noted(tmp_path: Path) -> None:
+    rows = "A,a,patient,F\nA,b,control,F\nB,c,patient,female\nC,d,control,M\n"
+    folders(tmp_path, *"abcd", table=f"subject,folder,group,sex\n{rows}")
+    assert find_members(tmp_path, "identify").notes == (
+        "cohort.csv: A (1) has more than one group.",
+        "cohort.csv: sex is one of F, M, female: write each in one way.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("asked", "line"),
+    [
+        (("--law", "neohookean"), "--law: 'neohookean': unknown law"),
+        (("--depth", "-3"), "--depth: -3 mm: is too shallow"),
+    ],
+)
+def test_an_option_that_no_member_can_be_done_with_is_one_line(tmp_path: Path, asked: tuple, line: str) -> None:
+    for name in ("a", "b"):
+        shutil.copytree(SUBJECTS.find("1"), tmp_path / "study" / name)
+    out = tmp_path / "out"
+    done = CliRunner().invoke(app, [str(tmp_path / "study"), *asked, "--out", str(out), "--jobs", "1", "--quiet"])
+    assert done.exit_code == 2 and done.stderr.splitlines()[-1].startswith(line)
+    assert not (out / "cohort.html").exists()
+
+
 def document(law: str = "both") -> dict:
     laws = ("neo-hookean", "reduced-polynomial") if law == "both" else (law,)
     return fit_document([result(name) for name in laws], LegDocument())
@@ -206,7 +232,8 @@ def test_two_legs_are_identified_and_kept_and_a_broken_one_costs_its_row(study: 
     before = lf.cohort(study, dry_run=True, **asked)
     assert isinstance(before, ExpectedRun) and before.states == ("new",) * 3 and before.waiting == 3
     found = lf.cohort(study, progress=True, **asked)
-    assert "1/3  P1" in (said := capfd.readouterr().err) and "left" in said
+    assert "1/3  P1: " in capfd.readouterr().err
+    assert "do not rely on the values" in found.summary()
     assert [row.done for row in found.rows] == [True, True, False]
     assert found.rows[2].problem.startswith("subject.toml: ")
     found.write(tmp_path / "out")

@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 
 import pytest
-from distributed import LocalCluster
 
 from legfem.common.errors import InputError
 from legfem.jobs.engines import Died, engine_named, outcomes
@@ -59,6 +58,8 @@ def here(task: int) -> int:
 
 
 def test_dask_gives_the_same_and_loses_only_who_always_dies(tmp_path: Path) -> None:
+    from distributed import LocalCluster  # here, for every process that works for these tests imports this file
+
     work = functools.partial(doubled, tmp_path, (2,), (5,))
     with (
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
@@ -71,6 +72,8 @@ def test_dask_gives_the_same_and_loses_only_who_always_dies(tmp_path: Path) -> N
 
 
 def test_workers_of_several_threads_are_refused() -> None:
+    from distributed import LocalCluster
+
     with (
         LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
         pytest.raises(InputError, match="several threads, in which PETSc can't run; start workers with"),

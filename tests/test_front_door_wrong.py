@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from making import write_subject
@@ -101,6 +102,26 @@ def test_what_is_wrong_with_a_diagnosis_is_told(leg, bars) -> None:
     assert "is not a specimen of the folder" in line_of(lf.diagnose, specimens, specimens=["a"])
 
 
+@pytest.mark.parametrize(
+    ("asked", "line"),
+    [
+        ({"c10": 0.0}, "c10: 0 kPa: is not possible here; give 0.05 to 50 kPa"),
+        ({"c20": -1.0}, "c20: -1 kPa: is not possible here; give 0 to 50 kPa"),
+        ({"depth": -3.0}, "depth: -3 mm: is not possible here; give 5 to 200 mm"),
+        ({"rate": None}, "rate: None: is not possible here; give 0.01 to 50 mm/s"),
+    ],
+)
+def test_what_is_wrong_with_a_planned_test_is_told(leg, asked, line) -> None:
+    assert line_of(lf.plan, leg, **asked) == line
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
+def test_a_folder_that_only_seems_to_take_results_is_told_at_once(leg) -> None:
+    assert line_of(lf.identify, leg, out="/proc/results").endswith(
+        "/proc can't be written to; give a folder of your own"
+    )
+
+
 def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
     assert line_of(lf.diagnose, bars).endswith("load the folder with lf.load_specimen")
     assert line_of(lf.load_specimen, leg.directory).endswith("load the folder with lf.load_subject")
@@ -110,7 +131,7 @@ def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
 
 
 def test_what_a_plan_and_a_cohort_cannot_be_without_is_told(leg, tmp_path) -> None:
-    with pytest.raises(lf.InputError, match="c20: None: is of another kind; give a number of kPa"):
+    with pytest.raises(lf.InputError, match="c20: None: is not possible here; give 0 to 50 kPa"):
         lf.plan(leg, c20=None)
     with pytest.raises(lf.InputError, match=r"folder: 1\.5: is of another kind; give the path of the folder"):
         lf.cohort(1.5, out=tmp_path / "out")

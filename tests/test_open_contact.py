@@ -12,6 +12,10 @@ DEPTH, RATE = 12.0, 0.5
 LABS, AIR = 60, LabErrors(gain_sd=0.01, air=4.0)
 
 
+TISSUES = [((0.9, 2.1), (1.05, 2.0)), ((1.5, 1.5), (1.25, 2.0))]
+"""Sizes (N) and powers of fat and muscle."""
+
+
 def parts(at, powers):
     """Of a fat and a muscle, as closed forms: (n, 2)."""
     return (np.asarray(at)[:, None] / DEPTH) ** np.array(powers)
@@ -38,7 +42,7 @@ def departures(sizes, powers, columns):
     return np.array(found)
 
 
-@pytest.mark.parametrize(("sizes", "powers"), [((0.9, 2.1), (1.05, 2.0)), ((1.5, 1.5), (1.25, 2.0))])
+@pytest.mark.parametrize(("sizes", "powers"), TISSUES)
 @pytest.mark.parametrize("single", [True, False])
 def test_intervals_hold_where_contact_is_placed_by_the_readings_that_are_fitted(sizes, powers, single):
     away = departures(sizes, powers, np.array(sizes)[:, None] if single else np.eye(2))
@@ -49,16 +53,13 @@ def test_intervals_hold_where_contact_is_placed_by_the_readings_that_are_fitted(
 
 
 def test_the_errors_of_a_curve_are_those_of_many_labs():
-    time = np.arange(0.0, DEPTH / RATE + 1e-9, 0.1)
-    course = Course(time, RATE * time, 3.0 * (RATE * time / DEPTH) ** 1.5)
+    sizes, powers = TISSUES[0]
     left, stated = [], []
-    for lab in range(LABS):
-        trials = record([course] * 3, AIR, np.random.default_rng([49, lab]))
-        curve = mean_loading_curve(segment_all(trials, INSTRUMENT))
+    for curve in curves(sizes, powers):
         at, slope = curve.displacement[:44], curve.slope[:44]
         # What is left when first contact is free: the part of the errors across the slope.
         across = np.eye(44) - np.outer(slope, slope) / (slope @ slope)
-        left.append(across @ (curve.force[:44] - 3.0 * (at / DEPTH) ** 1.5))
+        left.append(across @ (curve.force[:44] - parts(at, powers) @ sizes))
         stated.append(np.diag(across @ curve.covariance[:44, :44] @ across))
     ratio = np.std(left, axis=0) / np.sqrt(np.mean(stated, axis=0))
     assert 0.75 < np.sqrt(np.mean(ratio**2)) < 1.25

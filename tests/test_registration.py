@@ -48,9 +48,9 @@ def noisy(points: np.ndarray, generator: np.random.Generator, sd: float) -> np.n
 
 
 def test_points_that_do_not_correspond_find_it_too(leg):
-    """How well the motion along shafts is seen differs from draw to draw: four of them."""
+    """How well the motion along shafts is seen differs from draw to draw: three of them."""
     greatest = []
-    for seed in (1, 2, 3, 4):
+    for seed in (1, 2, 3):
         generator = np.random.default_rng(seed)
         true = scattered(leg, generator)
         moving = noisy(true, generator, 0.2)

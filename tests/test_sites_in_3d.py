@@ -214,7 +214,7 @@ def test_the_command_identifies_fibres_of_a_leg_with_sites_and_of_one_without(tm
 
     monkeypatch.setattr(identification, "leg_models", models_as_deep_as_asked())
     asked = ["--subject-dir", str(folder), "--model", "3d", "--out", str(tmp_path / "out")]
-    asked += ["--identify", "deep.C10", "--identify", "deep.fibre_ratio", "--quiet"]
+    asked += ["--identify", "deep.C10", "--identify", "deep.fibre_ratio", "--quiet", "--jobs", "1"]
     ran = CliRunner().invoke(identify_app, asked)
     assert ran.exit_code == 0, ran.output
     found = json.loads((tmp_path / "out" / "result.json").read_text())

@@ -85,6 +85,15 @@ def test_false_alarms_are_as_rare_as_is_said_and_a_rig_is_found() -> None:
     assert seen(0.5) > 0.9
 
 
+def test_a_rig_that_yields_shows_in_four_pieces() -> None:
+    """By no power of the thickness: it adds its way to each."""
+    drawn, extent, found = np.random.default_rng(5), {"a": 3.0, "b": 6.0, "c": 12.0, "d": 24.0}, 0
+    for _ in range(200):
+        soft = {name: np.exp(0.01 * drawn.normal()) / (1 + 0.8 / length) for name, length in extent.items()}
+        found += size_dependence(soft, extent) is not None
+    assert found > 110
+
+
 def test_two_specimens_that_are_alike_or_one_thickness_show_nothing() -> None:
     assert size_dependence({"a": 1.0}, {"a": 2.0}) is None
     assert size_dependence({"a": 1.0, "b": 1.1}, {"a": 2.0, "b": 10.0}) is None

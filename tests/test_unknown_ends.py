@@ -191,6 +191,33 @@ def test_an_interval_carries_what_its_law_misses(tmp_path: Path) -> None:
     assert wrong.ci95[0] < shallow
 
 
+def filmed(folder: Path, stretch: float, toml: str = PLATES) -> Path:
+    """Write a folder whose recording has a column of a video, the same throughout."""
+    (folder / "recordings").mkdir(parents=True)
+    (folder / "specimen.toml").write_text(toml)
+    at = np.linspace(0.0, 3.0, 60)
+    rows = "\n".join(f"{10 * d},{d},{d + 0.01 * np.sin(40 * d)},{stretch}" for d in at)
+    (folder / "recordings" / "a.csv").write_text(f"time_s,displacement_mm,force_N,lateral_stretch\n{rows}\n")
+    return folder
+
+
+@pytest.mark.parametrize("stretch", [24.0, 0.0, 101.0])
+def test_a_video_in_mm_as_a_strain_or_in_per_cent_is_refused(tmp_path, stretch) -> None:
+    with pytest.raises(lf.InputError, match=r"lateral_stretch: begins with .* 1 to begin with"):
+        lf.load_specimen(filmed(tmp_path / "disc", stretch))
+
+
+def test_a_video_that_a_test_has_no_use_for_is_told(tmp_path) -> None:
+    sheared = PLATES.replace("[plates]\ndiameter_mm = 24.0", "[simple_shear]\narea_mm2 = 450.0")
+    (doubt,) = lf.load_specimen(filmed(tmp_path / "block", 1.0, sheared)).doubts
+    assert doubt.field == "lateral_stretch" and "no model of [simple_shear] of one tissue gives it" in doubt.problem
+
+
+def test_a_poisson_ratio_of_a_half_is_told_in_words(tmp_path) -> None:
+    with pytest.raises(lf.InputError, match=r"poisson_ratio: 0\.5 is out of range; give a value below 0\.5$"):
+        lf.load_specimen(filmed(tmp_path / "disc", 1.0, PLATES + "[tissue]\npoisson_ratio = 0.5\n"))
+
+
 def test_a_pulled_bar_s_width_says_how_compressible_it_is(tmp_path: Path) -> None:
     """Of Hencky's law, E ln(stretch) with sides that go by a Poisson's ratio of it, in closed form."""
     poisson, d = 0.35, np.linspace(0.0, 2.0, 150)

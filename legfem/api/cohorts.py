@@ -48,7 +48,7 @@ from legfem.cohort.rows import (
 from legfem.cohort.statistics import statistics, statistics_document
 from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
-from legfem.common.progress import Progress, duration, progress_on
+from legfem.common.progress import Progress, progress_on
 from legfem.geometry.section import fat_thickness, girth
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.store import key_of
@@ -218,16 +218,21 @@ def cohort(
     # A path is as good as its text, as in the command.
     texts = {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
     options = _options(do, {name: value for name, value in texts.items() if value not in (None, ())}, library)
+    if population:
+        _check_priors(options)
     with engine_named(on, jobs, scheduler) as engine:
         if engine is not None:
             members = find_members(Path(folder), do, layout, None if table is None else Path(table))
             _check_apart(Path(out), members)
+            if mesh == "coarse":
+                quick = "The mesh is coarse, for a quick look at all legs: do not rely on the values."
+                members = replace(members, notes=(*members.notes, quick))
             known = KnownRows(Path(out), members, options)
             if dry_run:
                 return known.expected(engine.workers)
             with progress_on(quiet=not progress) as shown:
                 found = _run(known, engine, shown)
-            people = _population(members, found, options) if population else ()
+            people = populations(members.every, found, int(options.given.get("seed", 0))) if population else ()
             return Cohort(members, options, tuple(found), time.perf_counter() - started, people)
     raise SystemExit(0)  # another rank, which has served the first
 
@@ -244,7 +249,8 @@ def _check_apart(out: Path, members: Members) -> None:
         )
 
 
-def _population(members: Members, rows: Sequence[Row], options: Options) -> tuple[PopulationFit, ...]:
+def _check_priors(options: Options) -> None:
+    """Refuse priors of legs beside a fit of how people differ."""
     if priors := options.given.get("prior"):
         raise InputError(
             "--population",
@@ -252,7 +258,6 @@ def _population(members: Members, rows: Sequence[Row], options: Options) -> tupl
             "would count twice: each leg's folder states it already",
             "leave out --prior",
         )
-    return populations(members.every, rows, int(options.given.get("seed", 0)))
 
 
 _TAKES: Mapping[str, tuple[str, ...]] = {
@@ -277,20 +282,23 @@ def _run(known: KnownRows, engine: Engine, progress: Progress) -> list[Row]:
         if one.problem:
             _log.warning("%s", one.problem)
     todo = [one for one in members if one.name not in found]
-    began = time.perf_counter()
+    refused = None
     progress.stage(f"{known.options.task}: {len(members)} members ({len(found)} known){engine.place}", len(todo))
     work = functools.partial(done_with, known.options, known.out)
-    for number, (place, made) in enumerate(outcomes(engine, work, todo), 1):
+    for place, made in outcomes(engine, work, todo):
         member = todo[place]
         rows = [Row(member.name, problem=made.problem)] if isinstance(made, Died) else made.rows
-        if not isinstance(made, Died) and made.worth:
-            known.keep(member.name, rows)
+        if not isinstance(made, Died):
+            refused = refused or made.refused
+            if made.worth:
+                known.keep(member.name, rows)
         found[member.name] = rows
-        left = (time.perf_counter() - began) / number * (len(todo) - number)
-        after = f"; about {duration(left)} left" if number < len(todo) else ""
         problem = next((row.problem for row in rows if row.problem), "")
-        progress.advance(f"{member.name}: {problem or f'{rows[0].seconds:.0f} s'}{after}")
-    return [row for one in members for row in found[one.name]]
+        progress.advance(f"{member.name}: {problem or f'{rows[0].seconds:.0f} s'}")
+    rows = [row for one in members for row in found[one.name]]
+    if refused is not None and not any(row.done for row in rows):
+        raise refused
+    return rows
 
 
 MEMBERS = "members"
@@ -304,6 +312,8 @@ class Made:
     rows: list[Row]
     worth: bool = True
     """Whether it would come out the same the next time."""
+    refused: InputError | None = None
+    """An option that it cannot be done with."""
 
 
 def done_with(options: Options, out: Path, member: Member) -> Made:
@@ -316,7 +326,8 @@ def done_with(options: Options, out: Path, member: Member) -> Made:
     except (InputError, UnsolvedError) as error:
         # The row says whose files they are, wherever the study lies.
         problem = " ".join(str(error).split()).replace(f"{member.folder}{os.sep}", "")
-        return Made([Row(member.name, problem=problem)])
+        option = error if isinstance(error, InputError) and error.source.startswith("--") else None
+        return Made([Row(member.name, problem=problem)], worth=option is None, refused=option)
     except Exception as error:  # a fault of legfem's own costs this row alone, too
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")

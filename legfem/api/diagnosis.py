@@ -389,10 +389,10 @@ def plan(
     PlannedTests
         With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
     """
-    for name, value, unit in (("c10", c10, "kPa"), ("c20", c20, "kPa"), ("depth", depth, "mm"), ("rate", rate, "mm/s")):
-        if value is None:
-            raise loading.of_another_kind(name, value, f"a number of {unit}")
-        loading.check_finite(name, value, unit)
+    loading.check_within("c10", c10, 0.05, 50.0, "kPa")
+    loading.check_within("c20", c20, 0.0, 50.0, "kPa")
+    loading.check_within("depth", depth, 5.0, 200.0, "mm")
+    loading.check_within("rate", rate, 0.01, 50.0, "mm/s")
     loading.check_whole("jobs", jobs, 1)
     folder = library_folder() if library is None else Path(library)
     loading.check_folder("library", folder)

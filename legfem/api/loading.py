@@ -133,6 +133,13 @@ def check_finite(name: str, value: object, unit: str = "mm") -> None:
         raise wrong(name, repr(value), f"is not a {name}", f"give a number of {unit}")
 
 
+def check_within(name: str, value: object, least: float, most: float, unit: str) -> None:
+    """Raise an InputError for what is not a number between two others."""
+    if not isinstance(value, Real) or not least <= float(value) <= most:
+        shown = f"{float(value):g} {unit}" if isinstance(value, Real) else repr(value)
+        raise wrong(name, shown, "is not possible here", f"give {least:g} to {most:g} {unit}")
+
+
 def check_one_of(name: str, value: object, known: tuple[str, ...]) -> None:
     """Raise an InputError for what isn't among the known; None is none."""
     if value is not None and value not in known:

@@ -145,10 +145,11 @@ def _below(folder: Path) -> list[Path]:
 def _of_table(folder: Path, table: Path, found: Mapping[str, Path], files: Sequence[str]) -> Members:
     cells = _cells(table)
     column = "folder" if "folder" in cells else "subject"
-    if column not in cells:
-        near = difflib.get_close_matches("folder", list(cells), n=1, cutoff=_LIKE)
+    near = difflib.get_close_matches("folder", list(cells), n=1, cutoff=_LIKE) if column != "folder" else []
+    if near or column not in cells:
         remedy = f"rename '{near[0]}' folder" if near else "add a column called folder"
-        raise InputError(table, "header", "there is no column folder or subject", remedy)
+        missing = "folder" if "subject" in cells else "folder or subject"
+        raise InputError(table, "header", f"there is no column {missing}", remedy)
     seen: dict[Path, int] = {}
     spelt = {_composed(name): path for name, path in found.items()}
     members = []
@@ -206,6 +207,14 @@ def _doubts(table: Path, cells: pd.DataFrame, members: Sequence[Member]) -> list
     for name in cells:
         near = difflib.get_close_matches(str(name).lower(), absent, n=1, cutoff=_LIKE) if name not in _KNOWN else []
         notes += [f"{table.name} has a column {name}, which says nothing to legfem: is it {meant}?" for meant in near]
+    for name in ("group", "sex"):
+        given = pd.DataFrame({"who": [one.person for one in members], name: [one.given.get(name) for one in members]})
+        several = given.dropna().groupby("who")[name].nunique()
+        if changed := [str(who) for who in several.index[several > 1]]:
+            notes.append(f"{table.name}: {', '.join(changed[:5])} ({len(changed)}) has more than one {name}.")
+    sexes = sorted({str(one.given["sex"]) for one in members if "sex" in one.given})
+    if len(sexes) > 2:
+        notes.append(f"{table.name}: sex is one of {', '.join(sexes[:5])}: write each in one way.")
     sides = {str(one.given.get("side", "")) for one in members} - {"", *_SIDES.values()}
     if sides:
         notes.append(f"{table.name}: side is neither left nor right, but {', '.join(sorted(sides))}.")

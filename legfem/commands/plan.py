@@ -6,21 +6,21 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir, finish, results_folder
-from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, parallel_context
+from legfem.common.command_line import AsJson, Quiet, parallel_context
 from legfem.legs.schema import SUBJECTS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command(cls=FiniteNumbers)
+@app.command()
 def plan(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
-    c10: Annotated[float, typer.Option(min=0.05, max=50.0, help="Expected C10 (kPa).")] = 0.8,
-    c20: Annotated[float, typer.Option(min=0.0, max=50.0, help="Expected C20 (kPa).")] = 0.0,
-    depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="Depth to press to (mm).")] = 20.0,
-    rate: Annotated[float, typer.Option(min=0.01, max=50.0, help="Speed of pressing (mm/s).")] = 0.5,
+    c10: Annotated[float, typer.Option(help="Expected C10 (kPa), 0.05 to 50.")] = 0.8,
+    c20: Annotated[float, typer.Option(help="Expected C20 (kPa), 0 to 50.")] = 0.0,
+    depth: Annotated[float, typer.Option(help="Depth to press to (mm), from 5.")] = 20.0,
+    rate: Annotated[float, typer.Option(help="Speed of pressing (mm/s), 0.01 to 50.")] = 0.5,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/plan-ID by default.")] = None,
     library: Annotated[
         Path | None, typer.Option(help="Folder of the legs' responses, which diagnoses use too.")

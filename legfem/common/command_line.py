@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
@@ -176,7 +177,7 @@ def leave_to_first_rank() -> int:
 
 
 def check_out_folder(out: Path) -> None:
-    """Check, without making anything, that results can be written to a folder.
+    """Check, without leaving anything, that results can be written to a folder.
 
     Raises
     ------
@@ -186,8 +187,11 @@ def check_out_folder(out: Path) -> None:
     nearest = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     if not nearest.is_dir():
         raise InputError("--out", str(out), f"{nearest} is a file", "give a folder")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError("--out", str(out), f"{nearest} can't be written to", "give a folder of your own")
+    try:
+        # What may be written isn't always what can: /proc says yes to root.
+        tempfile.TemporaryFile(dir=nearest).close()
+    except OSError:
+        raise InputError("--out", str(out), f"{nearest} can't be written to", "give a folder of your own") from None
 
 
 def process_count(jobs: int | None, ranks: int) -> int:

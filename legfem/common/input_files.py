@@ -305,18 +305,19 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
     match error["type"]:
         case "extra_forbidden":
             known = _known_keys(keys[:-1], schema)
-            near = difflib.get_close_matches(keys[-1], known, n=1, cutoff=0.5)
+            near = difflib.get_close_matches(keys[-1], known, n=1)
             return "unknown key", (f"did you mean '{near[0]}'?" if near else f"known keys here: {', '.join(known)}")
         case "missing":
             return "missing", "add it"
-        case "greater_than" | "greater_than_equal" | "less_than_equal":
-            bounds = {"gt": "above", "ge": "of at least", "le": "of at most"}
+        case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
+            bounds = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"}
             words = " and ".join(f"{w} {context[k]:g}" for k, w in bounds.items() if k in context)
             unit = keys[-1].rpartition("_")[2]
             least = context.get("ge", context.get("gt", math.inf))
             in_cm = unit == "mm" and 0 < given < least <= 10 * given
             hint = " (if it is in cm, multiply it by 10)" if in_cm else ""
-            return f"{given} is out of range", f"give a value {words}, in {unit}{hint}"
+            of = "" if unit in ("ratio", keys[-1]) else f", in {unit}"
+            return f"{given} is out of range", f"give a value {words}{of}{hint}"
         case "float_type" | "finite_number":
             return f"{given!r} is not a finite number", "write a number without quotes"
         case "literal_error":

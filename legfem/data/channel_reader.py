@@ -344,7 +344,9 @@ def _of_instrument(path: Path, kind: ChannelKind, column: str | None, own: Input
     timed = [c for c in columns if measures(c, "time")]
     quantity: Quantity = "force" if kind.is_force else "displacement"
     able = [c for c in columns if measures(c, quantity) and c not in timed]
-    named = [c for c in able if c.name == column] if column else [c for c in able if channel_of(c) == kind] or able
+    named = [c for c in able if c.name == column] if column else [c for c in able if channel_of(c) == kind]
+    if not column and not named:
+        named = [c for c in able if channel_of(c) is None]
     if len(timed) != 1 or len(named) != 1:
         there = ", ".join(f"'{c.name}' in {c.unit or 'no unit'}" for c in columns)
         what = "time" if len(timed) != 1 else kind.name

@@ -325,7 +325,9 @@ def _rough_contact(d: FloatArray, force: FloatArray, noise: float) -> float:
     kernel = np.ones(few) / few
     smooth = np.convolve(np.pad(force, (few // 2, few - 1 - few // 2), "edge"), kernel, "valid")
     base = float(np.median(force[: 2 * few]))
-    level = base + max(5.0 * noise / np.sqrt(few), 0.01 * float(smooth.max() - base))
+    rise = float(smooth.max() - base)
+    # What the load cell wanders by doesn't average out; beside a small force it is stated too large.
+    level = base + max(5.0 * noise / np.sqrt(few), min(4.0 * noise, 0.03 * rise), 0.01 * rise)
     below = np.flatnonzero(smooth <= level)
     # The last sample below the level, so that a bump in air isn't taken for contact.
     return float(d[min(below[-1] + 1, len(d) - 1)]) if len(below) else float(d[0])

@@ -2,11 +2,21 @@
 
 from pathlib import Path
 
+from legfem.channels.kinds import IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.data.columns import look_command, propose
 from legfem.data.formats import read_sheets
+from legfem.data.formats.sheet import Column
 from legfem.data.formats.times import BY_RATE
-from legfem.data.recording import QUANTITIES, Recording, SourceColumn, SourceColumns, read_own_table, recording_of
+from legfem.data.recording import (
+    QUANTITIES,
+    Recording,
+    SourceColumn,
+    SourceColumns,
+    channel_of,
+    read_own_table,
+    recording_of,
+)
 
 
 def read_samples(path: Path, channels: SourceColumns | None = None, area: float | None = None) -> Recording:
@@ -63,6 +73,8 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
     """
     try:
         sheets = read_sheets(path)
+        if any(_nearly_a_channel(column) for sheet in sheets for column in sheet.columns):
+            return None
         if area is not None:
             columns = {c.name: c for c in sheets[0].columns}
             unit = columns["pressure"].unit if "pressure" in columns else None
@@ -78,6 +90,12 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
     if found.displacement.sign < 0 or found.force.sign < 0 or not stated or counted:
         return None
     return recording_of(path, sheets, found)
+
+
+def _nearly_a_channel(column: Column) -> bool:
+    """Tell whether a column's name is nearly a channel's, or its unit isn't: left out, it would be missed."""
+    words = {*column.name.lower().replace(" ", "_").split("_")}
+    return channel_of(column) is None and any(len(words & {*kind.name.split("_")}) > 1 for kind in IN_COLUMNS)
 
 
 def _seen(path: Path) -> str:

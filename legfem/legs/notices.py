@@ -80,9 +80,10 @@ def warnings_about(fit: Fit[LegDetails]) -> tuple[str, ...]:
 
 def _left_out(fit: Fit[LegDetails]) -> Iterator[str]:
     """Say which channels aren't used, since the model doesn't give them."""
-    model, other = ("in 3D", "2d") if isinstance(fit.details.spatial, SpatialSites) else ("of the section", "3d")
+    in_3d = isinstance(fit.details.spatial, SpatialSites)
+    model, own, other = ("in 3D", "3d", "2d") if in_3d else ("of the section", "2d", "3d")
     every = (one.kind for site in fit.details.leg.sites for trial in site.recordings for one in trial.channels)
-    unlike = dict.fromkeys(one.name for one in every if other in one.models and len(one.models) == 1)
+    unlike = dict.fromkeys(one.name for one in every if other in one.models and own not in one.models)
     names = " and ".join(name.replace("_", " ") for name in unlike)
     if names:
         yield f"What was recorded of {names} is not used: the model {model} has no such reading (--model {other} has)."

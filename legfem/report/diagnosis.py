@@ -194,6 +194,8 @@ def _each_recording(base: Fit[None]) -> list[web.Block]:
     said = f"Fitted one by one with the base model, the recordings {'agree' if same else 'disagree'} on "
     said += f"{symbol_of(names[0])} (chi-square {estimates.chance(agreed)})"
     said += "." if same else ": their values differ by more than usual errors of readings, gain and zero cause."
+    if not base.goodness.fits:
+        said += " The base model doesn't fit them, so that their values need not lie around that of all together."
     rows = [[one.name, *(estimates.own_value(one, name) for name in names)] for one in base.tests]
     columns = ["recording", *(f"{symbol_of(name)} ± standard error" for name in names)]
     return [web.Prose(said), web.WebTable("What each recording gives by itself", columns, rows, folded=True)]

@@ -219,9 +219,7 @@ def contour_curves(details: StockingDetails) -> list[Curves]:
 
 
 def _distances_by_contour(misfit: ContourMisfit, found: StiffnessFit, shape: LegShape) -> dict[str, FloatArray]:
-    distances = misfit.distances(shape)
-    if found.rigid is not None:
-        distances = distances + misfit.rigid_slopes(shape) @ found.rigid
+    distances = misfit.distances(shape if found.rigid is None else misfit.moved(shape, found.rigid))
     shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
     parts = np.split(distances, [shapes[0][0] * shapes[0][1]])
     return {name: part.reshape(shape) for name, part, shape in zip(CONTOURS, parts, shapes, strict=True)}

@@ -1,10 +1,11 @@
 """A specimen folder: ``specimen.toml`` and the recordings of one kind of test of one tissue."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
 from legfem.channels.kinds.layer_thickness import between_of, refused
 from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable, check_printable
@@ -157,6 +158,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     if not used:
         raise InputError(directory / "recordings", left[0].name, "no recording can be used", left[0].reason)
     used = _agreeing(_with_channels(toml, given, used))
+    doubts += _unused(used)
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id,
@@ -239,18 +241,30 @@ def _with_channels(toml: Path, given: SpecimenFile, used: Sequence[SpecimenRecor
     for one, recording in zip(used, recordings, strict=True):
         same = recording is one.recording
         found.append(one if same else replace(one, trial=replace(one.trial, recording=recording)))
-        _check_thicknesses(found[-1].trial, one.sizes, _sizes_sd(given))
+        _check_channels(found[-1].trial, one.sizes, _sizes_sd(given))
     return found
 
 
-def _check_thicknesses(trial: Segmentation, sizes: Sizes, relative_sd: float) -> None:
-    """Refuse thicknesses that aren't those of a specimen's layers."""
+def _unused(used: Sequence[SpecimenRecording]) -> Iterator[Doubt]:
+    """Yield doubts about columns that no model of the test gives."""
+    for one in used:
+        layers, kind = layers_of(one.sizes), kind_in(one.sizes)
+        known = {*(between_of(layers.heights) if layers else ()), *kind.beside}
+        for name in (channel.name for channel in one.trial.recording.channels if channel.name not in known):
+            what = f"[{kind.table}] of {'layers' if layers else 'one tissue'}"
+            yield Doubt(one.trial.source, name, f"is not used: no model of {what} gives it", "leave it out")
+
+
+def _check_channels(trial: Segmentation, sizes: Sizes, relative_sd: float) -> None:
+    """Refuse thicknesses that aren't those of a specimen's layers, and what isn't a stretch."""
     layers = layers_of(sizes)
     between = between_of(layers.heights) if layers else {}
-    for one in (channel for channel in trial.recording.channels if channel.name in between):
-        low, high = between[one.name]
-        depths = trial.loading_depths(one.time)
-        found = refused(one.kind, high - low, depths, one.values, one.accuracy, relative_sd * (high - low))
+    for one in trial.recording.channels:
+        found = not_a_stretch(one.values) if one.name == LATERAL_STRETCH.name else None
+        if one.name in between:
+            low, high = between[one.name]
+            depths = trial.loading_depths(one.time)
+            found = refused(one.kind, high - low, depths, one.values, one.accuracy, relative_sd * (high - low))
         if found is not None:
             raise InputError(trial.source, one.name, found.what, found.remedy)
 

@@ -147,6 +147,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     """Sizes of the body by the keys of its table that specimens of one folder may have of their own."""
     ranges: ClassVar[Mapping[str, PhysicalRange]] = {}
     """Plausible ranges of the keys that it alone has."""
+    beside: ClassVar[frozenset[str]] = frozenset()
+    """Channels beside the force that are weighed, whatever it is of."""
     layered: ClassVar[bool] = False
     """Whether it may be on layers."""
     directions: ClassVar[tuple[Direction, ...]] = ("load",)

@@ -214,21 +214,16 @@ class ContourMisfit:
         return float(distances @ distances)
 
     def rigid_slopes(self, shape: LegShape) -> FloatArray:
-        """Differentiate the distances by rigid motions of a simulated shape, (n, 6).
+        """Differentiate the distances by rigid motions of a simulated shape as `moved` takes them, (n, 6)."""
+        here, steps = self.distances(shape), np.repeat((SHIFT, TURN), 3)
+        columns = [self.distances(self.moved(shape, motion)) - here for motion in np.diag(steps)]
+        return np.stack(columns, axis=1) / steps
 
-        Three translations (mm), then turns about x, y and z through the slices' middle (rad).
-        """
-        here = self.distances(shape)
+    def moved(self, shape: LegShape, motion: FloatArray) -> LegShape:
+        """Move a shape by three translations (mm) and turns about x, y and z through the slices' middle (rad), (6,)."""
         middle = np.array([*self.target.outer.mean(axis=(0, 1)), self.target.levels.mean()])
-        columns = []
-        for number in range(6):
-            shift, turn = np.zeros(3), np.zeros(3)
-            step = SHIFT if number < 3 else TURN
-            (shift if number < 3 else turn)[number % 3] = step
-            rotation = Rotation.from_rotvec(turn).as_matrix()
-            moved = rigidly_moved(shape, rotation, middle - rotation @ middle + shift)
-            columns.append((self.distances(moved) - here) / step)
-        return np.stack(columns, axis=1)
+        rotation = Rotation.from_rotvec(motion[3:]).as_matrix()
+        return rigidly_moved(shape, rotation, middle - rotation @ middle + motion[:3])
 
     @property
     def rigid_sd(self) -> FloatArray:

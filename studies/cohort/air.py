@@ -68,7 +68,7 @@ def drawn(test: Tested, curves: FloatArray, spread: Spread, seed: int) -> Drawn:
     def left(log: float) -> FloatArray:
         return np.asarray(model(log) - curve.force)
 
-    covariance = curve.covariance + numerical_covariance(curve.displacement, curve.force)
+    covariance = curve.covariance + numerical_covariance(curve.displacement, curve.smooth, power=1.0)
     weights = np.linalg.inv(covariance)
     plain = float(minimize_scalar(lambda log: np.sum(left(log) ** 2), bounds=_ENDS, method="bounded").x)
     least = float(minimize_scalar(lambda log: left(log) @ weights @ left(log), bounds=_ENDS, method="bounded").fun)

@@ -178,9 +178,11 @@ class ContactWidths(ChannelFile):
         return [ChannelPlan("read how wide the contact is at {at}", (Sight(WIDTH.name),), needed, frames=True)]
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
-        """Refuse a width of more than half the cylinder's face."""
+        """Refuse a width of more than half the cylinder's face, or below nothing."""
         half = float(np.pi * recorded.site.indenter.radius)
-        widest = float(recorded.values.max())
+        least, widest = float(recorded.values.min()), float(recorded.values.max())
+        if least < -3 * recorded.accuracy.reading:
+            return Impossible(f"it is down to {least:.3g} mm", "leave a cell empty where nothing could be read")
         if widest <= half:
             return None
         return Impossible(

@@ -6,7 +6,8 @@ as wide as the tissue's compressibility has it.
 
 from typing import TYPE_CHECKING, ClassVar
 
-from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible, ReadingsAtSite
+from legfem.channels.kind import ChannelAccuracy, ChannelFile, ChannelKind, Channels, Impossible
+from legfem.common.units import FloatArray
 
 if TYPE_CHECKING:
     from legfem.channels.seen import Seen
@@ -21,7 +22,7 @@ LATERAL_STRETCH = ChannelKind(
     models=frozenset({"specimen"}),
     at_rest=1.0,
 )
-_WIDEST = 3.0
+_FIRST, _WIDEST = 0.2, 3.0
 
 
 class LateralStretches(ChannelFile):
@@ -37,11 +38,13 @@ class LateralStretches(ChannelFile):
         outwards, rates = seen.move((radius, 0.0), 0)
         return {LATERAL_STRETCH.name: (1 + outwards / radius, rates / radius)}
 
-    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
-        """Refuse what isn't a stretch: a diameter in mm, or a strain."""
-        low, high = float(recorded.values.min()), float(recorded.values.max())
-        if 1 / _WIDEST < low and high < _WIDEST:
-            return None
-        return Impossible(
-            f"it lies between {low:.3g} and {high:.3g}", "give the diameter over that at first touch: 1 to begin with"
-        )
+
+def not_a_stretch(values: FloatArray) -> Impossible | None:
+    """Return why values (k,), from first touch on, aren't stretches: a diameter in mm, per cent, a strain."""
+    first, low, high = float(values[0]), float(values.min()), float(values.max())
+    if abs(first - 1) < _FIRST and 1 / _WIDEST < low and high < _WIDEST:
+        return None
+    return Impossible(
+        f"begins with {first:.3g}, and lies between {low:.3g} and {high:.3g}",
+        "give the diameter over that at first touch: 1 to begin with",
+    )

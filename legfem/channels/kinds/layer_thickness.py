@@ -56,6 +56,8 @@ _LAYERS = {FAT.name: ("superficial", "fat"), MUSCLE.name: ("deep", "muscle")}
 """Names of a specimen's layers."""
 _APART_MM, _APART = 3.0, 0.35
 """Of a thickness from the section's own: mm, or a share of it where that is more."""
+_MOST = 2.0
+"""Of the stated thickness: more is no reading of it."""
 _IN_MUSCLE_MM = 8.0
 """Under the fascia: where a figure marks the muscle."""
 
@@ -93,6 +95,12 @@ def refused(
     depth, values = depths[kept], values[kept]
     if not len(values):
         return None
+    worst = int(np.argmax(np.abs(values - 0.5 * own)))
+    if not -3 * accuracy.reading <= values[worst] <= _MOST * own + _APART_MM:
+        return Impossible(
+            f"it is {values[worst]:.3g} mm at {depth[worst]:.2g} mm of depth, and {own:.3g} mm by what is stated",
+            "check its unit and the outlines or sizes; leave a cell empty where nothing could be read",
+        )
     # A single frame says little of how it changes.
     several = len(values) > 2 and np.ptp(depth) > 0
     ends = Polynomial.fit(depth, values, 1)(np.array([0.0, depth.max()])) if several else values[[0, 0]]

@@ -24,7 +24,9 @@ from legfem.channels.kind import (
     Frames,
     FramesError,
     FramesFile,
+    Impossible,
     Read,
+    ReadingsAtSite,
 )
 from legfem.channels.laid import AS_STATED, Laid
 from legfem.common.units import FloatArray
@@ -81,6 +83,17 @@ class SkinRises(FramesFile):
         asks = "photograph the skin 25 mm to either side of the cylinder at {at}"
         near = Sight(RISES[25.0].name), Sight(RISES[-25.0].name)
         return [ChannelPlan(asks, near, "two cameras with a scale, or a scanner", frames=True)]
+
+    def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
+        """Refuse a skin that moves farther than the cylinder."""
+        depth, error = float(np.nanmax(recorded.depth)), 3 * (recorded.accuracy.reading + recorded.accuracy.bias)
+        most = float(recorded.values[np.argmax(np.abs(recorded.values))])
+        if abs(most) <= depth + error:
+            return None
+        return Impossible(
+            f"the skin rises by {most:.3g} mm where the cylinder moves by {depth:.3g} mm",
+            "check its unit; it is counted from first touch",
+        )
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return the point of the skin."""

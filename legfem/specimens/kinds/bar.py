@@ -3,6 +3,7 @@
 import math
 from typing import ClassVar, Literal
 
+from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import UniaxialSpecimen
 from legfem.specimens.kind import HomogeneousKind, needed
@@ -27,6 +28,7 @@ class BarKind(HomogeneousKind[BarEntry, UniaxialSpecimen]):
     body: ClassVar = UniaxialSpecimen
     words: ClassVar = "a bar"
     done: ClassVar = "a bar pulled or pressed along its length"
+    beside: ClassVar = frozenset({LATERAL_STRETCH.name})
     directions: ClassVar = ("load", "across")
     no_slip: ClassVar = "a bar's ends are free as stated"
     one_way: ClassVar = 'the other direction of [uniaxial], "tension" or "compression"'

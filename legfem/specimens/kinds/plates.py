@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
+from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import CylinderBetweenPlates
 from legfem.specimens.kind import Law, SpecimenKind, SpecimenTest, needed
@@ -34,6 +35,7 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
     words: ClassVar = "between plates"
     done: ClassVar = "pressed between plates, end-on (round specimens)"
     followed: ClassVar = "a diameter_mm of half the true value makes it at least four times as large"
+    beside: ClassVar = frozenset({LATERAL_STRETCH.name})
     own: ClassVar = {"diameter_mm": "radius", "height_mm": "height"}
     weighed: ClassVar[Mapping[str, str]] = {
         "bonded": "ends that stick to the plates",
