@@ -189,6 +189,16 @@ def test_readings_at_other_times_are_refused(tmp_path):
     refused(directory, "none of its readings", "clock")
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_channel_that_goes_on_beyond_its_recording_is_read_without_a_warning(tmp_path):
+    directory = write_subject(tmp_path / "leg", AIMED + '[channels.fat_thickness]\nfile = "us.csv"\n')
+    last = float(press().time[-1])
+    times = [0.3 * last, 0.5 * last, *(last + np.arange(1.0, 40.0))]
+    rows = "\n".join(f"{t},{FAT - 0.3 - 0.01 * k}" for k, t in enumerate(times))
+    (directory / "us.csv").write_text(f"time_s,fat_thickness_mm\n{rows}\n")
+    assert len(loaded(directory, "fat_thickness").values) == len(times)
+
+
 def test_a_channel_that_is_late_is_refused(tmp_path):
     """Of a test that presses and lets go, a lag is clear."""
     directory = write_subject(tmp_path / "leg", AIMED + '[channels.fat_thickness]\nfile = "us.csv"\nsd_mm = 0.05\n')
@@ -245,6 +255,17 @@ def test_look_proposes_channels_of_either_kind_of_file(tmp_path):
         stated = tomllib.loads((out / "recordings.toml").read_text())
         assert stated["channels"][name]["lag_s"] == CHANNELS[name].usual.lag
         assert ("recordings" in stated) == (name == "lateral_force")
+
+
+def test_look_says_how_the_other_axes_of_a_load_cell_are_read(tmp_path):
+    at = np.linspace(0.0, 16.0, 300)
+    rows = "\n".join(f"{d / 0.4:.3f},{d:.3f},{0.01 * d:.4f},{0.1 * d:.4f},{0.3 * d + 0.01 * d * d:.4f}" for d in at)
+    (tmp_path / "six.csv").write_text(f"Time (s),Disp (mm),Fx (N),Fy (N),Fz (N)\n{rows}\n")
+    done = CliRunner().invoke(app, ["look", str(tmp_path / "six.csv"), "--force", "Fz", "--out", str(tmp_path / "out")])
+    said = " ".join(done.output.split())
+    assert "not read: 'Fx', 'Fy'." in said and "called lateral_force and axial_force" in said
+    (tmp_path / "six.csv").write_text(f"Time (s),Disp (mm),Lateral force (N),Axial force (N),Fz (N)\n{rows}\n")
+    assert {one.name for one in read_samples(tmp_path / "six.csv").channels} == {"lateral_force", "axial_force"}
 
 
 def test_a_preview_shows_channels(tmp_path):

@@ -126,3 +126,8 @@ def test_explanations_of_a_diagnosis_come_without_that_nothing_was_left_out() ->
     found = models_of(document | {"explanations": explanations})["after repair"].measures["c10_deep"]
     assert [part[0] for part in found.explanations] == [0.3, 0.1]
     assert replace(found, explanations=()).value == 1.0
+
+
+def test_priors_that_would_count_twice_are_refused_before_anything_is_done(tmp_path):
+    with pytest.raises(lf.InputError, match="would count twice"):
+        lf.cohort(tmp_path, prior=["superficial.C10=population"], population=True, out=tmp_path / "out", progress=False)

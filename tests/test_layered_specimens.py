@@ -25,7 +25,7 @@ from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.readings import READINGS
 from legfem.legs.mechanisms import Solution
 from legfem.solve.protocol import Protocol
-from legfem.specimens.channels import readings_of
+from legfem.specimens.channels import readings_of, thicknesses_of
 from legfem.specimens.comparison import comparison_of
 from legfem.specimens.diagnosis import Scale, mechanisms_of
 from legfem.specimens.folder import tissue_asked_for
@@ -366,3 +366,16 @@ def test_thicknesses_that_cannot_be_are_one_line(seen_layers: Path, tmp_path: Pa
     with pytest.raises(InputError) as error:
         lf.load_specimen(tmp_path)
     assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_frame_at_the_end_of_a_press_counts(seen_layers: Path, tmp_path: Path) -> None:
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "specimen.toml").write_text((seen_layers / "specimen.toml").read_text())
+    table = pd.read_csv(seen_layers / "recordings" / "press.csv")
+    last = table.index == len(table) - 1
+    table["fat_thickness_mm"] = np.where(last, 12.0, np.nan)
+    # Smoothed, the last displacement is a little deeper than it was read.
+    table["displacement_mm"] = table.displacement_mm.round(1)
+    table.to_csv(tmp_path / "recordings" / "press.csv", index=False)
+    (one,) = lf.load_specimen(tmp_path).recordings
+    assert [len(channel) for channel in thicknesses_of(one, 0.01)] == [1, 2]

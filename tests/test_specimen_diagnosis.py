@@ -156,6 +156,17 @@ def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
         np.testing.assert_allclose(found.sensitivity_at("size.height", at), slope, rtol=0.1)
 
 
+def test_a_return_between_plates_is_followed_to_its_end() -> None:
+    """Flat faces come apart all at once: relaxation couldn't be sought in any recording that came back."""
+    times, ways = (0.0, 4.0, 10.0, 14.0), (0.0, 1.5, 1.5, 0.0)
+    models: BodyModels = SpecimenVariants(CylinderBetweenPlates(12.0, 12.0, "bonded"), 1.5)
+    found = models.follow(Protocol(times, ways), {"deep.C10": 8e-3, "deep.C20": 0.0}, Solution("plain"))
+    assert not isinstance(found, Stopped)
+    up, down = (found.force_at([time])[0] for time in (2.0, 12.0))
+    assert down == pytest.approx(up, rel=5e-3)
+    assert 0.0 <= found.force_at([14.0])[0] < 5e-3 * found.force.max()
+
+
 def test_every_mechanism_is_tested_or_said_why_not() -> None:
     from legfem.legs.mechanisms import mechanisms
 

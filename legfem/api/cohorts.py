@@ -218,6 +218,8 @@ def cohort(
     # A path is as good as its text, as in the command.
     texts = {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
     options = _options(do, {name: value for name, value in texts.items() if value not in (None, ())}, library)
+    if population:
+        _check_priors(options)
     with engine_named(on, jobs, scheduler) as engine:
         if engine is not None:
             members = find_members(Path(folder), do, layout, None if table is None else Path(table))
@@ -230,7 +232,7 @@ def cohort(
                 return known.expected(engine.workers)
             with progress_on(quiet=not progress) as shown:
                 found = _run(known, engine, shown)
-            people = _population(members, found, options) if population else ()
+            people = populations(members.every, found, int(options.given.get("seed", 0))) if population else ()
             return Cohort(members, options, tuple(found), time.perf_counter() - started, people)
     raise SystemExit(0)  # another rank, which has served the first
 
@@ -247,7 +249,8 @@ def _check_apart(out: Path, members: Members) -> None:
         )
 
 
-def _population(members: Members, rows: Sequence[Row], options: Options) -> tuple[PopulationFit, ...]:
+def _check_priors(options: Options) -> None:
+    """Refuse priors of legs beside a fit of how people differ."""
     if priors := options.given.get("prior"):
         raise InputError(
             "--population",
@@ -255,7 +258,6 @@ def _population(members: Members, rows: Sequence[Row], options: Options) -> tupl
             "would count twice: each leg's folder states it already",
             "leave out --prior",
         )
-    return populations(members.every, rows, int(options.given.get("seed", 0)))
 
 
 _TAKES: Mapping[str, tuple[str, ...]] = {

@@ -48,7 +48,14 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
             missing = "has no unit" if columns else "is not a column of the file"
             raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = SourceColumn(name, unit or str(columns[0].unit))
-        return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
+        told = f"{quantity}: '{name}' in {channel.unit}, as you say"
+        beside = [f"'{c.name}'" for c in sheet.columns if c.name != name and measures(c, "force") and not channel_of(c)]
+        if quantity == "force" and beside:
+            told += (
+                f"; not read: {', '.join(beside)}. Forces across the travel and along the leg are read from columns "
+            )
+            told += "called lateral_force and axial_force"
+        return channel, told
     able = [c for c in sheet.columns if may_be(c, quantity)]
     # A testing machine calls its only force axial, which is a channel beside the force in another's file.
     candidates = [c for c in able if channel_of(c) is None]

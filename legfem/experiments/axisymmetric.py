@@ -246,6 +246,10 @@ class BallIndentation(AxisymmetricTest[BallOnLayer]):
         )
 
 
+_TOUCHING = 2e-3
+"""Of the depth, at which a return between plates ends."""
+
+
 class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
     """The cylinder's test; the mesh is fine at the end face's edge.
 
@@ -282,7 +286,10 @@ class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
 
     def _farthest(self, attempts: Iterator[Attempt], asked: IndentationRequest) -> Solved:
         whole = asked.protocol
-        half = Protocol(whole.time, tuple(d / 2 for d in whole.displacement))
+        first, *then = whole.displacement
+        # Faces that come apart all at once have no equilibrium to step to: a return ends just before.
+        least = _TOUCHING * whole.depth
+        half = Protocol(whole.time, tuple(d / 2 for d in (first, *(max(d, least) for d in then))))
 
         def told(at: float) -> None:
             if asked.on_step is not None:

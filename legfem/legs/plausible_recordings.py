@@ -249,6 +249,8 @@ def _noise(subject: "Subject", toml: Path) -> Iterator[Doubt]:
 
 _FARTHEST_LAG_S = 3.0
 """That is looked for."""
+_FEWEST_READINGS = 10
+"""At displacements of their own, that show one."""
 
 
 def check_channels(trial: Segmentation, section: LegSection, indenter: Indenter, outline_sd: float = 0.0) -> None:
@@ -312,13 +314,13 @@ def seen_lag(channel: RecordedChannel, trial: Segmentation) -> float:
     It is the shift at which a cubic of the displacement leaves a quarter of the sum of squares at most.
     """
     time, depth = trial.recording.time, trial.smooth
-    if len(channel.values) < 10:
+    if len(channel.values) < _FEWEST_READINGS:
         return 0.0
     lags = np.linspace(-_FARTHEST_LAG_S, _FARTHEST_LAG_S, 61)
 
     def left(lag: float) -> float:
         x = np.interp(channel.time - lag, time, depth)
-        if np.ptp(x) == 0:
+        if len(np.unique(x)) < _FEWEST_READINGS:
             return np.inf
         return float(np.mean((Polynomial.fit(x, channel.values, 3)(x) - channel.values) ** 2))
 

@@ -19,6 +19,9 @@ from legfem.inverse.readings import INSTRUMENT, OFFSET
 from legfem.specimens.comparison import Part, SpecimenComparison
 from legfem.specimens.sizes import SpecimenRecording, layers_of
 
+_BEYOND = 1.01
+"""Of a recording's depth: a frame at its end isn't lost to smoothing."""
+
 
 def thicknesses_of(recording: SpecimenRecording, relative_sd: float) -> tuple[LoadingChannel, ...]:
     """Return what a recording of layers has of their thicknesses, in the loading.
@@ -37,7 +40,7 @@ def thicknesses_of(recording: SpecimenRecording, relative_sd: float) -> tuple[Lo
     course = recording.course
     trial = recording.trial.touching(replace(recording.detected, displacement=course.contact.displacement))
     found = []
-    for one in loading_readings([trial], course.depth, "specimen"):
+    for one in loading_readings([trial], _BEYOND * course.depth, "specimen"):
         if one.name in between:
             low, high = between[one.name]
             force = np.interp(one.time, course.time, course.force, left=0.0)
