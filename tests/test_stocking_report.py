@@ -45,8 +45,8 @@ from legfem.stockings.scan_fit import stiffness_priors
 from studies.legs.shapes import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
-MESH = SolidMeshSettings(skin_size=12, inside_size=16, bone_size=10, layer_elements=0.4, turn_elements=10)
-ACCURACY = ContourAccuracy(correlation=16.0, around=60.0, along=80.0)
+MESH = SolidMeshSettings(skin_size=16, inside_size=20, bone_size=13, layer_elements=0.35, turn_elements=8)
+ACCURACY = ContourAccuracy(correlation=16.0, around=90.0, along=120.0)
 """Alike over a longer way than by default: fewer modes to learn the leg's answers to."""
 
 

@@ -218,6 +218,13 @@ def test_a_poisson_ratio_of_a_half_is_told_in_words(tmp_path) -> None:
         lf.load_specimen(filmed(tmp_path / "disc", 1.0, PLATES + "[tissue]\npoisson_ratio = 0.5\n"))
 
 
+def test_an_error_of_a_size_that_a_test_has_not_is_refused(tmp_path) -> None:
+    with pytest.raises(
+        lf.InputError, match=r"accuracy\.length_mm: is not a size of \[plates\]; give diameter_mm, height"
+    ):
+        lf.load_specimen(filmed(tmp_path / "disc", 1.0, PLATES + "[accuracy]\nlength_mm = 0.2\n"))
+
+
 def test_a_pulled_bar_s_width_says_how_compressible_it_is(tmp_path: Path) -> None:
     """Of Hencky's law, E ln(stretch) with sides that go by a Poisson's ratio of it, in closed form."""
     poisson, d = 0.35, np.linspace(0.0, 2.0, 150)

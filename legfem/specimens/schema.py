@@ -147,6 +147,15 @@ class SpecimenFile(_Tests):
         return self
 
     @model_validator(mode="after")
+    def _accuracy_of_sizes_that_it_has(self) -> Self:
+        for key in SIZES:
+            if getattr(self.accuracy, key) is not None and key not in self.kind.own:
+                raise input_files.trouble(
+                    f"accuracy.{key}", f"is not a size of [{self.kind.table}]", f"give {', '.join(self.kind.own)}"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _a_table_that_can_be_read(self) -> Self:
         if self.recordings.table is not None:
             if not self.kind.cube:

@@ -48,7 +48,7 @@ def moved(test, bone):
     return np.array([fem.assemble_scalar(fem.form(part)) for part in parts]) / shape
 
 
-@pytest.mark.parametrize("formulation", ["mixed", "displacement"])
+@pytest.mark.parametrize("formulation", ["mixed", pytest.param("displacement", marks=pytest.mark.slow)])
 def test_stiff_springs_hold_the_bones(formulation, tests):
     held, free = tests if formulation == "mixed" else made(formulation)
     at = np.linspace(1.0, DEPTH, 8)

@@ -99,10 +99,10 @@ def _deep_pressure(spaces: LegSpaces, unknown: np.ndarray) -> tuple[np.ndarray, 
     "degree, poisson, size",
     [
         pytest.param(1, 0.45, 1.5, marks=pytest.mark.slow),
-        (1, 0.49, 3.0),
+        pytest.param(1, 0.49, 3.0, marks=pytest.mark.slow),
         (1, 0.497, 3.0),
         pytest.param(2, 0.45, 6.0, marks=pytest.mark.slow),
-        (2, 0.49, 6.0),
+        pytest.param(2, 0.49, 6.0, marks=pytest.mark.slow),
         (2, 0.497, 6.0),
     ],
 )

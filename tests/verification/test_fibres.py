@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dolfinx import fem, mesh
@@ -117,7 +119,7 @@ def test_wrong_numbers_are_told_in_one_line():
 
 
 def test_a_short_cylinder_on_fibrous_muscle_meets_more_force_and_plane_strain_the_same():
-    without, fibrous = (solve_case(case_of(ratio, coarse=True)) for ratio in (1.0, 3.0))
+    without, fibrous = (solve_case(replace(case_of(ratio, coarse=True), depth=15.0)) for ratio in (1.0, 3.0))
     at = np.array([2.0, 5.0, 10.0, 15.0])
     np.testing.assert_allclose(fibrous.plane(at), without.plane(at), rtol=1e-9)
     rise = fibrous.spatial(at) / without.spatial(at)
