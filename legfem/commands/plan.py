@@ -6,13 +6,13 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir, finish, results_folder
-from legfem.common.command_line import AsJson, Quiet, parallel_context
+from legfem.common.command_line import AsJson, FiniteNumbers, Quiet, parallel_context
 from legfem.legs.schema import SUBJECTS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command()
+@app.command(cls=FiniteNumbers)
 def plan(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
