@@ -13,6 +13,7 @@ from legfem.report.further_channels import channel_lines, drawn
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.words import ORIGINS, capital, fit_probability
+from legfem.specimens.artefacts import KNOW_THE_RIG
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent
 from legfem.specimens.sizes import kind_in, sizes_text
@@ -284,7 +285,9 @@ def _next(best: SpecimenFit) -> list[str]:
     narrower = estimates.how_to_narrow(best.estimates, _REMEDIES)
     if best.details.ratio_undetermined:
         narrower = [best.details.ratio_undetermined]
-    if not best.goodness.fits:
+    if best.details.thickness:
+        lines.append(KNOW_THE_RIG)
+    elif not best.goodness.fits:
         lines.append(
             "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
             "only to compare specimens of this test."

@@ -200,6 +200,10 @@ _SPREAD = 1.2
 """Of the sizes, greatest over least, that shows one."""
 
 
+KNOW_THE_RIG = "Press a rigid block to see what the rig yields, and grease or glue the faces."
+"""What to do about it."""
+
+
 @dataclass(frozen=True)
 class SizeDependence:
     """How stiffness goes with a size of the specimens along the load."""
@@ -237,8 +241,7 @@ class SizeDependence:
             f"The constant depends on the thickness: specimens of {self.greatest:.3g} mm are "
             f"{max(ratio, 1 / ratio):.2f} times {more} than those of {self.smallest:.3g} mm (power {self.power:.2g} ± "
             f"{self.power_sd:.2g} of the thickness, p = {self.p_value:.2g}). One material has one constant, so that "
-            f"the test differs with thickness (or the pieces are not of one material): {causes}. Press a rigid block "
-            "to see what the rig yields, and grease or glue the faces."
+            f"the test differs with thickness (or the pieces are not of one material): {causes}. {KNOW_THE_RIG}"
         )
 
 
