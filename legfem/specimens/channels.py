@@ -219,9 +219,9 @@ class SpecimenReadings(Comparison):
 
     def fits_of(self, part: int, values: FloatArray) -> list[ChannelFit]:
         """Return what was read beside a recording's force, and predicted readings of all recordings at it."""
-        before = sum(map(len, self.beside[:part]))
-        spans = self._spans[before:]
-        return [ChannelFit(one.channel, values[span]) for one, span in zip(self.beside[part], spans, strict=False)]
+        mine, before = self.beside[part], sum(map(len, self.beside[:part]))
+        spans = self._spans[before : before + len(mine)]
+        return [ChannelFit(one.channel, values[span]) for one, span in zip(mine, spans, strict=True)]
 
 
 def _offset(instrument: FloatArray) -> FloatArray:
