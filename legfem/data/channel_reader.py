@@ -137,13 +137,9 @@ _ENTRY = create_model("ChannelEntry", __base__=RecordedChannelEntry, __module__=
 """With the errors of channels of every unit."""
 
 
-class _SomeChannels(FileTable):
-    pass
-
-
 def _channels(title: str, names: Iterable[str]) -> type[FileTable]:
     fields: dict[str, Any] = dict.fromkeys(names, (_ENTRY | None, None))
-    made = create_model(title, __base__=_SomeChannels, __module__=__name__, **fields)
+    made = create_model(title, __base__=FileTable, __module__=__name__, **fields)
     made.alternatives = tuple(fields)
     return made
 
