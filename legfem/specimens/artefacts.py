@@ -23,11 +23,11 @@ from scipy.stats import linregress, norm
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.units import FloatArray
 from legfem.data.noise import slowest_error
-from legfem.data.phases import LOADING
 from legfem.inverse.catalogue import Values
-from legfem.inverse.channel_readings import ChannelReadings, grouped, noise_of
+from legfem.inverse.channel_readings import ChannelReadings
 from legfem.inverse.errors import reading_covariance, shared_errors
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.loading_channels import loading_readings
 from legfem.specimens.comparison import SpecimenComparison
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import bulk_ratio
@@ -171,23 +171,8 @@ def _covariance(one: SpecimenRecording, readings: ChannelReadings, predicted: Fl
 
 def _readings(one: SpecimenRecording, reach: float) -> ChannelReadings | None:
     """Return the stretches in the loading, as far as a model reaches (mm); None without any."""
-    recording = one.recording
-    channel = next((each for each in recording.channels if each.name == LATERAL_STRETCH.name), None)
-    if channel is None:
-        return None
-    after = recording.displacement - one.course.contact.displacement
-    depth = np.interp(channel.time, recording.time, after)
-    loading = channel.time <= recording.time[np.argmax(after)]
-    groups = grouped(np.flatnonzero(loading & (depth >= 0.0) & (depth <= reach)), LOADING)
-    if not groups:
-        return None
-    depths, times, values = (
-        np.array([each[samples].mean() for samples in groups])
-        for each in (depth, channel.time - one.trial.touched, channel.values)
-    )
-    variances = noise_of(channel) ** 2 / np.array([len(samples) for samples in groups])
-    trial, speed = np.zeros(len(groups), dtype=int), np.full(len(groups), one.course.rate)
-    return ChannelReadings(LATERAL_STRETCH, channel.accuracy, trial, depths, times, speed, values, variances)
+    every = loading_readings([one.from_contact], reach, "specimen")
+    return next((readings for readings in every if readings.name == LATERAL_STRETCH.name), None)
 
 
 _RARE = 0.01

@@ -1,7 +1,7 @@
 """Thicknesses of a specimen's layers beside its force: what was read, and how far a model is from both."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -38,7 +38,7 @@ def thicknesses_of(recording: SpecimenRecording, relative_sd: float) -> tuple[Lo
         return ()
     between = between_of(layers.heights)
     course = recording.course
-    trial = recording.trial.touching(replace(recording.detected, displacement=course.contact.displacement))
+    trial = recording.from_contact
     found = []
     for one in loading_readings([trial], _BEYOND * course.depth, "specimen"):
         if one.name in between:

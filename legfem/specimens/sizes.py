@@ -268,6 +268,11 @@ class SpecimenRecording:
         """First contact, by the recording alone."""
         return self.found or self.course.contact
 
+    @property
+    def from_contact(self) -> Segmentation:
+        """All of it, first contact being where the course begins."""
+        return self.trial.touching(replace(self.detected, displacement=self.course.contact.displacement))
+
     def begun(self, place: float, returns: bool) -> "SpecimenRecording":
         """Return the same with first contact at another displacement (mm) of the recording.
 
