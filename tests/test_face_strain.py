@@ -86,6 +86,18 @@ def test_a_side_s_strains_are_another_code_s() -> None:
     assert read.values == pytest.approx(model, abs=0.01)
 
 
+@pytest.mark.parametrize("ends", ["bonded", "sliding"])
+def test_derivatives_are_differences(ends: str) -> None:
+    body, law = CylinderBetweenPlates(RADIUS, HEIGHT, ends), NeoHookean(C10, 1 / (5 * C10))
+    test = CylinderCompression(body, law, settings_to(1.2))
+    curve = test.solve(None, 1.2, ["deep.D1"]).curve
+    less, more = (test.solve({"deep.D1": factor * law.D1}, 1.2).curve for factor in (0.99, 1.01))
+    for k in range(len(PLACES)):
+        name = f"face_strain:{k}"
+        difference = (more.channel(name, 1.2) - less.channel(name, 1.2)) / (0.02 * law.D1)
+        assert curve.channel_sensitivity(name, "deep.D1", 1.2) == pytest.approx(difference, rel=2e-3, abs=1e-7)
+
+
 def test_points_on_the_side_say_that_ends_stick_and_narrow_the_interval() -> None:
     """Sizes are known to 1 %; felupe's ends are glued, and its force is 3 % above the model's, whose rim slips."""
     width, chance = {}, {}
@@ -108,7 +120,7 @@ SLIPS = 0.15 * np.clip(TRAVEL - 0.6, 0.0, None)
 """mm that grips have let go by: a seventh of the way, from 0.6 mm on."""
 
 
-YIELDS = 0.04 * compressed(NeoHookean(BAR_C10, 1.0), 0.92 * TRAVEL, 1.0)
+YIELDS = 0.4 * compressed(NeoHookean(BAR_C10, 1.0), 0.92 * TRAVEL, 1.0)
 """mm that a rig yields by."""
 
 
@@ -143,7 +155,7 @@ def test_grips_that_slip_are_said_by_identify(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("lost", "cause"), [(SLIPS, "leg-movement"), pytest.param(YIELDS, "support-compliance", marks=pytest.mark.slow)]
+    ("lost", "cause"), [(SLIPS, "grip-slip"), pytest.param(YIELDS, "support-compliance", marks=pytest.mark.slow)]
 )
 def test_what_grips_and_rig_lose_is_named_with_the_face_and_not_by_the_force_alone(
     tmp_path: Path, lost: np.ndarray, cause: str
@@ -155,11 +167,10 @@ def test_what_grips_and_rig_lose_is_named_with_the_face_and_not_by_the_force_alo
         (found,) = (one.diagnosis for one in diagnose_specimens(folder, (), None, 1, Silent()))
         assert found is not None
         verdicts[filmed] = found.verdict
-        print(filmed, found.verdict, [(one.names, one.probability) for one in found.models], found.intervals[DEEP_C10])
+        print(filmed, found.verdict, [(one.names, one.fit.values) for one in found.models], found.intervals[DEEP_C10])
     assert verdicts[True] == "named" != verdicts[False] and found.models[0].names == (cause,)
     low, high = found.intervals[DEEP_C10]
-    # A movement isn't quite how grips let go: a part remains, and C10's interval ends where the true value lies.
-    assert low < BAR_C10 < (high if cause == "support-compliance" else 1.005 * high)
+    assert low < BAR_C10 < high
     assert [one.name for one in found.observed.channels] == ["face_strain"]
 
 
