@@ -1,6 +1,7 @@
 """What is seen in a folder before anything is solved: of a leg, of specimens, of recordings."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from legfem.report.instrument_file import draw_look, look_text
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure, slices_figure
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
-from legfem.specimens.schema import parse_specimen_file
+from legfem.specimens.schema import SpecimenFile, parse_specimen_file
 from legfem.specimens.sizes import SpecimenRecording
 from legfem.stockings.loading import LEGS, load_leg
 
@@ -211,11 +212,13 @@ def _stocking(folder: Path, out: Path, progress: Progress | None) -> Preview:
 
 
 def _specimen(folder: Path, out: Path) -> Preview:
-    try:
-        channels = parse_specimen_file(folder / FILE).recordings.channels()
-    except InputError:
-        channels = None  # load_specimen says what is wrong
-    files = recording_files(folder / "recordings")
+    channels, files = None, recording_files(folder / "recordings")
+    with suppress(InputError):  # load_specimen says what is wrong
+        given = parse_specimen_file(folder / FILE)
+        if isinstance(given, SpecimenFile):
+            channels = given.recordings.channels()
+        else:
+            files = [path for name in given.tests for path in recording_files(folder / name / "recordings")]
     try:
         found = load_specimen(folder)
     except InputError as error:
