@@ -27,7 +27,7 @@ from legfem.report.instrument_file import draw_look, look_text
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure, slices_figure
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
-from legfem.specimens.schema import SpecimenFile, parse_specimen_file
+from legfem.specimens.schema import SeveralTests, parse_specimen_file
 from legfem.specimens.sizes import SpecimenRecording
 from legfem.stockings.loading import LEGS, load_leg
 
@@ -212,19 +212,21 @@ def _stocking(folder: Path, out: Path, progress: Progress | None) -> Preview:
 
 
 def _specimen(folder: Path, out: Path) -> Preview:
-    channels, files = None, recording_files(folder / "recordings")
+    places: dict[str, SourceColumns | None] = {"": None}
     with suppress(InputError):  # load_specimen says what is wrong
         given = parse_specimen_file(folder / FILE)
-        if isinstance(given, SpecimenFile):
-            channels = given.recordings.channels()
-        else:
-            files = [path for name in given.tests for path in recording_files(folder / name / "recordings")]
+        places = dict.fromkeys(given.tests) if isinstance(given, SeveralTests) else {"": given.recordings.channels()}
+    found, problem = None, ""
     try:
         found = load_specimen(folder)
     except InputError as error:
-        seen = _recordings(files, out, channels, of_specimen=True)
-        return Preview(folder.name, "", str(error), recordings=seen)
-    seen = _recordings(files, out, channels, True, trials=[one.trial for one in found.recordings])
+        problem = str(error)
+    trials = [one.trial for one in found.recordings] if found else []
+    seen: tuple[SeenRecording, ...] = ()
+    for test, channels in places.items():
+        seen += _recordings(recording_files(folder / test / "recordings"), out, channels, True, test, trials)
+    if found is None:
+        return Preview(folder.name, "", problem, recordings=seen)
     facts = [(one.name, _course_fact(one)) for one in found.recordings]
     left = tuple(f"NOT USED: {one.name}: {one.reason}" for one in found.left_out)
     doubts = (*doubt_lines(found.doubts), *left)

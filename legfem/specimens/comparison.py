@@ -30,6 +30,8 @@ WEIGHT = 0.01
 """Of a recording's greatest force: what every station is taken to err by in the fit."""
 COUNTED = 20
 """Stations that a recording counts as, however many it has: neighbours err alike."""
+FACTOR_SD = 0.015
+"""Of a force: by which gain and sizes are off in one of several tests, in the weights alone; the shape then counts."""
 LEAST_GAIN_SD = 0.01
 """From recording to recording; more where their scatter says so."""
 SHAPE_SD_OF_LAYERS = 0.05
@@ -339,10 +341,11 @@ def comparison_of(
     slopes
         Of the recordings' forces at their stations, N/mm; their own without them.
     """
+    several = len({one.test for one in recordings}) > 1
     parts = tuple(
         Part(
             one,
-            OnsetEffect.of(one.course, one.detected, slope),
+            OnsetEffect.of(one.course, one.detected, slope, FACTOR_SD if several else 0.0),
             model.tests.index(one.sizes),
             one.test + fibres_text(one.sizes),
         )
@@ -356,7 +359,6 @@ def comparison_of(
     misfit = SpecimenComparison(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
     kinds = kinds_of(recordings)
     names = tuple(kinds)
-    several = len(misfit.recordings_of) > 1
     if folder.equally_stiff or (known is None and len(names) <= (len(misfit.recordings_of) if several else 1)):
         return misfit
     stations = [len(part.course.time) for part in parts]

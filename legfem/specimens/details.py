@@ -111,7 +111,7 @@ def across_tests(
     every = [Weighed("", "", chance / sum(likely.values()), fits[away].estimates) for away, chance in likely.items()]
     apart = agreement.apart if leaves_out else None
     best = joint if apart is None else fits[(apart.name,)]
-    said = f"{agreement.text} {f'{apart.name} is predicted, and not fitted.' if apart else ''}".strip()
+    said = f"{agreement.text} It is predicted here, and not fitted." if apart else agreement.text
     estimates = _over_all(best, every, "differences", "with all tests that it may be read from")
     details = replace(best.details, agreement=agreement)
     warnings = (said, *best.warnings) if agreement.disagree else best.warnings

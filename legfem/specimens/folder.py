@@ -52,7 +52,6 @@ class SpecimenFolder:
     directory: Path
     instrument: Instrument | None = None
     """As stated; seen in the recordings without it."""
-    starts_at_contact: bool = False
     one_stiffness: bool = False
     """Whether all specimens are said to be equally stiff."""
     returns: bool = False
@@ -145,7 +144,6 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     stated = given.instrument
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
     kind = given.kind
-    at_contact = given.recordings.starts_at_contact or kind.starts_at_contact
     doubts += _unread(directory, given, [path for _, _, path in named])
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
@@ -177,7 +175,6 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         any(one.course.holds for one in used) if relaxes is None else relaxes,
         directory,
         errors,
-        at_contact,
         given.tissue.one_stiffness,
         given.tissue.returns,
         given.tissue.law,
