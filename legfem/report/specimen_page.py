@@ -161,15 +161,12 @@ def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebP
     """Return the page of specimens' fits, one a law, and of the command that was given."""
     best = least_akaike(results)
     left = dict.fromkeys(one for result in results for one in result.details.left_out)
-    warnings = [
-        *(f"Not used: {one.name}: {one.reason}." for one in left),
-        *(f"{LAW_NAMES[r.law]} law: {line}" for r in results for line in r.warnings),
-    ]
+    warnings = [*(f"Not used: {one.name}: {one.reason}." for one in left), *estimates.warnings_of(best, results)]
     return web.WebPage(
         title=f"How stiff is the tissue of specimen {best.details.folder.id}?",
         subject=best.details.folder.title,
         origin=best.details.folder.origin,
-        headline=_headline(best),
+        headline=_headline(best).doubted(len(best.doubts)),
         warnings=warnings,
         known=_known(results),
         chapters=[
