@@ -1,6 +1,6 @@
 """Thicknesses of layers and strains of the face beside a specimen's force: readings, and how far a model is off."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, permutations
@@ -114,6 +114,12 @@ class SpecimenReadings(Comparison):
     def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
         """As the forces'."""
         return self.forces.parts_along
+
+    @property
+    def informed_by(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of each channel's readings, or, where there is but the force, of those of each of several tests."""
+        tests = self.forces.readings_of
+        return self.channels or (tests if len(tests) > 1 else {})
 
     @cached_property
     def linear_scale(self) -> FloatArray | None:
@@ -240,7 +246,7 @@ def _offset(instrument: FloatArray) -> FloatArray:
     return np.asarray(instrument[..., list(INSTRUMENT).index(OFFSET)])
 
 
-def readings_of(forces: SpecimenComparison, relative_sd: float) -> SpecimenReadings:
+def readings_of(forces: SpecimenComparison, relative_sd: Sequence[float]) -> SpecimenReadings:
     """Return forces with what their recordings have beside them.
 
     Parameters
@@ -248,6 +254,7 @@ def readings_of(forces: SpecimenComparison, relative_sd: float) -> SpecimenReadi
     forces
         Beside the model.
     relative_sd
-        Standard deviation of a layer's stated thickness, over that.
+        Standard deviation of a layer's stated thickness over that, of every recording's specimen.
     """
-    return SpecimenReadings(forces, tuple(beside_of(one, relative_sd) for one in forces.recordings))
+    pairs = zip(forces.recordings, relative_sd, strict=True)
+    return SpecimenReadings(forces, tuple(beside_of(one, sd) for one, sd in pairs))

@@ -86,7 +86,8 @@ def face_fit(comparison: SpecimenReadings, predicted: FloatArray) -> FaceFit | N
     shares = np.linalg.solve(weighed.T @ design, weighed.T)
     (along, across), covariance = shares @ seen, shares @ errors @ shares.T
     of_ratio = np.array([-across / along, 1.0]) / along
-    body = bare(comparison.forces.recordings[0].sizes)
+    pairs = zip(comparison.forces.recordings, comparison.beside, strict=True)
+    body = next(bare(one.sizes) for one, own in pairs if any(c.readings.name == FACE_STRAIN.name for c in own))
     logs = [np.log1p(share * model[ways == way].mean()) for share, way in ((across, ACROSS), (along, ALONG))]
     alike = isinstance(body, HomogeneousBody) and -logs[0] / logs[1] < _MOST_RATIO
     return FaceFit(
