@@ -93,7 +93,7 @@ def test_a_column_of_any_kind_is_read_and_its_errors_are_proposed(tmp_path, name
     pressed = press()
     leg = load_subject(write_subject(tmp_path / "bare"))
     own = layer_thicknesses(leg.section, leg.indenter.aim, leg.indenter.direction)
-    values = own.get(name, 0.0) * (1 - 0.005 * pressed.displacement)
+    values = own.get(name, 0.1) * (1 - 0.005 * pressed.displacement)
     channel = RecordedChannel(name, pressed.time, values, kind.usual)
     place = write_subject(tmp_path / "leg")
     recording = Recording(pressed.time, pressed.displacement, pressed.force, "trial1", None, (channel,))

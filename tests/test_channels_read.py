@@ -154,6 +154,7 @@ def test_a_thickness_in_another_unit_is_refused(tmp_path):
     [
         ("fat_thickness_mm", np.where(np.arange(len(FRAMES)) == 4, 1200.0, FAT), "1.2e+03 mm"),
         ("fat_thickness_mm", np.where(np.arange(len(FRAMES)) == 4, -FAT, FAT), "it is -6 mm"),
+        ("fat_thickness_mm", np.where(np.arange(len(FRAMES)) == 4, 0.0, FAT), "it is 0 mm"),
         ("contact_width_mm", -FRAMES, "down to"),
         ("skin_rise_left_25_mm", -10 * FRAMES, "where the cylinder moves by"),
         ("skin_rise_left_30_mm", -0.1 * FRAMES, "'skin_rise_left_30_mm' is not expected"),
@@ -162,6 +163,22 @@ def test_a_thickness_in_another_unit_is_refused(tmp_path):
 )
 def test_readings_that_no_instrument_has_and_columns_of_no_channel_are_refused(tmp_path, column, values, word):
     refused(subject(tmp_path / "leg", {column: values}), word)
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "values", "words"),
+    [
+        ("lateral_force_N", 1000.0, np.linspace(0.0, 0.2, 12), "its readings last"),
+        ("lateral_force_N", 1.0, np.full(12, -0.0), "all its 12 readings are 0 N"),
+        ("fat_thickness_mm", 1 / 60, np.linspace(FAT, 0.5 * FAT, 12), "where what presses moves by"),
+    ],
+)
+def test_another_clock_and_a_sensor_that_was_not_connected_are_refused(tmp_path, column, factor, values, words):
+    name = column.rpartition("_")[0]
+    directory = write_subject(tmp_path / "leg", AIMED + f'[channels.{name}]\nfile = "other.csv"\n')
+    rows = "\n".join(f"{factor * t},{v}" for t, v in zip(np.linspace(0.0, 20.0, 12), values, strict=True))
+    (directory / "other.csv").write_text(f"time_s,{column}\n{rows}\n")
+    refused(directory, words)
 
 
 def test_another_layer_s_thickness_is_not_taken_for_the_fat_s(tmp_path):

@@ -175,6 +175,15 @@ def test_a_film_that_cannot_be_is_refused(tmp_path, change, words):
         load_subject(folder(tmp_path / "leg", **change))
 
 
+def test_a_film_s_angles_in_radians_are_not_taken_for_degrees(tmp_path):
+    place = folder(tmp_path / "leg", widest=90.0)
+    film = pd.read_csv(place / "film-trial1.csv")
+    film["angle_deg"] = np.deg2rad(film["angle_deg"])
+    film.to_csv(place / "film-trial1.csv", index=False)
+    with pytest.raises(InputError, match="radians"):
+        load_subject(place)
+
+
 def test_keys_of_other_instruments_are_refused(tmp_path):
     place = folder(tmp_path / "leg")
     (place / "subject.toml").write_text(TOML + ENTRY + "turn_deg = 1.0\n")

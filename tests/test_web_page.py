@@ -17,6 +17,7 @@ from making_results import measured_curve, result
 from reading_page import read
 from test_diagnosis_report import CASES
 
+from legfem.common.errors import Doubt
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.fem.fields import FieldReader, fields_of
 from legfem.inverse.averaging import POWER
@@ -95,6 +96,16 @@ def test_a_law_that_does_not_fit_is_not_praised(subject, both):
     assert "C20" in dict(page.headline.answers)["What to do"]
 
 
+def test_doubtful_input_is_said_in_the_verdict_not_below_it(subject, both):
+    doubts = [Doubt("trial1.csv", "force_N", "reads +7 N more back where it began", "tare it")] * 2
+    for fits in (both, both[:1]):
+        usual, page = leg_page(fits).headline, leg_page([replace(fit, doubts=doubts) for fit in fits]).headline
+        answers = dict(page.answers)
+        assert answers["Problems found"].startswith("2 inputs are doubtful")
+        assert answers["What to do"].startswith("Check the doubtful input first")
+        assert page.tone == ("wrong" if usual.tone == "wrong" else "caution")
+
+
 def test_a_law_with_a_parameter_that_the_data_do_not_need_is_not_chosen(subject, both):
     neo, poly = both
     alike = replace(neo, goodness=replace(neo.goodness, chi_square=poly.goodness.chi_square + 0.5, p_value=0.3))
@@ -135,7 +146,10 @@ def sound() -> Diagnosis:
 
 def test_a_null_of_several_phases_is_trusted_and_nothing_that_matters_is_open(sound):
     assert sound.verdict == "consistent" and sound.may_be_off < TRUSTED
-    assert headline(sound, ()).heading == "Yes."
+    verdict = headline(sound, ())
+    assert verdict.heading == "Yes." and verdict.doubted(0) is verdict
+    told = verdict.doubted(1)
+    assert told.tone == "caution" and told.heading == "Check the doubtful input first. If it is right: yes."
     assert not sound.hidden
 
 

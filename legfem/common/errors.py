@@ -205,9 +205,13 @@ def doubt_documents(doubts: Iterable[Doubt]) -> list[dict[str, str]]:
     return [asdict(doubt) for doubt in doubts]
 
 
+DOUBTFUL = "DOUBTFUL INPUT: "
+"""What lines begin with that say a doubt."""
+
+
 def doubt_lines(doubts: Iterable[Doubt]) -> list[str]:
     """Return doubts as lines for the top of a report."""
-    return [f"DOUBTFUL INPUT: {doubt}" for doubt in doubts]
+    return [f"{DOUBTFUL}{doubt}" for doubt in doubts]
 
 
 _OTHER_KINDS = (".xlsx", ".xls", ".ods", ".numbers", ".rtf", ".docx", ".json", ".yaml", ".yml")

@@ -249,6 +249,8 @@ def _noise(subject: "Subject", toml: Path) -> Iterator[Doubt]:
 
 _FARTHEST_LAG_S = 3.0
 """That is looked for."""
+_TIMES_AS_LONG = 50.0
+"""As the recording: a channel in ms would be a thousand times."""
 _FEWEST_READINGS = 10
 """At displacements of their own, that show one."""
 
@@ -294,6 +296,23 @@ def _check_time(channel: RecordedChannel, trial: Segmentation, source: str) -> N
             f"none of its readings ({channel.time[0]:g} to {channel.time[-1]:g} s) lies in the loading of a recording "
             f"from {t[0]:g} to {t[-1]:g} s",
             "give its times on the recording's clock",
+        )
+    most = float(np.ptp(trial.recording.time))
+    if np.ptp(channel.time) > _TIMES_AS_LONG * most:
+        raise InputError(
+            source,
+            channel.name,
+            f"its readings last {np.ptp(channel.time):.4g} s, and the recording {most:.4g} s",
+            "give its times in s on the recording's clock, or its part within the recording",
+        )
+    if len(channel.values) >= _FEWEST_READINGS and not np.ptp(channel.values):
+        raise InputError(
+            source,
+            channel.name,
+            f"all its {len(channel.values)} readings are {channel.values[0] + 0.0:g} {channel.kind.unit}".removesuffix(
+                " -"
+            ),
+            "check that the sensor was connected, or leave the channel out",
         )
     # The place that moves most shows it best.
     lag = seen_lag(max((one for _, one in channel.at_each_place()), key=lambda one: float(np.ptp(one.values))), trial)

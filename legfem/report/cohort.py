@@ -15,6 +15,7 @@ from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.common.documents import versions_of
+from legfem.common.errors import DOUBTFUL
 from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
@@ -108,8 +109,6 @@ _COUNTED: Mapping[str, tuple[str, str]] = {
 """The same of one member, and of several."""
 _FITS = "model fits"
 """What an identification that shows nothing wrong is called: what looks like another stiffness does not show."""
-_DOUBT = "DOUBTFUL INPUT: "
-"""As `legfem.common.errors.doubt_lines` begins them."""
 _MOST_KINDS = 12
 """Kinds of warnings that have a column of their own."""
 _STATIONS = 25
@@ -244,8 +243,8 @@ def _kind_of(warning: str) -> str:
     """A warning without what differs from member to member: its first clause, no laws, numbers, files, brackets."""
     law = next((text for name in LAW_NAMES.values() if warning.startswith(text := f"{name} law: ")), "")
     warning = warning.removeprefix(law)
-    doubt = warning.startswith(_DOUBT)
-    parts = warning.removeprefix(_DOUBT).split(": ", 1)
+    doubt = warning.startswith(DOUBTFUL)
+    parts = warning.removeprefix(DOUBTFUL).split(": ", 1)
     text = parts[-1].partition(";")[0] if doubt else re.split(r"(?<=\D)[.:;] ", warning, maxsplit=1)[0]
     text = re.sub(r" \([^()]*(\([^()]*\)[^()]*)*\)", "", text)
     short = re.sub(r"(?<![\w.])[-+]?\d[\d.,]*(e[-+]?\d+)?(?!\w)", "…", text).rstrip(".")

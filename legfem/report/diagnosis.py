@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from legfem.common.errors import doubt_lines
+from legfem.common.errors import DOUBTFUL, doubt_lines
 from legfem.common.units import percent
 from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
@@ -115,12 +115,14 @@ def diagnosis_web_page(
     ]
     if isinstance(subject, Subject):
         chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
+    warnings = [*doubt_lines(doubts_of(found, subject)), *waves_say(found, subject), *_warnings(found)]
+    verdict = diagnosis_headline.headline(found, plan, "deep" if isinstance(subject, Subject) else "")
     return web.WebPage(
         title=diagnosis_headline.TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
         subject=subject.title,
         origin=subject.origin,
-        headline=diagnosis_headline.headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
-        warnings=[*doubt_lines(doubts_of(found, subject)), *waves_say(found, subject), *_warnings(found)],
+        headline=verdict.doubted(sum(line.startswith(DOUBTFUL) for line in warnings)),
+        warnings=warnings,
         warned=" for the person who recorded and described the test",
         known=known_of(found, subject),
         chapters=chapters,

@@ -3,7 +3,7 @@
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -46,6 +46,36 @@ class Headline:
     """Questions that such a reader has, in their order, each with its answer."""
     heading: str = ""
     """In place of the tone's, where a page judges no model."""
+
+    def doubted(self, doubts: int) -> "Headline":
+        """Return the verdict where some of what was given is unlikely: whatever the model says rests on that.
+
+        Parameters
+        ----------
+        doubts
+            How many.
+        """
+        if not doubts:
+            return self
+        many = doubts > 1
+        found = (
+            f"{doubts} input{'s are' if many else ' is'} doubtful (see the warnings); if "
+            f"{'one of them' if many else 'it'} is wrong, so is the result. Apart from that: "
+        )
+        first = {"Problems found": found, "What to do": "Check the doubtful input first. Then: "}
+        return replace(
+            self,
+            tone="caution" if self.tone == "sound" else self.tone,
+            answers=[(question, _then(first.get(question, ""), answer)) for question, answer in self.answers],
+            heading=self.heading
+            if self.tone == "wrong"
+            else _then("Check the doubtful input first. If it is right: ", self.heading or TONES[self.tone]),
+        )
+
+
+def _then(before: str, text: str) -> str:
+    """Return a sentence behind a colon."""
+    return f"{before}{text[:1].lower()}{text[1:]}" if before else text
 
 
 @dataclass(frozen=True)

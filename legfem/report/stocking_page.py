@@ -207,7 +207,7 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
         title=f"What does the compression stocking do to leg {leg.id}?",
         subject=leg.title,
         origin=leg.origin,
-        headline=_headline(fit),
+        headline=_headline(fit).doubted(len(fit.doubts)),
         warnings=[*doubt_lines(fit.doubts), *fit.warnings],
         known=known_of(fit),
         chapters=chapters,
@@ -238,8 +238,6 @@ def _heading(fit: StockingFit) -> str:
         return "There is no answer"
     if _tone(fit) == "wrong":
         return "The model does not fit"
-    if fit.doubts:
-        return "Check the doubtful input below before the pressures are used"
     unsure = _unsure(fit)
     if unsure:
         return f"The pressures can be used; the stiffness of the {' and the '.join(unsure)} is uncertain"
@@ -263,8 +261,7 @@ def _tone(fit: StockingFit) -> web.Tone:
     verdict = None if details.discrepancy is None else details.discrepancy.verdict
     if details.pressures is None or verdict == "unexplained" or _misses(details):
         return "wrong"
-    tested = verdict == "consistent" and not fit.doubts
-    return "sound" if tested and not _unsure(fit) and details.equilibrium.converged else "caution"
+    return "sound" if verdict == "consistent" and not _unsure(fit) and details.equilibrium.converged else "caution"
 
 
 def _sentence(details: StockingDetails) -> str:

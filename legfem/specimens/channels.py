@@ -1,6 +1,6 @@
 """Thicknesses of a specimen's layers beside its force: what was read, and how far a model is from both."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -112,6 +112,12 @@ class SpecimenReadings(Comparison):
     def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
         """As the forces'."""
         return self.forces.parts_along
+
+    @property
+    def informed_by(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of each channel's readings, or, where there is but the force, of those of each of several tests."""
+        tests = self.forces.readings_of
+        return self.channels or (tests if len(tests) > 1 else {})
 
     @cached_property
     def linear_scale(self) -> FloatArray | None:
@@ -228,7 +234,7 @@ def _offset(instrument: FloatArray) -> FloatArray:
     return np.asarray(instrument[..., list(INSTRUMENT).index(OFFSET)])
 
 
-def readings_of(forces: SpecimenComparison, relative_sd: float) -> SpecimenReadings:
+def readings_of(forces: SpecimenComparison, relative_sd: Sequence[float]) -> SpecimenReadings:
     """Return forces with what their recordings have of layers' thicknesses.
 
     Parameters
@@ -236,6 +242,7 @@ def readings_of(forces: SpecimenComparison, relative_sd: float) -> SpecimenReadi
     forces
         Beside the model.
     relative_sd
-        Standard deviation of a layer's stated thickness, over that.
+        Standard deviation of a layer's stated thickness over that, of every recording's specimen.
     """
-    return SpecimenReadings(forces, tuple(thicknesses_of(one, relative_sd) for one in forces.recordings))
+    pairs = zip(forces.recordings, relative_sd, strict=True)
+    return SpecimenReadings(forces, tuple(thicknesses_of(one, sd) for one, sd in pairs))

@@ -29,10 +29,11 @@ from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
 from legfem.legs.mechanisms.rig import ContactSlip, SupportCompliance
 from legfem.legs.nuisances import Accuracy
+from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
 from legfem.specimens.forward import SpecimenVariants
-from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in, layered, slipping
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in, layers_of, slipping
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[
     unable: dict[str, str] = {}
     for mechanism in mechanisms_on_a_rig():
         why = _NONE.get(mechanism.name, "")
-        if layered(sizes) is not None:
+        if layers_of(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)
         if mechanism.name == ContactSlip.name and slipping(sizes) is None:
             why = kind_in(sizes).no_slip
@@ -193,13 +194,44 @@ class DiagnosedSpecimen:
     seconds: float = 0.0
     extent: float | None = None
     """Size in the direction of the displacement (mm), of a kind that has one."""
+    test: str = ""
+    """Its test's name, where the folder has several."""
 
 
 def thickness_finding(found: Sequence[DiagnosedSpecimen]) -> SizeDependence | None:
     """Return how the specimens' own C10 goes with their thickness; None where it doesn't, or isn't known."""
-    known = [(one.id, one.diagnosis.base, one.extent) for one in found if one.diagnosis is not None]
-    extent = {name: size for name, base, size in known if size is not None and DEEP_C10 in base.fit.free}
-    return size_dependence({name: base.value(DEEP_C10) for name, base, _ in known if name in extent}, extent)
+    for test in dict.fromkeys(one.test for one in found):
+        known = [(one.id, one.diagnosis.base, one.extent) for one in found if one.diagnosis and one.test == test]
+        extent = {name: size for name, base, size in known if size is not None and DEEP_C10 in base.fit.free}
+        seen = size_dependence({name: base.value(DEEP_C10) for name, base, _ in known if name in extent}, extent)
+        if seen is not None:
+            return seen
+    return None
+
+
+def tests_finding(found: Sequence[DiagnosedSpecimen], after: bool = False) -> TestsAgreement | None:
+    """Return how several tests agree on C10, before or after what was found to be left out; None where none is known.
+
+    Specimens err by their intervals, or by as much as those of one test differ.
+    """
+    each = [
+        (one.test, one.diagnosis.estimates if after else one.diagnosis.estimates_of(one.diagnosis.base, False))
+        for one in found
+        if one.diagnosis is not None
+    ]
+    known = [(test, parameters[DEEP_C10]) for test, parameters in each if DEEP_C10 in parameters]
+    names = np.array([test for test, _ in known])
+    tests = {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
+    if len(tests) < 2:
+        return None
+    c10 = np.array([one.value for _, one in known])
+    c10 = c10 / np.exp(np.mean(np.log(c10)))
+    errors = c10 * [np.log(one.ci95[1] / one.ci95[0]) / 3.92 for _, one in known]
+    left = np.concatenate([c10[places] - c10[places].mean() for places in tests.values()])
+    spread = float(np.sqrt(left @ left / max(len(left) - len(tests), 1)))
+    alike = np.ones((len(c10), 1))
+    covariance = np.diag(np.maximum(errors, spread) ** 2)
+    return agreement_of_tests(c10 - 1, alike[:, 0], alike, alike, covariance, tests)
 
 
 def diagnose_specimens(
@@ -236,9 +268,10 @@ def diagnose_specimens(
     for name in names or every:
         started = time.perf_counter()
         title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
-        found = DiagnosedSpecimen(name, title, folder.origin, None, ())
+        own = folder.test_of(every[name][0])
+        found = DiagnosedSpecimen(name, title, folder.origin, None, (), test=every[name][0].test)
         try:
-            diagnosis, left = _diagnosed(folder, every[name], responses, jobs, progress, seed)
+            diagnosis, left = _diagnosed(own, every[name], responses, jobs, progress, seed)
         except InputError as error:
             yield replace(found, problem=error)
         else:

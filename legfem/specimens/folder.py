@@ -19,7 +19,7 @@ from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 from legfem.specimens.course import course_of
 from legfem.specimens.kind import SizeError
 from legfem.specimens.laws import SpecimenTissue, tissues_of
-from legfem.specimens.schema import SIZES, BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
+from legfem.specimens.schema import SIZES, BaseLaw, SeveralTests, SpecimenEntry, SpecimenFile, parse_specimen_file
 from legfem.specimens.sizes import (
     LeftOut,
     Sizes,
@@ -52,7 +52,6 @@ class SpecimenFolder:
     directory: Path
     instrument: Instrument | None = None
     """As stated; seen in the recordings without it."""
-    starts_at_contact: bool = False
     one_stiffness: bool = False
     """Whether all specimens are said to be equally stiff."""
     returns: bool = False
@@ -71,6 +70,12 @@ class SpecimenFolder:
     """Standard deviations of the specimens' sizes by key of ``specimen.toml``, mm or mm²."""
     sizes_sd: float = 0.0
     """The same of other sizes, relative."""
+    tests: Mapping[str, "SpecimenFolder"] = field(default_factory=dict)
+    """Folders of the tests by name, where there are several of one material."""
+
+    def test_of(self, one: SpecimenRecording) -> "SpecimenFolder":
+        """Return the folder of a recording's own test."""
+        return self.tests.get(one.test, self)
 
     def under(self, alternative: str) -> "SpecimenFolder":
         """Return the folder with one of its alternatives taken to be so."""
@@ -96,9 +101,9 @@ class SpecimenFolder:
         InputError
             If there are none, or no others.
         """
-        found = tuple(one for one in self.recordings if name in (one.name, one.specimen))
+        found = tuple(one for one in self.recordings if name in (one.name, one.specimen, one.test))
         if not found:
-            known = sorted({text for one in self.recordings for text in (one.name, one.specimen)})
+            known = sorted({text for one in self.recordings for text in (one.name, one.specimen, one.test) if text})
             raise InputError(
                 "--leave-out",
                 name,
@@ -129,6 +134,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     if not directory.is_dir():
         raise InputError(directory, "specimen folder", "not found", f"give one that contains {FILE}")
     given = parse_specimen_file(toml)
+    if isinstance(given, SeveralTests):
+        return _together(toml, given)
     named = _named(directory, toml, given)
     _ask_for_tables(given, [path for _, _, path in named])
     doubts = _doubts_about_bodies(toml, given)
@@ -137,7 +144,6 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     stated = given.instrument
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
     kind = given.kind
-    at_contact = given.recordings.starts_at_contact or kind.starts_at_contact
     doubts += _unread(directory, given, [path for _, _, path in named])
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
@@ -169,7 +175,6 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         any(one.course.holds for one in used) if relaxes is None else relaxes,
         directory,
         errors,
-        at_contact,
         given.tissue.one_stiffness,
         given.tissue.returns,
         given.tissue.law,
@@ -180,6 +185,73 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         {key: sd for key in SIZES if (sd := getattr(given.accuracy, key)) is not None},
         _sizes_sd(given),
     )
+
+
+def _together(toml: Path, given: SeveralTests) -> SpecimenFolder:
+    """Return several tests of one material as one folder."""
+    tests, used, left = dict[str, SpecimenFolder](), list[SpecimenRecording](), list[LeftOut]()
+    for name in given.tests:
+        one = load_specimen(toml.parent / name)
+        _check_of_one_material(toml, given, name, one, tests)
+        tests[name] = one
+        for recording in one.recordings:
+            refuse_copies(recording.recording, [other.recording for other in used if other.test != name])
+            specimen = name if len(one.specimens) == 1 else f"{name}/{recording.specimen}"
+            used.append(replace(recording, name=f"{name}/{recording.name}", specimen=specimen, test=name))
+        left += [replace(other, name=f"{name}/{other.name}") for other in one.left_out]
+    first, *_ = tests.values()
+    relaxes = any(one.relaxes for one in tests.values())
+    untimed = next((one.name for one in used if not one.recording.timed), None)
+    if relaxes and untimed:
+        raise InputError(
+            toml,
+            "tests",
+            f"{untimed} is a table without a time, and other recordings show relaxation",
+            "give [tissue] relaxes = false with every test, or leave the table out",
+        )
+    return replace(
+        first,
+        id=given.id,
+        title=given.title,
+        origin=given.origin,
+        recordings=tuple(used),
+        left_out=tuple(left),
+        relaxes=relaxes,
+        directory=toml.parent,
+        doubts=tuple(doubt for one in tests.values() for doubt in one.doubts),
+        confirmed=tuple(field for one in tests.values() for field in one.confirmed),
+        alternatives=tuple(dict.fromkeys(name for one in tests.values() for name in one.alternatives)),
+        tests=tests,
+    )
+
+
+def _check_of_one_material(
+    toml: Path, given: SeveralTests, name: str, one: SpecimenFolder, others: Mapping[str, SpecimenFolder]
+) -> None:
+    """Refuse a test that can't be fitted together with others."""
+    own, file = toml.parent / name / FILE, f"{name}/{FILE}"
+    if name in others:
+        raise InputError(toml, "tests", f"{name!r} stands twice", "name every folder once")
+    if one.tests:
+        raise InputError(toml, "tests", f"{file} names tests itself", "name the folders of its tests here")
+    if any(tissue.fibrous for tissue in one.tissues):
+        raise InputError(own, "fibres", "are not fitted by several tests together", "identify this folder by itself")
+    if one.origin != given.origin:
+        raise InputError(own, "origin", f'"{one.origin}", where {FILE} above says "{given.origin}"', "correct one")
+    for before, other in others.items():
+        for key, what in _OF_MATERIAL.items():
+            if getattr(one, key) != getattr(other, key):
+                problem = f"states {what} otherwise than {before}/{FILE}, and both are of one material"
+                raise InputError(own, what, problem, "state it alike in all tests")
+
+
+_OF_MATERIAL = {
+    "tissues": "[tissue] poisson_ratio, or [[layers]],",
+    "base_law": "[tissue] law",
+    "returns": "[tissue] returns",
+    "one_stiffness": "[tissue] one_stiffness",
+}
+"""What tests of one material have alike, by field."""
 
 
 def _agreeing(used: Sequence[SpecimenRecording]) -> list[SpecimenRecording]:

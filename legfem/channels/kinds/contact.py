@@ -214,6 +214,8 @@ _BLUR_MM = 1.5
 _MOST_SENSELS = 24
 """More are taken together, neighbours in twos, threes and so on."""
 _MORE_THAN_FORCE = 1.5
+_NARROWEST_DEG = 1.6
+"""A film that covers half the face has angles to π/2 in radians; none covers a thirtieth of it."""
 _PLANNED_SENSELS, _PLANNED_MM, _PLANNED_DEG = 8, 24.0, 80.0
 """Of a film that a plan asks for: how many, and how far they reach to either side at most."""
 
@@ -297,6 +299,10 @@ class ContactPressures(FramesFile):
                 "angle_deg",
                 f"is up to {np.abs(angles).max():.0f}: the skin touches within 90 degrees of the line of travel",
                 "give the angle of a sensel's middle from the face's deepest point, to the left of the travel",
+            )
+        if np.abs(angles).max() <= _NARROWEST_DEG:
+            raise FramesError(
+                "angle_deg", f"is within ± {np.abs(angles).max():.3g}, as it would be in radians", "give it in degrees"
             )
         ends = np.deg2rad(_ends(angles)) * site.indenter.radius
         group = np.arange(len(angles)) // -(-len(angles) // _MOST_SENSELS)

@@ -95,8 +95,9 @@ def refused(
     depth, values = depths[kept], values[kept]
     if not len(values):
         return None
-    worst = int(np.argmax(np.abs(values - 0.5 * own)))
-    if not -3 * accuracy.reading <= values[worst] <= _MOST * own + _APART_MM:
+    # What lost the boundary writes 0.
+    worst = int(np.argmax(np.where(values == 0, np.inf, np.abs(values - 0.5 * own))))
+    if values[worst] == 0 or not -3 * accuracy.reading <= values[worst] <= _MOST * own + _APART_MM:
         return Impossible(
             f"it is {values[worst]:.3g} mm at {depth[worst]:.2g} mm of depth, and {own:.3g} mm by what is stated",
             "check its unit and the outlines or sizes; leave a cell empty where nothing could be read",
@@ -111,6 +112,11 @@ def refused(
         return Impossible(
             f"the {name} grows from {start:.3g} to {end:.3g} mm as it is pressed",
             "check that the columns aren't exchanged, and that the frames are in order",
+        )
+    if several and start - end > depth.max() + 3 * error:
+        return Impossible(
+            f"the {name} falls from {start:.3g} to {end:.3g} mm where what presses moves by {depth.max():.3g} mm",
+            "check its unit, and that its times are in s",
         )
     first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
     tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * own_sd) + float(depth.min())

@@ -106,12 +106,11 @@ def leg_page(
         title=f"How stiff is the deep tissue (muscle) of {'leg' if several else 'subject'} {leg.id}{where}?",
         subject=leg.title,
         origin=leg.origin,
-        headline=_headline(chosen),
-        warnings=list(
-            dict.fromkeys(
-                [*(line for r in (chosen, *fits) for line in doubt_lines(r.doubts)), *_warnings(chosen, fits)]
-            )
-        ),
+        headline=_headline(chosen).doubted(len(chosen.doubts)),
+        warnings=[
+            *dict.fromkeys(line for r in (chosen, *fits) for line in doubt_lines(r.doubts)),
+            *estimates.warnings_of(chosen, fits),
+        ],
         known=known_of(fits),
         chapters=[
             web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen), *drawn(fits)]),
@@ -224,7 +223,7 @@ def _headline(chosen: LegFit) -> web.Headline:
                 f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is "
                 f"missing."
                 if tone == "wrong"
-                else f"Nothing that shows changes it: C10 is {c10}. If the assumed stiffness of fat or fascia, the "
+                else f"C10 is {c10}. If the assumed stiffness of fat or fascia, the "
                 "units or the sizes are wrong, C10 changes: the table of numbers and “What could not be tested” "
                 "say by how much.",
             ),
@@ -267,16 +266,6 @@ def _c10_value(chosen: LegFit) -> str:
 def _high_or_low(chosen: LegFit, tone: web.Tone) -> list[tuple[str, str]]:
     found = chosen.estimates.get(DEEP_C10)
     return [] if found is None or tone == "wrong" else estimates.high_or_low("deep", found.shown.value)
-
-
-def _warnings(chosen: LegFit, fits: Sequence[LegFit]) -> list[str]:
-    """Warnings of all laws; one that not all have is named after its law."""
-    shared = set.intersection(*(set(one.warnings) for one in fits))
-    return [
-        line if line in shared else f"{LAW_NAMES[one.law]} law: {line}"
-        for one in (chosen, *(other for other in fits if other is not chosen))
-        for line in one.warnings
-    ]
 
 
 def _leg_itself(fits: Sequence[LegFit], chosen: LegFit, pressed: PressedSection | None, note: str) -> list[web.Chapter]:
