@@ -129,8 +129,8 @@ OCCURRENCES: Mapping[str, Occurrence] = {
         5.0,
         1.0,
         "relaxed, by shear waves along and across: 1.30, 1.28 and 1.18 in gastrocnemius, soleus and tibialis anterior "
-        "of ten people (Green et al., NMR Biomed. 2013, doi 10.1002/nbm.2964), 1.44 and 1.25 in the first two (Hirsch et "
-        "al., Magn. Reson. Med. 75 (2016) 1537); 3.0, with errors of 17 and 21 %, in a vastus lateralis (PMC8754054)",
+        "of ten people (Green et al., NMR Biomed. 2013, doi 10.1002/nbm.2964), 1.44 and 1.25 in the first two (Hirsch "
+        "et al., Magn. Reson. Med. 75 (2016) 1537); 3.0, to 17 and 21 %, in a vastus lateralis (PMC8754054)",
         (1.2, 3.0),
     ),
     "poroelastic-drainage": Occurrence(0.0, 3000.0),
