@@ -130,6 +130,9 @@ def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
     except (ValueError, NotImplementedError) as error:
         raise InputError("--layout", layout, f"is not a pattern ({error})", "write it as in P*/leg-*") from None
     held = [path for path in places if any((path / file).is_file() for file in FILES[task])]
+    if not layout:
+        # A folder of specimens in one of specimens is one of its tests.
+        held = [path for path in held if path == folder or not (path.parent / "specimen.toml").is_file()]
     return {
         folder.resolve().name if path == folder else path.relative_to(folder).as_posix(): path for path in sorted(held)
     }

@@ -125,6 +125,11 @@ class Comparison(ABC):
         return {}
 
     @property
+    def informed_by(self) -> Mapping[str, NDArray[np.int_]]:
+        """Places of what is told apart in how much each tells of the parameters: channels, unless overridden."""
+        return self.channels
+
+    @property
     def parts_along(self) -> Mapping[str, NDArray[np.int_]]:
         """Places of the forces read in each part of the way, by its name; none where that isn't told."""
         return {}

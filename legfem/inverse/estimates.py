@@ -183,7 +183,10 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items()}
     shares = shares_of_error(optimum.linear.gain, optimum.covariances)
     told = shares_of_information(
-        linear.prediction.jacobian(law.names), total_of(optimum.covariances), misfit.channels, law.priors.jacobian(at)
+        linear.prediction.jacobian(law.names),
+        total_of(optimum.covariances),
+        misfit.informed_by,
+        law.priors.jacobian(at),
     )
     found = {}
     for k, parameter in enumerate(law.parameters):

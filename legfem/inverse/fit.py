@@ -5,7 +5,7 @@ that kind's type.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -339,3 +339,8 @@ def far_from_priors(estimates: Mapping[str, Estimate]) -> Iterator[str]:
                 f"The recordings put {symbol_of(name)} {abs(prior.departure(one.value)):.1f} standard "
                 "deviations from the centre of its prior: one of the two is wrong, or the model is."
             )
+
+
+def least_akaike[Details](fits: Sequence[Fit[Details]]) -> Fit[Details]:
+    """Law that fits best for the number of its parameters (Akaike's criterion)."""
+    return min(fits, key=lambda one: one.goodness.chi_square + 2 * len(one.estimates))

@@ -105,11 +105,6 @@ def warnings_of(chosen: Fit[Any], fits: Sequence[Fit[Any]]) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def least_akaike(fits: Sequence[Fit[Any]]) -> Fit[Any]:
-    """Law that fits best for the number of its parameters (Akaike's criterion)."""
-    return min(fits, key=lambda one: one.goodness.chi_square + 2 * len(one.estimates))
-
-
 def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
     """Tables of each law's energy and search, and of the errors' correlations."""
     blocks: list[Block] = [

@@ -1,6 +1,7 @@
 """What is seen in a folder before anything is solved: of a leg, of specimens, of recordings."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from legfem.report.instrument_file import draw_look, look_text
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure, slices_figure
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
-from legfem.specimens.schema import parse_specimen_file
+from legfem.specimens.schema import SeveralTests, parse_specimen_file
 from legfem.specimens.sizes import SpecimenRecording
 from legfem.stockings.loading import LEGS, load_leg
 
@@ -211,17 +212,21 @@ def _stocking(folder: Path, out: Path, progress: Progress | None) -> Preview:
 
 
 def _specimen(folder: Path, out: Path) -> Preview:
-    try:
-        channels = parse_specimen_file(folder / FILE).recordings.channels()
-    except InputError:
-        channels = None  # load_specimen says what is wrong
-    files = recording_files(folder / "recordings")
+    places: dict[str, SourceColumns | None] = {"": None}
+    with suppress(InputError):  # load_specimen says what is wrong
+        given = parse_specimen_file(folder / FILE)
+        places = dict.fromkeys(given.tests) if isinstance(given, SeveralTests) else {"": given.recordings.channels()}
+    found, problem = None, ""
     try:
         found = load_specimen(folder)
     except InputError as error:
-        seen = _recordings(files, out, channels, of_specimen=True)
-        return Preview(folder.name, "", str(error), recordings=seen)
-    seen = _recordings(files, out, channels, True, trials=[one.trial for one in found.recordings])
+        problem = str(error)
+    trials = [one.trial for one in found.recordings] if found else []
+    seen: tuple[SeenRecording, ...] = ()
+    for test, channels in places.items():
+        seen += _recordings(recording_files(folder / test / "recordings"), out, channels, True, test, trials)
+    if found is None:
+        return Preview(folder.name, "", problem, recordings=seen)
     facts = [(one.name, _course_fact(one)) for one in found.recordings]
     left = tuple(f"NOT USED: {one.name}: {one.reason}" for one in found.left_out)
     doubts = (*doubt_lines(found.doubts), *left)

@@ -35,7 +35,8 @@ from legfem.report.render import bullets, estimates_frame, fill, table, write_pa
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.words import ORIGINS
 from legfem.solve.settings import NewtonSettings, StepSettings
-from legfem.specimens.diagnosis import DiagnosedSpecimen, thickness_finding
+from legfem.specimens.agreement import agreement_document
+from legfem.specimens.diagnosis import DiagnosedSpecimen, tests_finding, thickness_finding
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.sizes import LeftOut
 
@@ -252,6 +253,8 @@ def write_specimen_diagnoses(
                 "origin": folder.origin,
                 "specimens": [_row(one) for one in made],
                 "goes_with_thickness": None if thickness is None else asdict(thickness),
+                "agreement_of_tests": agreement_document(tests_finding(made)),
+                "agreement_after": agreement_document(tests_finding(made, after=True)),
                 "recordings_not_used": [asdict(one) for one in folder.left_out],
             }
         ),
@@ -304,6 +307,10 @@ def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) ->
         table(columns, rows),
         fill("Each specimen has a folder with its own report beside this one."),
     ]
+    before, after = tests_finding(made), tests_finding(made, after=True)
+    if before is not None and after is not None:
+        said = f" With what each diagnosis found to be left out: {after.text} {after.remedy if after.disagree else ''}"
+        blocks.insert(2, fill(f"WARNING: {before.text}{said}".strip() if before.disagree else before.text))
     if thickness is not None:
         blocks.insert(2, fill(f"WARNING: {thickness.text} Don't rely on any one specimen's verdict."))
     if missing:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
-from legfem.inverse.fit import Fit
+from legfem.inverse.fit import Fit, least_akaike
 from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
@@ -31,14 +31,15 @@ def origin_text(result: SpecimenFit) -> str:
 
 def procedure(result: SpecimenFit) -> str:
     """Return what was done with the recordings, as a paragraph."""
-    first = result.details.folder.recordings[0]
-    note, axes = kind_in(first.sizes).note, first.axes
+    every = result.details.folder.recordings
+    note, axes = " ".join(dict.fromkeys(filter(None, (kind_in(one.sizes).note for one in every)))), every[0].axes
+    timed = [one.recording.timed for one in every]
     untimed = (
         ""
-        if first.recording.timed
-        else "They are tables of stretch and stress without a time, so nothing is known of rates; forces are those "
-        "on a body of the stated size, or on a cube of 10 mm. The errors of the tables are their differences from a "
-        "smooth curve. "
+        if all(timed)
+        else f"{'Some' if any(timed) else 'They'} are tables of stretch and stress without a time, so nothing is "
+        "known of rates; forces are those on a body of the stated size, or on a cube of 10 mm. The errors of the "
+        "tables are their differences from a smooth curve. "
     )
     relaxing = (
         "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
@@ -114,10 +115,9 @@ def _of_fibres(result: SpecimenFit) -> str:
 
 def followed(result: SpecimenFit) -> str:
     """Return how stiffness follows the size of what presses or is pressed, as a clause."""
-    first = result.details.folder.recordings[0]
-    if not first.recording.timed:
-        return "a stress of twice the true value, by its unit or measure, doubles the stiffness"
-    return kind_in(first.sizes).followed
+    tables = "a stress of twice the true value, by its unit or measure, doubles the stiffness"
+    every = result.details.folder.recordings
+    return "; ".join(dict.fromkeys(kind_in(one.sizes).followed if one.recording.timed else tables for one in every))
 
 
 def differing(result: SpecimenFit) -> list[str]:
@@ -162,7 +162,7 @@ _NOT_TESTED = (
 
 def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebPage:
     """Return the page of specimens' fits, one a law, and of the command that was given."""
-    best = estimates.least_akaike(results)
+    best = least_akaike(results)
     left = dict.fromkeys(one for result in results for one in result.details.left_out)
     warnings = [*(f"Not used: {one.name}: {one.reason}." for one in left), *estimates.warnings_of(best, results)]
     return web.WebPage(
@@ -210,7 +210,9 @@ def _headline(best: SpecimenFit) -> web.Headline:
     )
     unsure = estimates.unknown_among(best.estimates)
     thickness = best.details.thickness
-    doubtful = unsure or best.details.left_out or thickness
+    agreement = best.details.agreement
+    finding = thickness or (agreement if agreement and agreement.disagree else None)
+    doubtful = unsure or best.details.left_out or finding
     tone: web.Tone = "wrong" if not best.goodness.fits else "caution" if doubtful else "sound"
     fitted = sum(one.fitted for one in best.tests)
     together = "the recording" if fitted == 1 else f"the {fitted} recordings together"
@@ -222,8 +224,8 @@ def _headline(best: SpecimenFit) -> web.Headline:
         [
             (
                 "Problems found",
-                thickness.text
-                if thickness
+                finding.text
+                if finding
                 else f"None that these recordings can show.{_unused(best)}"
                 if best.goodness.fits
                 else f"The recordings show an effect that the law leaves out "
@@ -287,6 +289,8 @@ def _next(best: SpecimenFit) -> list[str]:
         narrower = [best.details.ratio_undetermined]
     if best.details.thickness:
         lines.append(KNOW_THE_RIG)
+    elif best.details.agreement and best.details.agreement.disagree:
+        lines.append(best.details.agreement.remedy)
     elif not best.goodness.fits:
         lines.append(
             "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
@@ -347,7 +351,10 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
 
 def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
     """Recordings beside the laws, over displacement and where one holds over time, those with the poorest fit first."""
-    worst = sorted(compared(estimates.least_akaike(results)), key=lambda one: one.r_squared)[:_MOST_CURVES]
+    worst = sorted(compared(least_akaike(results)), key=lambda one: one.r_squared)
+    # Of each of several tests one at least.
+    first = {one.test: one for one in reversed(worst)}.values()
+    worst = sorted(worst, key=lambda one: one not in first)[: max(_MOST_CURVES, len(first))]
     blocks = []
     for number, one in enumerate(worst):
         axes = one.axes
@@ -358,7 +365,7 @@ def curves_of(results: Sequence[SpecimenFit]) -> list[Curves]:
 
 
 def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
-    first = estimates.least_akaike(results)
+    first = least_akaike(results)
     blocks: list[web.Block] = []
     if len(compared(first)) > _MOST_CURVES:
         blocks.append(
@@ -385,33 +392,40 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
 
 
 def _in_numbers(result: SpecimenFit) -> list[web.Block]:
-    law, axes = LAW_NAMES[result.law], compared(result)[0].axes
-    of_load = [f"{which} {axes.load_unit}" for which in ("peak", "rmse")]
+    law = LAW_NAMES[result.law]
+    tests = dict.fromkeys(one.test for one in compared(result))
     blocks: list[web.Block] = [
-        web.WebTable(
-            f"Recordings and the {law} law; own/joint: the factor by which the law's force fits that one best",
-            ["recording", "mm/s", axes.way_unit, *of_load, "R²", "own/joint", ""],
-            [
-                [
-                    one.name,
-                    f"{one.course.rate:.3g}" if one.course.samples.timed else "no time",
-                    f"{axes.ways * one.course.depth:.3g}",
-                    f"{axes.loads * one.course.peak:.4g}",
-                    f"{axes.loads * one.rmse:.3g}",
-                    f"{one.r_squared:.4f}",
-                    f"{one.scale:.3f}",
-                    "" if one.fitted else "left out",
-                ]
-                for one in compared(result)
-            ],
-            folded=True,
-        )
+        _test_in_numbers([one for one in compared(result) if one.test == test], law, test) for test in tests
     ]
     if result.details.stiffness:
         rows = [[name, f"{factor:.3f}"] for name, factor in result.details.stiffness.items()]
         caption = f"Stiffness of each specimen relative to a typical one, {law} law"
         blocks.append(web.WebTable(caption, ["specimen", "times as stiff"], rows, folded=True))
     return blocks
+
+
+def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.WebTable:
+    axes = samples[0].axes
+    of_load = [f"{which} {axes.load_unit}" for which in ("peak", "rmse")]
+    return web.WebTable(
+        f"Recordings{f' of {test}' if test else ''} and the {law} law; own/joint: the factor by which the law's force "
+        "fits that one best",
+        ["recording", "mm/s", axes.way_unit, *of_load, "R²", "own/joint", ""],
+        [
+            [
+                one.name,
+                f"{one.course.rate:.3g}" if one.course.samples.timed else "no time",
+                f"{axes.ways * one.course.depth:.3g}",
+                f"{axes.loads * one.course.peak:.4g}",
+                f"{axes.loads * one.rmse:.3g}",
+                f"{one.r_squared:.4f}",
+                f"{one.scale:.3f}",
+                "" if one.fitted else "left out",
+            ]
+            for one in samples
+        ],
+        folded=True,
+    )
 
 
 def _curves(
@@ -454,6 +468,7 @@ def _tested(results: Sequence[SpecimenFit]) -> list[str]:
             f"({fit_probability(result.goodness.p_value)}).",
             *channel_lines(result),
             *estimates.why_identifiable(result.estimates, result.law),
+            *(one.text for one in (result.details.agreement,) if one is not None and not one.disagree),
             *(f"{text}." for text in (*differing(result), *predictions(result))),
         )
     ]

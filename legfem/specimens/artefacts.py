@@ -111,8 +111,10 @@ def lateral_fit(recordings: Sequence[SpecimenRecording], model: SpecimenForward,
     values
         Of the fit.
     """
-    if not any(channel.name == LATERAL_STRETCH.name for one in recordings for channel in one.recording.channels):
+    seen = [one for one in recordings if any(c.name == LATERAL_STRETCH.name for c in one.recording.channels)]
+    if not seen:
         return None
+    recordings = [one for one in recordings if one.test == seen[0].test]
     found = _compared(recordings, model, values)
     tissues = list(model.laws)
     if found is None or found.agrees or len(tissues) > 1:
@@ -269,7 +271,7 @@ def _trend(size: FloatArray, stiffness: FloatArray) -> tuple[float, float, float
 def goes_with_thickness(
     comparison: SpecimenComparison, force: FloatArray, stiffness: Mapping[str, float]
 ) -> SizeDependence | None:
-    """Return how the specimens' stiffness goes with their thickness, by what each asks for where all count as alike.
+    """Return how a test's specimens' stiffness goes with their thickness, by what each asks for if all are alike.
 
     Parameters
     ----------
@@ -280,11 +282,16 @@ def goes_with_thickness(
     stiffness
         Factors by specimen with which it was fitted.
     """
-    recordings, own = comparison.recordings, defaultdict[str, list[float]](list)
-    for one, scale in zip(recordings, comparison.scales(force), strict=True):
-        own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
-    sizes = {one.specimen: kind_in(one.sizes).extent(bare(one.sizes)) for one in recordings}
-    extent = {name: size for name, size in sizes.items() if size is not None}
-    if len(extent) < len(own):
-        return None
-    return size_dependence({name: float(np.mean(scales)) for name, scales in own.items()}, extent)
+    scales = comparison.scales(force)
+    for places in comparison.recordings_of.values():
+        own, extent = defaultdict[str, list[float]](list), dict[str, float]()
+        for one, scale in ((comparison.recordings[k], scales[k]) for k in places):
+            own[one.specimen].append(scale * stiffness.get(one.specimen, 1.0))
+            size = kind_in(one.sizes).extent(bare(one.sizes))
+            if size is not None:
+                extent[one.specimen] = size
+        if len(extent) == len(own):
+            found = size_dependence({name: float(np.mean(each)) for name, each in own.items()}, extent)
+            if found is not None:
+                return found
+    return None

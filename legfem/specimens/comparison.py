@@ -30,6 +30,8 @@ WEIGHT = 0.01
 """Of a recording's greatest force: what every station is taken to err by in the fit."""
 COUNTED = 20
 """Stations that a recording counts as, however many it has: neighbours err alike."""
+FACTOR_SD = 0.015
+"""Of a force: by which gain and sizes are off in one of several tests, in the weights alone; the shape then counts."""
 LEAST_GAIN_SD = 0.01
 """From recording to recording; more where their scatter says so."""
 SHAPE_SD_OF_LAYERS = 0.05
@@ -52,7 +54,7 @@ class Part:
     test: int
     """Number of its test among those that are solved."""
     kind: str = ""
-    """Kind of test: the model's shape errs alike in all of one."""
+    """Test, and how fibres lie in it: the model's shape errs alike in all of one."""
 
     @property
     def course(self) -> Course:
@@ -121,6 +123,22 @@ class SpecimenComparison(Comparison):
     def recordings(self) -> list[SpecimenRecording]:
         """Recordings of the parts."""
         return [part.recording for part in self.parts]
+
+    @cached_property
+    def recordings_of(self) -> dict[str, NDArray[np.int_]]:
+        """Places of the recordings of every test, by its name."""
+        names = np.array([one.test for one in self.recordings])
+        return {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
+
+    @cached_property
+    def readings_of(self) -> dict[str, NDArray[np.int_]]:
+        """Places of the stations (n,) of every test, by its name."""
+        places = [np.arange(span.start, span.stop) for span in self.spans]
+        return {name: np.concatenate([places[k] for k in found]) for name, found in self.recordings_of.items()}
+
+    def of_test(self, name: str) -> "SpecimenComparison":
+        """Return the recordings of one test, to compare forces with that are as they stand."""
+        return replace(self, parts=tuple(self.parts[k] for k in self.recordings_of[name]), own=None)
 
     @cached_property
     def grids(self) -> list[FloatArray]:
@@ -241,11 +259,13 @@ class SpecimenComparison(Comparison):
         return np.array([float(one @ other / (other @ other)) for one, other in pairs])
 
     def gain_sd(self, force: FloatArray) -> float:
-        """Return how recordings differ by a factor, one standard deviation, about forces (n,)."""
-        scales = self.scales(force)
-        if len(scales) < 2:
+        """Return how recordings of a test differ by a factor, one standard deviation, about forces (n,)."""
+        scales, tests = self.scales(force), self.recordings_of
+        if len(scales) <= len(tests):
             return LEAST_GAIN_SD
-        return max(LEAST_GAIN_SD, float(np.sqrt(np.sum((scales - 1) ** 2) / (len(scales) - 1))))
+        # Of one test the law is the middle; how several tests differ is asked apart from how recordings do.
+        left = [scales[one] - (scales[one].mean() if len(tests) > 1 else 1) for one in tests.values()]
+        return max(LEAST_GAIN_SD, float(np.sqrt(np.sum(np.concatenate(left) ** 2) / (len(scales) - len(tests)))))
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -321,29 +341,36 @@ def comparison_of(
     slopes
         Of the recordings' forces at their stations, N/mm; their own without them.
     """
+    several = len({one.test for one in recordings}) > 1
     parts = tuple(
-        Part(one, OnsetEffect.of(one.course, one.detected, slope), model.tests.index(one.sizes), fibres_text(one.sizes))
+        Part(
+            one,
+            OnsetEffect.of(one.course, one.detected, slope, FACTOR_SD if several else 0.0),
+            model.tests.index(one.sizes),
+            one.test + fibres_text(one.sizes),
+        )
         for one, slope in zip(recordings, slopes or [None] * len(recordings), strict=True)
     )
     told = tells_ratio(folder, recordings)
-    bent = len(folder.tissues) > 1 or any(part.kind for part in parts)
+    bent = len(folder.tissues) > 1 or any(fibres_text(one.sizes) for one in recordings)
     shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
     if seeks and not told:
         shape_sd = SHAPE_SD_OF_FIBRES
     misfit = SpecimenComparison(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
     kinds = kinds_of(recordings)
     names = tuple(kinds)
-    if folder.equally_stiff or (known is None and len(names) < 2):
+    if folder.equally_stiff or (known is None and len(names) <= (len(misfit.recordings_of) if several else 1)):
         return misfit
     stations = [len(part.course.time) for part in parts]
     specimen = np.repeat([names.index(part.recording.specimen) for part in parts], stations)
     apart = seeks and told and not were_turned(recordings)
+    test_of = {one.specimen: one.test for one in recordings}
     own = OwnStiffness(
         names,
         specimen,
         misfit.expected_force,
         misfit.weighted,
         known,
-        tuple(kind for (kind,) in kinds.values()) if apart else (),
+        tuple(kind for (kind,) in kinds.values()) if apart else tuple(test_of.values()) if several else (),
     )
     return replace(misfit, own=own)

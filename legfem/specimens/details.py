@@ -3,11 +3,11 @@
 Alternatives are as probable beforehand. Intervals are those of the mixture, each counting by its evidence beside a
 smooth error of unknown form (`legfem.specimens.model_discrepancy`), alike in all recordings, and summed over the laws
 that are fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence
-counts the less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video
-shows the specimen's side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`).
+counts the less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches and strains of
+the face, where a camera sees the side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`, `face`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -33,9 +33,11 @@ from legfem.inverse.fit import (
     r_squared,
 )
 from legfem.inverse.intervals import identifiability, verdict_on
+from legfem.specimens.agreement import TestsAgreement, agreement_document
 from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.channels import SpecimenReadings
 from legfem.specimens.course import Course
+from legfem.specimens.face import FaceFit
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
@@ -60,8 +62,9 @@ def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:
 
 
 def _of_side(fits: Sequence[_Fit]) -> float:
-    """Return the logarithm of the lateral stretches' density beside the law that meets them best; 0 without any."""
-    return max((fit.details.lateral.log_density for fit in fits if fit.details.lateral), default=0.0)
+    """Return the logarithm of the density of what the side showed beside the law that meets it best; 0 of nothing."""
+    seen = ([one for one in (fit.details.lateral, fit.details.face) if one] for fit in fits)
+    return max(sum(one.log_density for one in each) for each in seen)
 
 
 def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mapping[str, str], to_know: str) -> _Fit:
@@ -83,14 +86,54 @@ def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mappi
         key=lambda one: -one.probability,
     )
     best = fits[every[0].name]
-    estimates = {name: _over_all(name, one, every, best.goodness.fits) for name, one in best.estimates.items()}
+    of = "with all alternatives of the test that the folder leaves open"
     details = replace(best.details, alternatives=tuple(every))
-    found = replace(best, estimates=MappingProxyType(estimates), details=details)
+    found = replace(best, estimates=_over_all(best, every, "ends", of), details=details)
     return replace(found, warnings=(alternatives_text(every, to_know), *found.warnings))
 
 
-def _over_all(name: str, best: Estimate, every: "Sequence[Weighed]", fits: bool) -> Estimate:
-    """Return an estimate with the mixture's interval."""
+def across_tests(
+    joint: _Fit, agreement: TestsAgreement, without: Callable[[Sequence[str]], _Fit], leaves_out: bool
+) -> _Fit:
+    """Return a law's fit of the tests that are of one material's constants, its intervals over all that these may be.
+
+    Parameters
+    ----------
+    joint
+        Of all tests.
+    agreement
+        Of the tests.
+    without
+        Fits the same law but for some tests, which it predicts.
+    leaves_out
+        Whether the test that stands apart is predicted, and not fitted.
+    """
+    likely = {away: chance for away, chance in agreement.left_out.items() if chance > _UNLIKELY}
+    fits = {away: without(away) if away else joint for away in likely}
+    every = [Weighed("", "", chance / sum(likely.values()), fits[away].estimates) for away, chance in likely.items()]
+    apart = agreement.apart if leaves_out else None
+    best = joint if apart is None else fits[(apart.name,)]
+    said = f"{agreement.text} It is predicted here, and not fitted." if apart else agreement.text
+    estimates = _over_all(best, every, "differences", "with all tests that it may be read from")
+    details = replace(best.details, agreement=agreement)
+    warnings = (said, *best.warnings) if agreement.disagree else best.warnings
+    return replace(best, estimates=estimates if len(every) > 1 else best.estimates, details=details, warnings=warnings)
+
+
+_UNLIKELY = 0.02
+"""Probability of tests that differ, or of one that does, below which no fit is made of it."""
+
+
+def _over_all(best: _Fit, every: "Sequence[Weighed]", source: ErrorSource, of: str) -> Mapping[str, Estimate]:
+    """Return the most probable fit's estimates with the mixture's intervals; ``of`` says what is mixed."""
+    fits = best.goodness.fits
+    found = {name: _mixed_estimate(name, one, every, fits, source, of) for name, one in best.estimates.items()}
+    return MappingProxyType(found)
+
+
+def _mixed_estimate(
+    name: str, best: Estimate, every: "Sequence[Weighed]", fits: bool, source: ErrorSource, of: str
+) -> Estimate:
     known = [(one.probability, one.estimates[name]) for one in every if name in one.estimates]
     low, high = (_mixed(known, level) for level in (0.025, 0.975))
     if len(known) < len(every) or not low < high:
@@ -102,16 +145,13 @@ def _over_all(name: str, best: Estimate, every: "Sequence[Weighed]", fits: bool)
         word = best.identifiability
     variance = sum(p * (e.standard_error**2 + (e.value - best.value) ** 2) for p, e in known)
     left = min(1.0, best.standard_error**2 / variance) if variance > 0 else 1.0
-    shares: dict[ErrorSource, float] = {source: left * share for source, share in best.error_shares.items()}
-    shares["ends"] = 1 - left
+    shares: dict[ErrorSource, float] = {one: left * share for one, share in best.error_shares.items()}
+    shares[source] = shares.get(source, 0.0) + 1 - left
     found = replace(
         widened, standard_error=float(np.sqrt(variance)), identifiability=word, error_shares=MappingProxyType(shares)
     )
     ends = " to ".join(f"{end:.3g}" for end in found.shown.ci95)
-    why = (
-        f"95 % interval {ends} {found.shown.unit}, with all alternatives of the test that the folder leaves open; with "
-        f"the most probable one alone, {best.why}"
-    )
+    why = f"95 % interval {ends} {found.shown.unit}, {of}; with the most probable one alone, {best.why}"
     return replace(found, why=why)
 
 
@@ -223,8 +263,12 @@ class SpecimenDetails:
     """How specimens' stiffness goes with their thickness, where it does."""
     lateral: LateralFit | None = None
     """Lateral stretches beside the fit, where a video showed them."""
+    face: FaceFit | None = None
+    """Strains of the face beside the fit, where points were tracked on it."""
     alternatives: "tuple[Weighed, ...]" = ()
     """Of what isn't known of the test, the most probable first; the fit is that of the first."""
+    agreement: TestsAgreement | None = None
+    """Of several tests, on one set of constants."""
 
 
 @dataclass(frozen=True)
@@ -286,12 +330,15 @@ class SampleFit:
     predicted: FloatArray
     """Force at the course's stations, (n,), N."""
     axes: ShownAxes
+    test: str = ""
+    """Its test, where there are several."""
 
     @classmethod
     def of(cls, one: TestFit) -> "SampleFit":
         """Samples of a test beside its fit."""
         recording = recording_of(one)
-        return cls(one.name, recording.specimen, one.fitted, recording.course, one.force.predicted, recording.axes)
+        own = recording.specimen, one.fitted, recording.course, one.force.predicted, recording.axes, recording.test
+        return cls(one.name, *own)
 
     @property
     def _differences(self) -> FloatArray:
@@ -347,6 +394,7 @@ class SpecimenDocument:
             "stiffness_over_typical": dict(details.stiffness),
             "stiffness_log_sd": details.stiffness_spread,
             "misfit_rms_over_peak": details.misfit.rms,
+            "agreement_of_tests": agreement_document(details.agreement),
             "alternatives": [
                 {
                     "name": one.name,

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from legfem.channels.kinds.face_strain import FACE_STRAIN
 from legfem.common.errors import InputError, doubt_lines
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
@@ -19,9 +20,9 @@ from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import middle_of
-from legfem.inverse.mechanism import factor, prior_of
+from legfem.inverse.mechanism import factor, prior_of, strength
 from legfem.inverse.observations import Observations, observe
-from legfem.inverse.parameter import Parameter
+from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import code_fingerprint
@@ -29,10 +30,11 @@ from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
 from legfem.legs.mechanisms.rig import ContactSlip, SupportCompliance
 from legfem.legs.nuisances import Accuracy
+from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
 from legfem.specimens.forward import SpecimenVariants
-from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in, layered, slipping
+from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in, layers_of, slipping
 
 
 @dataclass(frozen=True)
@@ -49,9 +51,49 @@ class RigCompliance(Mechanism):
         return values["compliance"] * force
 
 
+@dataclass(frozen=True)
+class GripSlip(Mechanism):
+    r"""From a displacement on a share of the travel is lost: :math:`d_{tissue} = d - s \max(\hat d - d_0, 0)`.
+
+    With :math:`\hat d` the farthest so far: what slipped doesn't come back.
+    """
+
+    name: ClassVar[str] = "grip-slip"
+    statement: ClassVar[str] = "the grips slipped: a part of the travel did not reach the specimen"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("share", "-", "share of the travel that is lost", 0.15, (0.0, 0.9)),
+        Parameter(
+            "onset",
+            "-",
+            (0.0, 0.95),
+            Prior(0.3, 0.3, "linear", "any time"),
+            statement="from which displacement on, over the greatest",
+        ),
+    )
+    next_experiment: ClassVar[str] = "mark the specimen at the grips and film it, hold it in sandpaper, and repeat"
+
+    def untestable(self, observed: Observations) -> str | None:
+        """Return whether nothing but the force was recorded."""
+        if any(one.name == FACE_STRAIN.name for one in observed.channels):
+            return None
+        return "grips that slip look like a softer tissue by the force alone: track points on the face"
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return slips that begin early and late."""
+        return tuple({"share": 0.1, "onset": onset} for onset in (0.05, 0.3, 0.6))
+
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
+        """Return what has slipped."""
+        lost = np.zeros(len(force))
+        for mine in (observed.trial == k for k in range(len(observed.trials))):
+            farthest = np.maximum.accumulate(observed.displacement[mine])
+            lost[mine] = values["share"] * np.maximum(farthest - values["onset"] * observed.depth, 0.0)
+        return lost
+
+
 def mechanisms_on_a_rig() -> tuple[Mechanism, ...]:
-    """Return all mechanisms for a body that gives way with its rig, not with two bones."""
-    return tuple(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms())
+    """Return all mechanisms for a body that gives way with its rig or its grips, not with two bones."""
+    return (*(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms()), GripSlip())
 
 
 _LEG_MM, _LEG_N, _LEG_S, _LEG_C10 = 20.0, 20.0, 100.0, 1e-3
@@ -122,10 +164,12 @@ def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[
     unable: dict[str, str] = {}
     for mechanism in mechanisms_on_a_rig():
         why = _NONE.get(mechanism.name, "")
-        if layered(sizes) is not None:
+        if layers_of(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)
         if mechanism.name == ContactSlip.name and slipping(sizes) is None:
             why = kind_in(sizes).no_slip
+        if mechanism.name == GripSlip.name and kind_in(sizes).presses(bare(sizes)):
+            why = "nothing grips a specimen that is pressed"
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):
             why = "it doesn't say what it does to a specimen"
         if not timed and mechanism.name in _WITHOUT_TIME:
@@ -193,13 +237,44 @@ class DiagnosedSpecimen:
     seconds: float = 0.0
     extent: float | None = None
     """Size in the direction of the displacement (mm), of a kind that has one."""
+    test: str = ""
+    """Its test's name, where the folder has several."""
 
 
 def thickness_finding(found: Sequence[DiagnosedSpecimen]) -> SizeDependence | None:
     """Return how the specimens' own C10 goes with their thickness; None where it doesn't, or isn't known."""
-    known = [(one.id, one.diagnosis.base, one.extent) for one in found if one.diagnosis is not None]
-    extent = {name: size for name, base, size in known if size is not None and DEEP_C10 in base.fit.free}
-    return size_dependence({name: base.value(DEEP_C10) for name, base, _ in known if name in extent}, extent)
+    for test in dict.fromkeys(one.test for one in found):
+        known = [(one.id, one.diagnosis.base, one.extent) for one in found if one.diagnosis and one.test == test]
+        extent = {name: size for name, base, size in known if size is not None and DEEP_C10 in base.fit.free}
+        seen = size_dependence({name: base.value(DEEP_C10) for name, base, _ in known if name in extent}, extent)
+        if seen is not None:
+            return seen
+    return None
+
+
+def tests_finding(found: Sequence[DiagnosedSpecimen], after: bool = False) -> TestsAgreement | None:
+    """Return how several tests agree on C10, before or after what was found to be left out; None where none is known.
+
+    Specimens err by their intervals, or by as much as those of one test differ.
+    """
+    each = [
+        (one.test, one.diagnosis.estimates if after else one.diagnosis.estimates_of(one.diagnosis.base, False))
+        for one in found
+        if one.diagnosis is not None
+    ]
+    known = [(test, parameters[DEEP_C10]) for test, parameters in each if DEEP_C10 in parameters]
+    names = np.array([test for test, _ in known])
+    tests = {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
+    if len(tests) < 2:
+        return None
+    c10 = np.array([one.value for _, one in known])
+    c10 = c10 / np.exp(np.mean(np.log(c10)))
+    errors = c10 * [np.log(one.ci95[1] / one.ci95[0]) / 3.92 for _, one in known]
+    left = np.concatenate([c10[places] - c10[places].mean() for places in tests.values()])
+    spread = float(np.sqrt(left @ left / max(len(left) - len(tests), 1)))
+    alike = np.ones((len(c10), 1))
+    covariance = np.diag(np.maximum(errors, spread) ** 2)
+    return agreement_of_tests(c10 - 1, alike[:, 0], alike, alike, covariance, tests)
 
 
 def diagnose_specimens(
@@ -236,9 +311,10 @@ def diagnose_specimens(
     for name in names or every:
         started = time.perf_counter()
         title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
-        found = DiagnosedSpecimen(name, title, folder.origin, None, ())
+        own = folder.test_of(every[name][0])
+        found = DiagnosedSpecimen(name, title, folder.origin, None, (), test=every[name][0].test)
         try:
-            diagnosis, left = _diagnosed(folder, every[name], responses, jobs, progress, seed)
+            diagnosis, left = _diagnosed(own, every[name], responses, jobs, progress, seed)
         except InputError as error:
             yield replace(found, problem=error)
         else:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from legfem.channels.kinds.face_strain import FACE_STRAIN, not_of_the_face
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
 from legfem.channels.kinds.layer_thickness import between_of, refused
 from legfem.common.errors import Doubt, InputError
@@ -19,7 +20,7 @@ from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 from legfem.specimens.course import course_of
 from legfem.specimens.kind import SizeError
 from legfem.specimens.laws import SpecimenTissue, tissues_of
-from legfem.specimens.schema import SIZES, BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
+from legfem.specimens.schema import SIZES, BaseLaw, SeveralTests, SpecimenEntry, SpecimenFile, parse_specimen_file
 from legfem.specimens.sizes import (
     LeftOut,
     Sizes,
@@ -52,7 +53,6 @@ class SpecimenFolder:
     directory: Path
     instrument: Instrument | None = None
     """As stated; seen in the recordings without it."""
-    starts_at_contact: bool = False
     one_stiffness: bool = False
     """Whether all specimens are said to be equally stiff."""
     returns: bool = False
@@ -71,6 +71,12 @@ class SpecimenFolder:
     """Standard deviations of the specimens' sizes by key of ``specimen.toml``, mm or mm²."""
     sizes_sd: float = 0.0
     """The same of other sizes, relative."""
+    tests: Mapping[str, "SpecimenFolder"] = field(default_factory=dict)
+    """Folders of the tests by name, where there are several of one material."""
+
+    def test_of(self, one: SpecimenRecording) -> "SpecimenFolder":
+        """Return the folder of a recording's own test."""
+        return self.tests.get(one.test, self)
 
     def under(self, alternative: str) -> "SpecimenFolder":
         """Return the folder with one of its alternatives taken to be so."""
@@ -96,9 +102,9 @@ class SpecimenFolder:
         InputError
             If there are none, or no others.
         """
-        found = tuple(one for one in self.recordings if name in (one.name, one.specimen))
+        found = tuple(one for one in self.recordings if name in (one.name, one.specimen, one.test))
         if not found:
-            known = sorted({text for one in self.recordings for text in (one.name, one.specimen)})
+            known = sorted({text for one in self.recordings for text in (one.name, one.specimen, one.test) if text})
             raise InputError(
                 "--leave-out",
                 name,
@@ -129,6 +135,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     if not directory.is_dir():
         raise InputError(directory, "specimen folder", "not found", f"give one that contains {FILE}")
     given = parse_specimen_file(toml)
+    if isinstance(given, SeveralTests):
+        return _together(toml, given)
     named = _named(directory, toml, given)
     _ask_for_tables(given, [path for _, _, path in named])
     doubts = _doubts_about_bodies(toml, given)
@@ -137,7 +145,6 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     stated = given.instrument
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
     kind = given.kind
-    at_contact = given.recordings.starts_at_contact or kind.starts_at_contact
     doubts += _unread(directory, given, [path for _, _, path in named])
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
@@ -169,7 +176,6 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         any(one.course.holds for one in used) if relaxes is None else relaxes,
         directory,
         errors,
-        at_contact,
         given.tissue.one_stiffness,
         given.tissue.returns,
         given.tissue.law,
@@ -180,6 +186,73 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         {key: sd for key in SIZES if (sd := getattr(given.accuracy, key)) is not None},
         _sizes_sd(given),
     )
+
+
+def _together(toml: Path, given: SeveralTests) -> SpecimenFolder:
+    """Return several tests of one material as one folder."""
+    tests, used, left = dict[str, SpecimenFolder](), list[SpecimenRecording](), list[LeftOut]()
+    for name in given.tests:
+        one = load_specimen(toml.parent / name)
+        _check_of_one_material(toml, given, name, one, tests)
+        tests[name] = one
+        for recording in one.recordings:
+            refuse_copies(recording.recording, [other.recording for other in used if other.test != name])
+            specimen = name if len(one.specimens) == 1 else f"{name}/{recording.specimen}"
+            used.append(replace(recording, name=f"{name}/{recording.name}", specimen=specimen, test=name))
+        left += [replace(other, name=f"{name}/{other.name}") for other in one.left_out]
+    first, *_ = tests.values()
+    relaxes = any(one.relaxes for one in tests.values())
+    untimed = next((one.name for one in used if not one.recording.timed), None)
+    if relaxes and untimed:
+        raise InputError(
+            toml,
+            "tests",
+            f"{untimed} is a table without a time, and other recordings show relaxation",
+            "give [tissue] relaxes = false with every test, or leave the table out",
+        )
+    return replace(
+        first,
+        id=given.id,
+        title=given.title,
+        origin=given.origin,
+        recordings=tuple(used),
+        left_out=tuple(left),
+        relaxes=relaxes,
+        directory=toml.parent,
+        doubts=tuple(doubt for one in tests.values() for doubt in one.doubts),
+        confirmed=tuple(field for one in tests.values() for field in one.confirmed),
+        alternatives=tuple(dict.fromkeys(name for one in tests.values() for name in one.alternatives)),
+        tests=tests,
+    )
+
+
+def _check_of_one_material(
+    toml: Path, given: SeveralTests, name: str, one: SpecimenFolder, others: Mapping[str, SpecimenFolder]
+) -> None:
+    """Refuse a test that can't be fitted together with others."""
+    own, file = toml.parent / name / FILE, f"{name}/{FILE}"
+    if name in others:
+        raise InputError(toml, "tests", f"{name!r} stands twice", "name every folder once")
+    if one.tests:
+        raise InputError(toml, "tests", f"{file} names tests itself", "name the folders of its tests here")
+    if any(tissue.fibrous for tissue in one.tissues):
+        raise InputError(own, "fibres", "are not fitted by several tests together", "identify this folder by itself")
+    if one.origin != given.origin:
+        raise InputError(own, "origin", f'"{one.origin}", where {FILE} above says "{given.origin}"', "correct one")
+    for before, other in others.items():
+        for key, what in _OF_MATERIAL.items():
+            if getattr(one, key) != getattr(other, key):
+                problem = f"states {what} otherwise than {before}/{FILE}, and both are of one material"
+                raise InputError(own, what, problem, "state it alike in all tests")
+
+
+_OF_MATERIAL = {
+    "tissues": "[tissue] poisson_ratio, or [[layers]],",
+    "base_law": "[tissue] law",
+    "returns": "[tissue] returns",
+    "one_stiffness": "[tissue] one_stiffness",
+}
+"""What tests of one material have alike, by field."""
 
 
 def _agreeing(used: Sequence[SpecimenRecording]) -> list[SpecimenRecording]:
@@ -237,7 +310,11 @@ def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
 def _with_channels(toml: Path, given: SpecimenFile, used: Sequence[SpecimenRecording]) -> list[SpecimenRecording]:
     """Return recordings with the channels that the folder's file names, as accurate as it states."""
     found = []
-    recordings = with_channels(toml, given.channels, [one.recording for one in used])
+    faces = [face for one in used if (face := given.kind.face(bare(one.sizes))) is not None]
+    if getattr(given.channels, FACE_STRAIN.name) is not None and not faces:
+        what, remedy = f"no model of [{given.kind.table}] gives it", "leave it out"
+        raise InputError(toml, f"channels.{FACE_STRAIN.name}", what, remedy)
+    recordings = with_channels(toml, given.channels, [one.recording for one in used], faces)
     for one, recording in zip(used, recordings, strict=True):
         same = recording is one.recording
         found.append(one if same else replace(one, trial=replace(one.trial, recording=recording)))
@@ -256,14 +333,17 @@ def _unused(used: Sequence[SpecimenRecording]) -> Iterator[Doubt]:
 
 
 def _check_channels(trial: Segmentation, sizes: Sizes, relative_sd: float) -> None:
-    """Refuse thicknesses that aren't those of a specimen's layers, and what isn't a stretch."""
-    layers = layers_of(sizes)
+    """Refuse thicknesses that aren't those of a specimen's layers, and what is neither a stretch nor its face's."""
+    layers, kind, body = layers_of(sizes), kind_in(sizes), bare(sizes)
     between = between_of(layers.heights) if layers else {}
     for one in trial.recording.channels:
         found = not_a_stretch(one.values) if one.name == LATERAL_STRETCH.name else None
+        depths = trial.loading_depths(one.time)
+        if one.name == FACE_STRAIN.name:
+            way = (-1.0 if kind.presses(body) else 1.0) / (kind.extent(body) or 1.0)
+            found = not_of_the_face(one.values, one.place, way * depths)
         if one.name in between:
             low, high = between[one.name]
-            depths = trial.loading_depths(one.time)
             found = refused(one.kind, high - low, depths, one.values, one.accuracy, relative_sd * (high - low))
         if found is not None:
             raise InputError(trial.source, one.name, found.what, found.remedy)

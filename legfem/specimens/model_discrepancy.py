@@ -73,10 +73,10 @@ def misfit_of(
     stations = [len(part.course.time) for part in parts]
     peak = np.repeat([part.course.peak for part in parts], stations)
     shapes = list(_shapes(comparison, peak))
-    none = _log_density(covariance, residual, jacobian)
+    none = log_density(covariance, residual, jacobian)
     densities = [[none] * len(_SIZES)]
     densities += [
-        [_log_density(covariance + size**2 * shape, residual, jacobian) for size in _SIZES] for shape in shapes
+        [log_density(covariance + size**2 * shape, residual, jacobian) for size in _SIZES] for shape in shapes
     ]
     found = LawMisfit(
         float(np.sqrt(np.mean((left / peak) ** 2))), np.array(densities), len(residual), np.zeros_like(covariance)
@@ -108,7 +108,8 @@ def _shapes(comparison: SpecimenComparison, peak: FloatArray) -> Iterator[FloatA
         yield alike * np.exp(-0.5 * (np.subtract.outer(share, share) / length) ** 2)
 
 
-def _log_density(covariance: FloatArray, residual: FloatArray, jacobian: FloatArray) -> float:
+def log_density(covariance: FloatArray, residual: FloatArray, jacobian: FloatArray) -> float:
+    """Return the logarithm of the restricted likelihood of residuals (n,) whose covariance is (n, n)."""
     lower = cholesky(covariance, lower=True)
     left, by = (solve_triangular(lower, values, lower=True) for values in (residual, jacobian))
     basis, upper = np.linalg.qr(by)

@@ -96,9 +96,13 @@ class OnsetEffect:
     zero_sd: float
     ahead: float = 0.0
     pressed: float = 0.0
+    factor: FloatArray | None = None
+    """Change (n,), N, by one standard deviation of a factor on the force, where tests of other specimens count too."""
 
     @classmethod
-    def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> "OnsetEffect":
+    def of(
+        cls, course: Course, detected: Contact, slope: FloatArray | None = None, factor_sd: float = 0.0
+    ) -> "OnsetEffect":
         """Return that of a course, by its own force where the slope isn't given."""
         expected, sd = detected.expected
         # A tared cell is known as well as one that was read in air.
@@ -113,7 +117,7 @@ class OnsetEffect:
         pressed = 0.0
         if course.standing and len(first):
             pressed = min(abs(course.standing) / max(float(np.median(first)), 1e-12), course.depth)
-        return cls(slope, sd, zero, ahead, pressed)
+        return cls(slope, sd, zero, ahead, pressed, factor_sd * course.force if factor_sd else None)
 
     @property
     def expected(self) -> FloatArray:
@@ -122,8 +126,9 @@ class OnsetEffect:
 
     @cached_property
     def modes(self) -> FloatArray:
-        """Changes by one standard deviation (n, 2), N, of contact and zero."""
-        return np.column_stack([self.way * self.slope, np.full_like(self.slope, self.zero_sd)])
+        """Changes by one standard deviation (n, 2 or 3), N, of contact, zero, and the factor if there is one."""
+        beside = () if self.factor is None else (self.factor,)
+        return np.column_stack([self.way * self.slope, np.full_like(self.slope, self.zero_sd), *beside])
 
     @property
     def way(self) -> float:
@@ -132,7 +137,7 @@ class OnsetEffect:
 
     def whitened(self, values: FloatArray, sd: float) -> FloatArray:
         """Return values (n, k) over the errors' covariance's root, stations' own being ``sd``."""
-        if not self.sd and not self.pressed:
+        if not self.sd and not self.pressed and self.factor is None:
             return values / sd
         basis, size, _ = np.linalg.svd(self.modes / sd, full_matrices=False)
         shrink = 1 / np.sqrt(1 + size**2) - 1

@@ -15,18 +15,27 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
-from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, versions
-from legfem.inverse.intervals import quantile
+from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
+from legfem.inverse.intervals import bound_of, quantile
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
 from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
+from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import goes_with_thickness, lateral_fit
 from legfem.specimens.channels import SpecimenReadings, readings_of
 from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
-from legfem.specimens.details import SpecimenDetails, probabilities, size_covariance, warnings_about, weighed
+from legfem.specimens.details import (
+    SpecimenDetails,
+    across_tests,
+    probabilities,
+    size_covariance,
+    warnings_about,
+    weighed,
+)
+from legfem.specimens.face import face_fit
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
@@ -83,7 +92,7 @@ class SpecimenProblem:
         return self._with_channels(comparison_of(fitted, self.forward, self.folder, self._seeks_ratio))
 
     def _with_channels(self, forces: SpecimenComparison) -> SpecimenReadings:
-        return readings_of(forces, self.folder.sizes_sd)
+        return readings_of(forces, [self.folder.test_of(one).sizes_sd for one in forces.recordings])
 
     def refined(self, search: Search[SpecimenReadings]) -> SpecimenReadings | None:
         """Comparison with contacts moved to where a fit has them, and slopes of its forces; None where all stay."""
@@ -114,7 +123,10 @@ class SpecimenProblem:
             covariances["sizes"] = size_covariance(
                 comparison, self.forward, model_values(best.values), readings, predicted, errors
             )
-        missed = self._missed(found, covariance)
+        if self.folder.tests and "sizes" in covariances:
+            # Of one test the stiffness takes up what sizes err by.
+            covariance = covariance + covariances["sizes"]
+        missed, agreement = self._missed(found, covariance)
         covariances["misfit"] = comparison.of_forces_alone(missed.covariance)
         goodness = goodness_of(found, covariance + comparison.thickness_errors, comparison.expected, lost=apart)
         fitted = forces.recordings
@@ -131,7 +143,8 @@ class SpecimenProblem:
         ]
         left_out, notes = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(fitted, self.forward, model_values(best.values))
-        notes += [lateral.text] if lateral else []
+        face = face_fit(comparison, predicted)
+        notes += [one.text for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
         values = self.forward.with_compressibility(best.values)
         result = Fit(
@@ -163,24 +176,41 @@ class SpecimenProblem:
                 why,
                 thickness,
                 lateral,
+                face,
+                agreement=agreement,
             ),
             doubts=self._doubts(),
         )
         in_air = [one.name for one in fitted if one.course.in_air]
         return replace(result, warnings=warnings_about(result, in_air, (*self.prepared.notes, why, *notes)))
 
-    def _missed(self, found: Found[SpecimenReadings], covariance: FloatArray) -> LawMisfit:
-        """What the law misses of the forces, beyond errors of a covariance."""
+    def _missed(
+        self, found: Found[SpecimenReadings], covariance: FloatArray
+    ) -> tuple[LawMisfit, TestsAgreement | None]:
+        """What the law misses of the forces, beyond errors of a covariance, and how several tests agree on it."""
         comparison, law, prediction = found.search.misfit, found.search.law, found.linear.prediction
         pairs = zip(found.best.point, law.parameters, strict=True)
         scales = [max(abs(value), 1e-3 * one.bounds[1]) for value, one in pairs]
         own, of = len(comparison.forces), comparison.of_forces
         jacobian = of(prediction.jacobian(law.names)) * scales
-        return misfit_of(comparison.forces, covariance[:own, :own], of(prediction.values), jacobian)
+        covariance, force, tests = covariance[:own, :own], of(prediction.values), comparison.forces.readings_of
+        missed = misfit_of(comparison.forces, covariance, force, jacobian)
+        if len(tests) < 2:
+            return missed, None
+        # A stiffness at its bound has nothing to give way.
+        bounds = [bound_of(value, one.bounds) for value, one in zip(found.best.point, law.parameters, strict=True)]
+        jacobian = jacobian[:, [not bound for bound in bounds]]
+        stiffness = np.array([name not in READINGS for name, bound in zip(law.names, bounds, strict=True) if not bound])
+        residual, covariance = comparison.forces.expected_force - force, covariance.copy()
+        for name, places in tests.items():
+            at, alone = np.ix_(places, places), comparison.forces.of_test(name)
+            covariance[at] += misfit_of(alone, covariance[at], force[places], jacobian[places]).covariance
+        return missed, agreement_of_tests(residual, force, jacobian, jacobian[:, stiffness], covariance, tests)
 
     def _size_errors(self, sizes: Sizes) -> dict[str, float]:
         """Relative errors of the sizes that a test's specimen has, by name."""
-        lengths, folder = lengths_of(sizes), self.folder
+        lengths = lengths_of(sizes)
+        folder = self.folder.test_of(next(one for one in self.folder.recordings if one.sizes == sizes))
         found = {name: folder.sizes_sd for name in lengths if name.endswith(OF_LAYER)}
         for key, name in kind_in(sizes).own.items():
             if name in lengths:
@@ -267,10 +297,33 @@ def fit_specimens(
     SearchError
         If too few full solves reach the recordings' depth.
     """
+    fits = _fit_once(folder, laws, asked or ParameterRequest(), leave_out, request or SearchRequest())
+    best = least_akaike(fits).details.agreement
+    # Laws can only be compared on the same recordings: where a test stands apart, by the best of them, it does by all.
+    shared = best if best is not None and best.apart else None
+
+    def across(joint: Fit[SpecimenDetails]) -> Fit[SpecimenDetails]:
+        def without(tests: Sequence[str]) -> Fit[SpecimenDetails]:
+            again = [joint.law], asked or ParameterRequest(), (*leave_out, *tests), request or SearchRequest()
+            return _fit_once(folder, *again)[0]
+
+        agreement = shared or joint.details.agreement
+        return joint if agreement is None else across_tests(joint, agreement, without, shared is not None)
+
+    return [across(one) for one in fits]
+
+
+def _fit_once(
+    folder: SpecimenFolder,
+    laws: Sequence[LawName],
+    asked: ParameterRequest,
+    leave_out: Sequence[str],
+    request: SearchRequest,
+) -> list[Fit[SpecimenDetails]]:
+    """Fit laws to all recordings but those that are left out, whether or not tests agree."""
     held = {one for name in leave_out for one in folder.named(name)}
     if len(held) == len(folder.recordings):
         raise InputError("--leave-out", ", ".join(leave_out), "leave nothing to fit", "name fewer")
-    asked, request = asked or ParameterRequest(), request or SearchRequest()
     for name in laws:
         free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.relaxes, asked)
         if seeks_ratio(free.names):
@@ -278,7 +331,7 @@ def fit_specimens(
     away = frozenset(one.name for one in held)
     if not folder.alternatives:
         return _fitted_laws(folder, laws, asked, away, request)
-    kind = kind_in(folder.recordings[0].sizes)
+    kind = next(kind for kind in map(kind_in, (one.sizes for one in folder.recordings)) if kind.weighed)
     each = {one: _fitted_laws(folder.under(one), laws, asked, away, request) for one in folder.alternatives}
     chances = probabilities(each)
     return [
@@ -307,7 +360,9 @@ def _problem(
     folder: SpecimenFolder, name: LawName, prepared: Prepared, held_out: frozenset[str], asked: ParameterRequest
 ) -> SpecimenProblem:
     tissues = [one.of_law(name) for one in folder.tissues]
-    if not shows_quickening([one.course.rate for one in _fitted(folder, prepared, held_out)]):
+    fitted = _fitted(folder, prepared, held_out)
+    rates = [[one.course.rate for one in fitted if one.test == test] for test in {one.test for one in fitted}]
+    if not any(map(shows_quickening, rates)):
         asked = _without(QUICKENING, asked)
     law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
     return SpecimenProblem(folder, law, prepared, held_out)

@@ -143,7 +143,8 @@ class SpecimenFile(_Tests):
         if len(given) != 1:
             names = ", ".join(f"[{name}]" for name in self.alternatives)
             problem = "no test is given" if not given else f"{len(given)} tests are given"
-            raise input_files.trouble("test", problem, f"give one of the tables {names}")
+            each = '; give each a folder of its own, and name these in one above: tests = ["tension", "shear"]'
+            raise input_files.trouble("test", problem, f"give one of the tables {names}{each if given else ''}")
         return self
 
     @model_validator(mode="after")
@@ -209,7 +210,16 @@ class SpecimenFile(_Tests):
         return found
 
 
-def parse_specimen_file(path: Path) -> SpecimenFile:
+class SeveralTests(_Named):
+    """``specimen.toml`` of several tests of one material, each in a folder with a ``specimen.toml`` of its own."""
+
+    tests: Annotated[list[input_files.PlainName], Field(min_length=2)]
+    """Names of the folders, beside the file."""
+
+
+def parse_specimen_file(path: Path) -> SpecimenFile | SeveralTests:
     """Read and check ``specimen.toml``; see `legfem.common.input_files.parse_toml`."""
-    content = with_lab(path, input_files.read_toml(path, "a specimen folder"), ("instrument", "recordings"))
-    return input_files.checked(path, content, SpecimenFile)
+    content = input_files.read_toml(path, "a specimen folder")
+    if "tests" in content:
+        return input_files.checked(path, content, SeveralTests)
+    return input_files.checked(path, with_lab(path, content, ("instrument", "recordings")), SpecimenFile)

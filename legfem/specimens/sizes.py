@@ -99,13 +99,6 @@ def kind_in(sizes: Sizes) -> SpecimenKind[Any, Any]:
     return kind_of(type(bare(sizes)))
 
 
-def layered(sizes: Sizes) -> LayeredTest | None:
-    """Return a test's layers; None of one tissue."""
-    if isinstance(sizes, FibrousTest):
-        return layered(sizes.whole)
-    return sizes if isinstance(sizes, LayeredTest) else None
-
-
 def level_of(sizes: Sizes) -> str:
     """Return a test's `FibrousTest.level`; "" without fibres."""
     return sizes.level if isinstance(sizes, FibrousTest) else ""
@@ -245,6 +238,8 @@ class SpecimenRecording:
     """First contact as detected, where the course begins at another."""
     reach: float = math.inf
     """Displacement (mm) beyond which its test can't be modelled."""
+    test: str = ""
+    """Name of its folder, where several tests of one material are given."""
 
     @property
     def axes(self) -> ShownAxes:
