@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.special import stdtrit
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -115,7 +116,9 @@ class SpecimenProblem:
         stiffness = forces.stiffness(linear.prediction, readings)
         apart = 0 if forces.own is None else forces.own.degrees
         spread = float(np.sqrt(np.sum(np.log(list(stiffness.values())) ** 2) / apart)) if apart else 0.0
-        covariance = total_of(comparison.covariances_at(predicted))
+        # Typical specimens of several tests differ by chance, the more the fewer show how much they do.
+        by_chance = spread * float(stdtrit(apart, 0.975)) / 1.96 if self.folder.tests and apart else 0.0
+        covariance = total_of(comparison.covariances_at(predicted, by_chance))
         covariances = dict(comparison.covariances_at(predicted, spread))
         if forces.own is None:
             errors = {sizes: self._size_errors(sizes) for sizes in self.forward.tests}
