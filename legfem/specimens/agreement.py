@@ -87,7 +87,7 @@ class TestsAgreement:
     def apart(self) -> ApartTest | None:
         """The test that stands apart, if one does."""
         most = max(self.tests, key=lambda one: one.probability)
-        return most if self.disagree and most.probability > max(self.each, self.together) else None
+        return most if most.probability > _SAID else None
 
     @property
     def left_out(self) -> dict[tuple[str, ...], float]:

@@ -39,7 +39,7 @@ from legfem.specimens.details import (
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
-from legfem.specimens.model_discrepancy import LawMisfit, misfit_of
+from legfem.specimens.model_discrepancy import LawMisfit, fitted_change, misfit_of
 from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, kind_in, lengths_of
@@ -202,9 +202,16 @@ class SpecimenProblem:
         jacobian = jacobian[:, [not bound for bound in bounds]]
         stiffness = np.array([name not in READINGS for name, bound in zip(law.names, bounds, strict=True) if not bound])
         residual, covariance = comparison.forces.expected_force - force, covariance.copy()
+        best, scale = force.copy(), np.ones_like(force)
+        for places in tests.values():
+            best[places] += fitted_change(covariance[np.ix_(places, places)], residual[places], jacobian[places])
+            scale[places] = max(1.0, float(best[places] @ force[places] / (force[places] @ force[places])))
+        # Errors go with the forces, which may be far greater than one set of constants makes them.
+        covariance *= np.outer(scale, scale)
         for name, places in tests.items():
+            # With constants of its own: what tests differ by is no misfit of the law's.
             at, alone = np.ix_(places, places), comparison.forces.of_test(name)
-            covariance[at] += misfit_of(alone, covariance[at], force[places], jacobian[places]).covariance
+            covariance[at] += misfit_of(alone, covariance[at], best[places], jacobian[places]).covariance
         return missed, agreement_of_tests(residual, force, jacobian, jacobian[:, stiffness], covariance, tests)
 
     def _size_errors(self, sizes: Sizes) -> dict[str, float]:
