@@ -21,17 +21,18 @@ from making_diagnosis import (
 from scipy.stats import norm
 
 from legfem.common.progress import Silent
-from legfem.inverse.averaging import _beside_unseen, unseen_factors
+from legfem.inverse.averaging import _beside_unseen, unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
-from legfem.inverse.mechanism import MeasuredStrength, Occurrence
+from legfem.inverse.mechanism import MeasuredStrength, Occurrence, Unseen
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.verdict import TRUSTED, shift_of
+from legfem.legs.correction_of_leg import read_fibres
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
 from legfem.legs.mechanisms import OCCURRENCES, mechanism_named
 from legfem.legs.mechanisms.time_dependence import carried
@@ -195,17 +196,34 @@ def test_what_is_unseen_of_a_linear_loading_is_the_dashpots_by_hand():
     for time in (1.2, 48.0):
         by_hand = np.sum(t * time * -np.expm1(-t / time)) / np.sum(t**2)
         assert carried(observed, time) == pytest.approx(by_hand, rel=1e-9)
-    low, high = (unseen_factors([mechanism_named("viscoelasticity")], observed, OCCURRENCES)[k] for k in (0, -1))
+    (unseen,) = unseen_of([mechanism_named("viscoelasticity")], observed, OCCURRENCES)
+    low, high = (unseen.factors[k] for k in (0, -1))
     assert 1.0 < low < 1.02 and 1.15 < high < 1.0 + 0.38 * carried(observed, 600.0)
     held, _ = observations(two_rates())
-    assert unseen_factors([mechanism_named("viscoelasticity")], held, OCCURRENCES) == (), "a hold shows it"
+    assert unseen_of([mechanism_named("viscoelasticity")], held, OCCURRENCES) == (), "a hold shows it"
+
+
+def test_what_fibres_hide_in_the_stiffness_is_the_tables_whatever_is_recorded():
+    """At one depth, the table's errors nought in the middle: the table's own factors, for ln r apart evenly."""
+    observed, _ = observations(two_rates())
+    deepest = observed.displacement == observed.displacement.max()
+    observed = observed.with_force(np.where(deepest, 1.0, 0.0))
+    (unseen,) = unseen_of([mechanism_named("muscle-fibres")], observed, OCCURRENCES)
+    middle = np.array(unseen.factors).reshape(5, 5)[:, 2]
+    depth = observed.displacement[deepest][:1]
+    by_hand = [np.exp(read_fibres().log_at(ratio, depth)[0]) for ratio in np.geomspace(1.2, 3.0, 5)]
+    np.testing.assert_allclose(middle, by_hand, rtol=1e-9)
+    assert 1.0 < min(unseen.factors) < 1.03 and 1.25 < max(unseen.factors) < 1.6
 
 
 def test_an_interval_beside_what_is_unseen_is_the_mixture_by_hand():
     """Half of it as it is seen, half divided by one of two factors: of a logarithm, and of a number itself."""
     given = Mixture(np.ones(1), np.array([0.1]), np.array([0.2]), np.array([np.inf]))
     for prior in (Prior(1.0, 0.5, "log"), Prior(1.0, 0.5)):
-        found = _beside_unseen(given, prior, (1.1, 1.3))
+        unseen = Unseen(mechanism_named("muscle-fibres"), (1.1, 1.3))
+        found = _beside_unseen([(("dermis",), 0.7, given)], prior, [unseen])
+        named = _beside_unseen([(("muscle-fibres",), 0.7, given)], prior, [unseen])
+        assert named.below(0.3) == pytest.approx(given.below(0.3), rel=1e-12), "what names it has it"
 
         def by_hand(value, prior=prior):
             parts = [norm.cdf((prior.departure(f * value) - 0.1) / 0.2) for f in (1.0, 1.1, 1.3)]

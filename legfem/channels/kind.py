@@ -297,15 +297,34 @@ class ChannelFile(ABC):
         return {}
 
 
-class FramesFile(ChannelFile):
-    """Kinds that a file of frames gives: several readings a time, in a table of ``time_s`` and `columns`."""
+@dataclass(frozen=True)
+class Face:
+    """The free face of a specimen, as a camera sees it.
+
+    Parameters
+    ----------
+    half_height
+        Half the undeformed size along its axis, mm.
+    half_width
+        Half the size across, mm; None where nobody states it.
+    """
+
+    half_height: float
+    half_width: float | None = None
+
+
+class FramesFile[Where](ChannelFile):
+    """Kinds that a file of frames gives: several readings a time, in a table of ``time_s`` and `columns`.
+
+    They are read where the leg was pressed, a `Site`, or on the specimens' faces, one a recording.
+    """
 
     entry: ClassVar[str]
     """Of ``[channels]``."""
     columns: ClassVar[tuple[str, ...]]
 
     @abstractmethod
-    def of_frames(self, frames: Sequence[Frames], site: Site) -> Sequence[Sequence[Read]]:
+    def of_frames(self, frames: Sequence[Frames], site: Where) -> Sequence[Sequence[Read]]:
         """Return the channels that every trial's frames give.
 
         Raises

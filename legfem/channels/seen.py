@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from legfem.channels import Sight
 from legfem.common.units import FloatArray
@@ -14,6 +15,8 @@ from legfem.geometry.indenter import TravelLine
 from legfem.geometry.section import across
 from legfem.mechanics.terms.contact import NormalContact
 from legfem.meshing.section import BONE, DEEP, FASCIA, OUTER_FASCIA, SKIN, SUPERFICIAL
+
+_ROUND = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +191,13 @@ class Seen:
         node = int(np.argmin(np.linalg.norm(self.model.places - place, axis=1)))
         moved = self._moved[:, node, component]
         return float(moved[0]), moved[1:]
+
+    def on_side(self, heights: FloatArray) -> FloatArray:
+        """Return displacements at heights (m,) of a specimen's side, mm, and derivatives, (1 + p, m, 2)."""
+        out, up = self.model.places.T
+        side = np.flatnonzero(out > (1 - _ROUND) * out.max())
+        side = side[np.argsort(up[side])]
+        return np.asarray(make_interp_spline(up[side], self._moved[:, side], k=1, axis=1)(heights))
 
     @property
     def radius(self) -> float:

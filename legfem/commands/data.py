@@ -55,6 +55,7 @@ def look(
         from legfem.common.errors import doubt_lines
         from legfem.common.input_files import check_printable
         from legfem.data import Scales, among_repeats, segment
+        from legfem.data.channel_reader import frames_in
         from legfem.data.columns import Proposal, propose
         from legfem.data.contact import LEAST_OF_A_LEG_MM, LEG
         from legfem.data.formats import read_sheets
@@ -83,6 +84,11 @@ def look(
         if len(set(names)) < len(names):
             twice = next(path for path in files if names.count(path.stem) > 1)
             raise InputError(twice, "name", "two files have this name", "give each trial its own name")
+        tables = [path for path in files if path.is_file() and frames_in(path)]
+        files = [path for path in files if path not in tables]
+        if not files:
+            what = "is a table of points or readings beside a recording"
+            raise InputError(tables[0], "time_s", what, "look at it together with its recording")
         read, tomls = [], {}
         for path in files:
             recording = read_own(path)
@@ -114,6 +120,7 @@ def look(
                 "look at files with the same columns together, and keep each kind in a folder of its own",
             )
         trials = among_repeats([trial for _, trial in read])
+        toml = tomls[first] + instrument_file.frames_toml(tables, [one.recording for one in trials], specimens)
         doubts = tuple(doubt for one in trials for doubt in (*magnitude_doubts(one), *trial_doubts(one)))
         seen = [
             instrument_file.Looked(one.recording, how, quality_of(one))
@@ -122,16 +129,14 @@ def look(
         folder.mkdir(parents=True, exist_ok=True)
         text = "\n".join([*doubt_lines(doubts), *(instrument_file.look_text(*parts) for parts in seen)])
         pictures = [instrument_file.draw_look(recording, quality, folder) for recording, _, quality in seen]
-        write_atomically(
-            folder / PAGE, rendered(instrument_file.look_web_page(seen, tomls[first], text, command_line()))
-        )
+        write_atomically(folder / PAGE, rendered(instrument_file.look_web_page(seen, toml, text, command_line())))
         write_atomically(folder / "report.txt", text)
-        write_atomically(folder / "recordings.toml", tomls[first])
+        write_atomically(folder / "recordings.toml", toml)
         path = write_document(folder / instrument_file.LOOK, instrument_file.look_document(seen))
         with brief_output(quiet, as_json) as written:
             written.append(path)
             print(text)
-            print(f"for {'specimen' if specimens else 'subject'}.toml:\n\n{tomls[first]}")
+            print(f"for {'specimen' if specimens else 'subject'}.toml:\n\n{toml}")
             print("\n".join(f"picture: {path}" for path in pictures))
             print(f"page: {folder / PAGE}\nreport: {folder / 'report.txt'}")
             print(f"toml: {folder / 'recordings.toml'}\nresult: {path}")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, create_model, model_validator
 
-from legfem.channels.kind import ChannelAccuracy, ChannelKind, Frames, FramesError, FramesFile, Read
+from legfem.channels.kind import ChannelAccuracy, ChannelKind, Face, Frames, FramesError, FramesFile, Read
 from legfem.channels.kinds import CHANNELS, OF_FRAMES, OF_LEGS, UNITS
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
@@ -21,6 +21,7 @@ from legfem.data.formats.sheet import Column, measures
 from legfem.data.recording import RecordedChannel, Recording, backwards, channel_of, not_increasing
 from legfem.geometry.indenter import Site
 
+_LONGEST_HEADER = 200
 TRIAL, SITE = "{trial}", "{site}"
 """In the name of a file: the name of the trial that it belongs to, and of the leg's site."""
 
@@ -144,7 +145,8 @@ def _channels(title: str, names: Iterable[str]) -> type[FileTable]:
     return made
 
 
-ChannelsEntry = _channels("ChannelsEntry", (*(kind.name for kind in OF_LEGS), *OF_FRAMES))
+_OF_LEGS_FRAMES = (entry for entry, file in OF_FRAMES.items() if not {*file.kinds}.isdisjoint(OF_LEGS))
+ChannelsEntry = _channels("ChannelsEntry", (*(kind.name for kind in OF_LEGS), *_OF_LEGS_FRAMES))
 """``[channels]`` of a leg: an entry for each of what was recorded beside the force."""
 SpecimenChannelsEntry = _channels(
     "SpecimenChannelsEntry", (kind.name for kind in CHANNELS.values() if "specimen" in kind.models)
@@ -156,7 +158,11 @@ LONGEST_LAG_S = 1.0
 
 
 def with_channels(
-    toml: Path, given: FileTable, recordings: Sequence[Recording], site: Site | None = None, name: str = ""
+    toml: Path,
+    given: FileTable,
+    recordings: Sequence[Recording],
+    site: Site | Sequence[Face] | None = None,
+    name: str = "",
 ) -> tuple[Recording, ...]:
     """Return recordings with the channels that a subject's file names, and the accuracy that it states.
 
@@ -169,7 +175,7 @@ def with_channels(
     recordings
         Of one site.
     site
-        Where the leg is pressed; None of a specimen, which has no frames.
+        Where the leg is pressed, or the specimens' faces, one a recording; None of what has no frames.
     name
         Of the site, where a leg has several.
 
@@ -239,13 +245,20 @@ def is_channel_file(path: Path, given: FileTable, site: str = "") -> bool:
     return any(fnmatch(path.name, PurePath(name.replace(SITE, site).replace(TRIAL, "*")).name) for name in names)
 
 
+def frames_in(path: Path) -> list[FramesFile[Any]]:
+    """Return what may read a table of frames, by its header; nothing of other files."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        header = tuple(name.strip() for name in file.readline(_LONGEST_HEADER).split(","))
+    return [one for one in OF_FRAMES.values() if header == ("time_s", *one.columns)]
+
+
 def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) -> Recording:
     stated = (replace(one, accuracy=accuracy) if one.name == kind.name else one for one in recording.channels)
     return replace(recording, channels=tuple(stated))
 
 
 def _of_frames(
-    paths: Sequence[Path], file: FramesFile, site: Site, recordings: Sequence[Recording]
+    paths: Sequence[Path], file: FramesFile[Any], site: Site | Sequence[Face], recordings: Sequence[Recording]
 ) -> Sequence[Sequence[Read]]:
     """Return the channels that every trial's file of frames gives."""
     frames = []

@@ -349,7 +349,11 @@ class HalfwayTest:
             name: 0.5 * (least.curve.sensitivities[name] + most.curve.sensitivity(name, at)) for name in sensitivities
         }
         beside = {name: 0.5 * (values + most.curve.channel(name, at)) for name, values in least.curve.channels.items()}
-        return replace(least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by, beside))
+        beside_by = {
+            name: {p: 0.5 * (rates + most.curve.channel_sensitivity(name, p, at)) for p, rates in known.items()}
+            for name, known in least.curve.channel_sensitivities.items()
+        }
+        return replace(least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by, beside, beside_by))
 
 
 _STEPS, _ELEMENTS = 20, 5

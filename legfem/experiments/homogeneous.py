@@ -19,6 +19,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from legfem.channels.kinds.face_strain import homogeneous
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -102,7 +103,7 @@ class HomogeneousTest(ProtocolTest):
         return Solved(parameters, path.loading, path, report)
 
     def _read(self, parameters: Mapping[str, Any], at: FloatArray) -> dict[str, Any]:
-        """Return the force (n,), N, and a bar's lateral stretch, with complex numbers where a parameter is complex."""
+        """Return the force (n,), N, and how a bar's sides are strained; complex where a parameter is."""
         own = {name.removeprefix("deep."): value for name, value in parameters.items()}
         law = replace(self.law, **{name: own[name] for name in self.law.parameters})
         body, sign = self.test, self.test.sign
@@ -132,7 +133,10 @@ class HomogeneousTest(ProtocolTest):
         found = {_FORCE: sign * body.area * nominal[:, column, row]}
         # Fibres across make a bar's sides unlike.
         alike = len(axes) == 2 and self.fibres is None
-        return {**found, LATERAL_STRETCH.name: np.exp(free[0])} if alike else found
+        if not alike:
+            return found
+        across = np.exp(free[0])
+        return {**found, LATERAL_STRETCH.name: across, **homogeneous(across - 1, strain)}
 
     def _kirchhoff(self, law: Hyperelastic, own: Mapping[str, Any], gradient: Any) -> Any:
         """Return the Kirchhoff stress (n, 3, 3), MPa, at deformation gradients (n, 3, 3)."""

@@ -10,8 +10,9 @@ readings say less of which one it is than their number tells. Their evidence cou
 what a posterior is that knows its models as near the truth, not as the truth itself (J. W. Miller, D. B. Dunson, J. Am.
 Stat. Assoc. 114 (2019) 1113).
 
-What every body does and recordings can't show divides the stiffness that they give, whatever explains them: tissue
-relaxes, and a loading alone gives C10 at its rate. The interval is of that and of what lasts, by `AT_RATE`.
+What every body does and recordings don't show divides the stiffness that they give, by whatever explanation leaves it
+out: tissue relaxes, and a loading alone gives C10 at its rate; muscle is fibrous, and a refit takes up what its fibres
+do to the force. The interval is of C10 with that in it and without, by `WITH_UNSEEN`.
 """
 
 import math
@@ -21,20 +22,19 @@ from itertools import combinations
 
 import numpy as np
 
-from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.evidence import probabilities
 from legfem.inverse.explain import ExplanationPriors
 from legfem.inverse.explanation import ADDS_FROM, Explained, Explanation, log_bayes_factor, singles_of
-from legfem.inverse.mechanism import Mechanism, Occurrence
+from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 
 POWER = 0.5
 """Of the evidence, in the weights of explanations for a parameter's interval."""
-AT_RATE = 0.5
-"""Probability that C10 is asked for as it is in such a recording, and not in the end: a judgement."""
+WITH_UNSEEN = 0.5
+"""Probability that C10 is asked for as such recordings give it, and not without what they don't show: a judgement."""
 _MOST = 500
 """Distributions that a parameter's is told by: its ends are those of all within a ten thousandth."""
 _COUNTS = 1e-4
@@ -80,46 +80,70 @@ def averaged_interval(
     every = [(e, weight * _times(e.names, times)) for e, weight in _averaged(explained, name)]
     if not every:
         return None
-    each = [(weight, e.distribution(name)) for e, weight in every]
+    each = [(e.names, weight, e.distribution(name)) for e, weight in every]
     pairs = untried_pairs(explained, name)
-    each += [(pair.probability * _times(pair.names, times), pair.distribution) for pair in pairs]
-    mixture = Mixture.joined([p for p, _ in each], [one for _, one in each]).merged(_MOST)
+    each += [(pair.names, pair.probability * _times(pair.names, times), pair.distribution) for pair in pairs]
     parameter = next(p for p in every[0][0].fit.parameters if p.name == name)
     assert parameter.prior is not None
-    if name in (DEEP_C10, DEEP_C20):
-        mixture = _beside_unseen(mixture, parameter.prior, explained.base.problem.unseen)
+    unseen = explained.base.problem.unseen if name in (DEEP_C10, DEEP_C20) else ()
+    mixture = _beside_unseen(each, parameter.prior, unseen)
     tail = (1 - 0.95) / 2
     ends = [parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)]
     return min(ends), max(ends)
 
 
-def unseen_factors(
+def unseen_of(
     mechanisms: Sequence[Mechanism], observed: Observations, possible: Mapping[str, Occurrence]
-) -> tuple[float, ...]:
-    """Return factors on the deep stiffness, equally probable, by what is always there and recordings can't show."""
-    found: FloatArray = np.ones(1)
+) -> tuple[Unseen, ...]:
+    """Return what is always there and recordings don't show."""
+    found = []
     for one in mechanisms:
         always = possible[one.name].always if one.name in possible else None
-        if always is not None and one.untestable(observed) is not None:
-            found = np.outer(found, one.unseen_factors(always, observed)).ravel()
-    return tuple(found) if len(found) > 1 else ()
+        if always is not None and (one.hides_in_stiffness or one.untestable(observed) is not None):
+            found.append(Unseen(one, tuple(map(float, one.unseen_factors(always, observed)))))
+    return tuple(found)
 
 
-def _beside_unseen(given: Mixture, prior: Prior, factors: Sequence[float]) -> Mixture:
-    """Return the distribution of a stiffness or of that divided by one of several factors, equally probable."""
-    if not factors:
-        return given
-    parts = []
-    for one in factors:
-        scale, shift = 1.0, -math.log(one) / prior.sd
-        if prior.scale == "linear":
-            scale, shift = 1.0 / one, prior.centre / prior.sd * (1.0 / one - 1.0)
-        parts.append(replace(given, means=scale * given.means + shift, sds=scale * given.sds))
-    return Mixture.joined([AT_RATE, *[(1.0 - AT_RATE) / len(parts)] * len(parts)], [given, *parts])
+def _beside_unseen(
+    each: Sequence[tuple[tuple[str, ...], float, Mixture]], prior: Prior, unseen: Sequence[Unseen]
+) -> Mixture:
+    """Return the distribution of a stiffness, divided by what is unseen where an explanation leaves that out.
+
+    Parameters
+    ----------
+    each
+        Explanations' mechanisms, weights and distributions.
+    prior
+        Of the stiffness, in whose standard deviations distributions are.
+    unseen
+        What they may leave out.
+    """
+    by_left_out: dict[tuple[Unseen, ...], list[tuple[float, Mixture]]] = {}
+    for names, weight, one in each:
+        left_out = tuple(u for u in unseen if u.mechanism.name not in names)
+        by_left_out.setdefault(left_out, []).append((weight, one))
+    weights, found = [], []
+    for left_out, alike in by_left_out.items():
+        whole = Mixture.joined([weight for weight, _ in alike], [one for _, one in alike]).merged(_MOST)
+        for unseen_one in left_out:
+            parts = [_divided(whole, prior, factor) for factor in unseen_one.factors]
+            shares = [WITH_UNSEEN, *[(1.0 - WITH_UNSEEN) / len(parts)] * len(parts)]
+            whole = Mixture.joined(shares, [whole, *parts])
+        weights.append(sum(weight for weight, _ in alike))
+        found.append(whole)
+    return Mixture.joined(weights, found)
+
+
+def _divided(given: Mixture, prior: Prior, factor: float) -> Mixture:
+    """Return the distribution of a stiffness that is divided by a factor."""
+    scale, shift = 1.0, -math.log(factor) / prior.sd
+    if prior.scale == "linear":
+        scale, shift = 1.0 / factor, prior.centre / prior.sd * (1.0 / factor - 1.0)
+    return replace(given, means=scale * given.means + shift, sds=scale * given.sds)
 
 
 def as_seen(explained: Explained) -> Explained:
-    """Return explanations of recordings without what they can't show: C10 is that at their rate."""
+    """Return explanations of recordings without what they don't show: C10 is as they give it."""
     base = explained.base
     return replace(explained, base=replace(base, problem=replace(base.problem, unseen=())))
 

@@ -172,6 +172,26 @@ def covariance_of_places(one: ChannelReadings, predicted: FloatArray, laid: Else
     return np.asarray(here * (each.T @ each))
 
 
+def alike_in_both(
+    one: ChannelReadings, level: FloatArray, other: ChannelReadings, other_level: FloatArray
+) -> FloatArray:
+    """Return the covariance (k, m) of a channel's errors in two tests: what one instrument has in both.
+
+    Parameters
+    ----------
+    one, other
+        k and m readings.
+    level, other_level
+        Their values, smoothed.
+    """
+    if one.name != other.name:
+        return np.zeros((len(level), len(other_level)))
+    accuracy, rest = one.accuracy, one.kind.at_rest
+    changes = np.outer(level - rest, other_level - rest)
+    here = np.equal.outer(one.course, other.course) if one.course is not None and other.course is not None else 0.0
+    return np.asarray(accuracy.bias**2 + (accuracy.gain**2 + accuracy.each**2 * here) * changes)
+
+
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
 """Of the model's force along the way, over the largest: elements that come into contact."""
 COMMON_GAIN_SD = 0.005

@@ -14,7 +14,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
-from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, prior_of
+from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, Unseen, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise
@@ -211,8 +211,8 @@ class LinearisedProblem:
     """By the names of the errors' known effects."""
     possible: Mapping[str, Occurrence] = field(default_factory=dict)
     """Which strengths mechanisms may have, by their names; within their bounds without it."""
-    unseen: tuple[float, ...] = ()
-    """Factors on the deep stiffness, equally probable, by what is always there and the recordings can't show."""
+    unseen: tuple[Unseen, ...] = ()
+    """What is always there and the recordings don't show."""
     aside: NDArray[np.bool_] | None = None
     """(N,): readings that are set aside, whose errors have no bounds; none without it."""
     nuisances: Nuisances | None = None

@@ -126,6 +126,10 @@ class Mechanism:
     """What is sure where one of several mechanisms is there that do much the same, as a sentence; theirs alone."""
     stands_for_C20: ClassVar[bool] = False
     """Whether its strength is C20 itself where the base law has none, which then is its response."""
+    unseen_statement: ClassVar[str] = ""
+    """What every body has of it that recordings don't show, as a sentence without its full stop; see `Unseen`."""
+    hides_in_stiffness: ClassVar[bool] = False
+    """Whether a refit of the stiffness takes up nearly all that it does, so that even recordings of it hardly tell."""
     alters_nuisances: ClassVar[bool] = False
     """Whether outlines, aim, direction and what is assumed that are off do something else beside it than without it."""
 
@@ -134,7 +138,7 @@ class Mechanism:
         return None
 
     def unseen_factors(self, between: tuple[float, float], observed: Observations) -> FloatArray:
-        """Return factors (k,) on the deep stiffness, equally probable, in recordings that can't show it.
+        """Return factors (k,) on the deep stiffness, equally probable, in recordings that don't show it.
 
         Its strength lies evenly between two ends.
         """
@@ -211,6 +215,15 @@ class Mechanism:
     def added_force(self, values: Values, observed: Observations) -> FloatArray:
         """Return what is added to the force (n,), N."""
         return np.zeros(len(observed.force))
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """What is always there, that recordings don't show and explanations leave out which don't name it."""
+
+    mechanism: Mechanism
+    factors: tuple[float, ...]
+    """On the deep stiffness, equally probable."""
 
 
 def testable(

@@ -23,7 +23,7 @@ from legfem.inverse.least_squares import sandwich
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, Nuisances, variance_degrees
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
-from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence
+from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, Unseen
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit, held_out, misfit_of
 from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name
@@ -212,7 +212,7 @@ def diagnose(
     untested: Mapping[str, str] | None = None,
     seed: int = 0,
     possible: Mapping[str, Occurrence] | None = None,
-    unseen: tuple[float, ...] = (),
+    unseen: tuple[Unseen, ...] = (),
 ) -> Diagnosis:
     """Diagnose recordings: noise, base fit, location, explanations, verdict.
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
 from legfem.data import Instrument
-from legfem.inverse.averaging import unseen_factors
+from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, deep_stiffness
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
@@ -196,9 +196,11 @@ def diagnose_body(
         Which strengths they may have; within their bounds without it.
     """
     accuracy = accuracy or Accuracy()
-    able, untested = shown_mechanisms(observed, None, ruled_out, every)
+    excluded = WITHOUT_ENDS if ruled_out is None else ruled_out
+    able, untested = shown_mechanisms(observed, None, excluded, every)
     able = [m for m in able if m.name not in library.missing]
-
+    possible = possible or {}
+    there = [m for m in (mechanisms() if every is None else every) if m.name not in excluded]
     return diagnose(
         Predictor(observed, library, law, ends, accuracy.measured.get(DEEP_C10)),
         instrument,
@@ -210,7 +212,7 @@ def diagnose_body(
         {**untested, **library.missing},
         seed,
         possible,
-        unseen_factors(mechanisms() if every is None else every, observed, possible or {}),
+        unseen_of(there, observed, possible),
     )
 
 

@@ -9,6 +9,7 @@ from legfem.common.units import mpa_to_kpa, percent
 from legfem.inverse.averaging import as_seen, robust_interval, widened_by
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explanation import Explanation
+from legfem.inverse.mechanism import Mechanism
 from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.report import page as web
 from legfem.report.diagnosis_curves import determined, places_of, relative_change
@@ -50,7 +51,7 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
         [
             ("Problems found", aside + _wrong(found)),
             ("How sure", _sure(found)),
-            ("Effect on C10", _stiffness(found) + _at_its_rate(found)),
+            ("Effect on C10", _stiffness(found) + _at_its_rate(found) + _hidden_in_it(found)),
             ("What to do", to_do(found, plan)),
             *_high_or_low(found, tissue),
         ],
@@ -131,14 +132,18 @@ def _hides(found: Diagnosis) -> str:
     names = () if widest is None else widest.names
     first = [one for one in found.hidden if one[0].name in names] or found.hidden
     said = [hidden_sentence(found, *one) for one in first[:_MOST_CAUSES]]
-    return " ".join([capital(_RELAXES), *said[:1]] if _by_its_rate(found) else said)
+    unseen = [f"{capital(one.unseen_statement)}." for one in _unseen(found)]
+    return " ".join([*unseen, *said[:1]] if _by_what_is_unseen(found) else said)
 
 
-_RELAXES = "tissue relaxes while it is held, and one rate does not show by how much."
+def _unseen(found: Diagnosis) -> list[Mechanism]:
+    """Return what every leg has and the recordings don't show, but what is named."""
+    every = (one.mechanism for one in found.weighted_base.problem.unseen)
+    return [one for one in every if one.name not in _best(found).names]
 
 
-def _by_its_rate(found: Diagnosis) -> bool:
-    """Return whether C10 is known as a range alone for what every leg relaxes unseen."""
+def _by_what_is_unseen(found: Diagnosis) -> bool:
+    """Return whether C10 is known as a range alone for what every leg has and the recordings don't show."""
     ends, value = robust_interval(as_seen(found.explained), DEEP_C10), _best(found).value(DEEP_C10)
     return _wide(found) and ends is not None and max(abs(end / value - 1.0) for end in ends) <= TRUSTED
 
@@ -211,8 +216,16 @@ def _stiffness(found: Diagnosis) -> str:
 def _at_its_rate(found: Diagnosis) -> str:
     if found.withheld or DEEP_C10 not in found.base.fit.free or not one_rate(found):
         return ""
-    allowed = ", which the range allows for" if found.weighted_base.problem.unseen else ""
+    allowed = ", which the range allows for" if any(one.name in found.untested for one in _unseen(found)) else ""
     return f" It is the stiffness at the rate of this test: tissue that is held relaxes, and is then softer{allowed}."
+
+
+def _hidden_in_it(found: Diagnosis) -> str:
+    """Return what every leg has that hides in the stiffness whatever is recorded."""
+    if found.withheld:
+        return ""
+    hidden = [one.unseen_statement for one in _unseen(found) if one.name not in found.untested]
+    return "".join(f" {capital(said)}. The range allows for that." for said in hidden)
 
 
 _C10 = "C10, the stiffness of the tissue"
@@ -272,15 +285,16 @@ def to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
     consistent = found.verdict == "consistent"
     widest = widened_by(found.explained, DEEP_C10) if _wide(found) and consistent else None
-    if _by_its_rate(found) and consistent:
-        return f"Use the range. It is so wide because {_RELAXES} To narrow it, ask the lab to {lines[0]}."
+    if _by_what_is_unseen(found) and consistent:
+        why = ", and because ".join(one.unseen_statement for one in _unseen(found))
+        return f"Use the range. It is so wide because {why}. To narrow it, ask the lab to {'; and to '.join(lines)}."
     if widest is not None:
         return (
             "Use the range. It is so wide because this test cannot determine whether "
             f"{statements(widest)}. To narrow it, ask the lab to {_narrowing(widest, lines)}."
         )
     if found.verdict == "consistent":
-        if not lines:
+        if not one_rate(found):
             return "Use the number together with the law that it belongs to. No other test is needed."
         return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
     use = "Use the corrected number" if found.verdict == "named" and not _wide(found) else "Use the range"

@@ -173,8 +173,10 @@ def next_experiments(found: Diagnosis) -> list[str]:
     """Return the measurements that would settle what is open, but those that were made."""
     if found.verdict == "unexplained":
         return [_NO_MECHANISM]
-    if found.verdict == "consistent" and one_rate(found):
-        return ["hold the deepest position for a minute, and press at two rates"]
+    if found.verdict == "consistent":
+        rates = ["hold the deepest position for a minute, and press at two rates"] if one_rate(found) else []
+        unseen = [one.mechanism.next_experiment for one in found.weighted_base.problem.unseen]
+        return list(dict.fromkeys([*rates, *unseen]))
     known = {reading.mechanism.name for reading in found.weighted_base.problem.measured}
     open_ = [m for model in found.models for m in model.fit.mechanisms if m.name not in known]
     return list(dict.fromkeys(m.experiment_after(found.observed) for m in open_))

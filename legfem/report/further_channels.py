@@ -124,10 +124,11 @@ def channel_lines(fit: Fit[Any]) -> list[str]:
         test, one = fit.tests[number], _channel(fit, (number, k))
         where = f"{test.name}, " if several else ""
         error = float(np.sqrt(np.mean(one.channel.sd**2)))
-        count = len(one.channel)
+        count, unit = len(one.channel), one.channel.unit.strip("-")
+        rms, known = (f"{size:.2g} {unit}".rstrip() for size in (one.rms, error))
         found.append(
-            f"{where}{channel_name(one)}, {LAW_NAMES[fit.law]} law: {count} reading{'s' * (count > 1)}, rms "
-            f"{one.rms:.2g} {one.channel.unit} where each is known to {error:.2g} {one.channel.unit}."
+            f"{where}{channel_name(one)}, {LAW_NAMES[fit.law]} law: {count} reading{'s' * (count > 1)}, rms {rms} "
+            f"where each is known to {known}."
         )
     shares = _shares(fit.estimates)
     return [*found, *([f"What determines each parameter, {LAW_NAMES[fit.law]} law: {shares}."] if shares else [])]

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from legfem.channels.kinds import OF_LEGS
 from legfem.common.documents import markdown_table, versions_of
 from legfem.data import Recording, SourceColumns
+from legfem.data.channel_reader import TRIAL, frames_in
 from legfem.data.columns import Proposal
 from legfem.data.phases import AIR, HOLD, LOADING, UNLOADING
 from legfem.data.quality import GRADES, Quality
@@ -62,6 +64,18 @@ def channels_toml(channels: Sequence[RecordedChannel]) -> str:
             f"lag_s = {accuracy.lag:g}",
         ]
     return "".join(f"{line}\n" for line in lines)
+
+
+def frames_toml(tables: Sequence[Path], recordings: Sequence[Recording], specimens: bool) -> str:
+    """Return the blocks that read tables of frames, as of points that were tracked, beside recordings."""
+    lines = []
+    for path in tables:
+        entry = next(one.entry for one in frames_in(path) if ("specimen" in one.kinds[0].models) == specimens)
+        named = (re.search(rf"(?<![^\W_]){re.escape(one.trial)}(?![^\W_])", path.name) for one in recordings)
+        found = max(filter(None, named), key=lambda one: len(one[0]), default=None)
+        name = path.name if found is None else f"{path.name[: found.start()]}{TRIAL}{path.name[found.end() :]}"
+        lines.append(f"[channels.{entry}]\nfile = {json.dumps(name, ensure_ascii=False)}\n")
+    return "".join(dict.fromkeys(lines))
 
 
 def _channel_row(one: RecordedChannel) -> tuple[str, str]:

@@ -80,6 +80,9 @@ def _of_layers(result: SpecimenFit) -> str:
         return ""
     stated = [one.name for one in tissues if "C10" in one.stated]
     held = f"the stiffness of {', '.join(stated)} is as stated, and " if stated else ""
+    if result.details.folder.relaxes:
+        after = " (so a stated stiffness is that after all relaxation)" if stated else ""
+        held = f"they are taken to relax alike{after}; {held}"
     return (
         f"The layers are bonded to each other; {held}the shape of a curve is taken to be known to "
         f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, because effects that the law leaves out bend it in the same way as "
@@ -229,7 +232,7 @@ def _headline(best: SpecimenFit) -> web.Headline:
                 f"({fit_probability(best.goodness.p_value)}).",
             ),
             ("How stiff", f"{capital(values)}."),
-            ("How sure", estimates.how_sure(best.estimates)),
+            ("How sure", estimates.how_sure(best.estimates, _words)),
             ("What to do", _next(best)[0]),
         ],
     )

@@ -1,48 +1,50 @@
-"""Thicknesses of a specimen's layers beside its force: what was read, and how far a model is from both."""
+"""Thicknesses of layers and strains of the face beside a specimen's force: readings, and how far a model is off."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from legfem.channels.kinds.face_strain import FACE_STRAIN
 from legfem.channels.kinds.layer_thickness import between_of
 from legfem.common.units import FloatArray
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
+from legfem.inverse.errors import alike_in_both
 from legfem.inverse.fit import ChannelFit
 from legfem.inverse.loading_channels import BesideForce, LoadingChannel, image_errors, loading_channel, loading_readings
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import INSTRUMENT, OFFSET
 from legfem.specimens.comparison import Part, SpecimenComparison
-from legfem.specimens.sizes import SpecimenRecording, layers_of
+from legfem.specimens.sizes import SpecimenRecording, kind_in, layers_of
 
 _BEYOND = 1.01
 """Of a recording's depth: a frame at its end isn't lost to smoothing."""
 
 
-def thicknesses_of(recording: SpecimenRecording, relative_sd: float) -> tuple[LoadingChannel, ...]:
-    """Return what a recording of layers has of their thicknesses, in the loading.
+def beside_of(recording: SpecimenRecording, relative_sd: float) -> tuple[LoadingChannel, ...]:
+    """Return what a recording has of its layers' thicknesses and its face's strains, in the loading.
 
     Parameters
     ----------
     recording
-        Of layers; of one tissue there are none.
+        Of a specimen.
     relative_sd
         Standard deviation of a layer's stated thickness, over that.
     """
     layers = layers_of(recording.sizes)
-    if layers is None:
-        return ()
-    between = between_of(layers.heights)
+    heights = between_of(layers.heights) if layers else {}
+    # What is nothing at rest.
+    heights |= {name: (0.0, 0.0) for name in kind_in(recording.sizes).beside & {FACE_STRAIN.name}}
     course = recording.course
     trial = recording.from_contact
     found = []
     for one in loading_readings([trial], _BEYOND * course.depth, "specimen"):
-        if one.name in between:
-            low, high = between[one.name]
+        if one.name in heights:
+            low, high = heights[one.name]
             force = np.interp(one.time, course.time, course.force, left=0.0)
             contact = np.zeros((len(force), len(force)))
             found.append(loading_channel(one, [trial], force, contact, high - low, relative_sd * (high - low)))
@@ -178,9 +180,9 @@ class SpecimenReadings(Comparison):
         }
         if not self._every:
             return found
-        own = block_diag(*(one.instrument for one in self._every)) + image_errors(self._every)
-        found["channels"] = self._beside_only(own)
-        found["model"] += self._beside_only(block_diag(*(one.numerical for one in self._every)))
+        of_model = block_diag(*(one.numerical for one in self._every))
+        found["channels"] = self._beside_only(self.beside_errors - of_model)
+        found["model"] += self._beside_only(of_model)
         # Where contact is moves forces and channels together.
         spans = iter(self._spans)
         for part, force, channels in zip(self.forces.parts, self.forces.spans, self.beside, strict=True):
@@ -223,6 +225,16 @@ class SpecimenReadings(Comparison):
         flat = (values - self.expected).reshape(-1, values.shape[-1])
         return self.weighted(flat.T).T.reshape(values.shape)
 
+    @cached_property
+    def beside_errors(self) -> FloatArray:
+        """Covariance of what was read beside the forces, by instruments and model."""
+        found = block_diag(*(one.instrument + one.numerical for one in self._every)) + image_errors(self._every)
+        starts = np.cumsum([0, *map(len, self._every)])
+        for (k, one), (m, other) in permutations(enumerate(self._every), 2):
+            alike = alike_in_both(one.readings, one.level, other.readings, other.level)
+            found[starts[k] : starts[k + 1], starts[m] : starts[m + 1]] = alike
+        return np.asarray(found)
+
     def fits_of(self, part: int, values: FloatArray) -> list[ChannelFit]:
         """Return what was read beside a recording's force, and predicted readings of all recordings at it."""
         mine, before = self.beside[part], sum(map(len, self.beside[:part]))
@@ -235,7 +247,7 @@ def _offset(instrument: FloatArray) -> FloatArray:
 
 
 def readings_of(forces: SpecimenComparison, relative_sd: Sequence[float]) -> SpecimenReadings:
-    """Return forces with what their recordings have of layers' thicknesses.
+    """Return forces with what their recordings have beside them.
 
     Parameters
     ----------
@@ -245,4 +257,4 @@ def readings_of(forces: SpecimenComparison, relative_sd: Sequence[float]) -> Spe
         Standard deviation of a layer's stated thickness over that, of every recording's specimen.
     """
     pairs = zip(forces.recordings, relative_sd, strict=True)
-    return SpecimenReadings(forces, tuple(thicknesses_of(one, sd) for one, sd in pairs))
+    return SpecimenReadings(forces, tuple(beside_of(one, sd) for one, sd in pairs))

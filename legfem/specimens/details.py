@@ -3,8 +3,8 @@
 Alternatives are as probable beforehand. Intervals are those of the mixture, each counting by its evidence beside a
 smooth error of unknown form (`legfem.specimens.model_discrepancy`), alike in all recordings, and summed over the laws
 that are fitted: a law that bends a curve as ends do leaves them open. Where even the best law misses, its evidence
-counts the less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches, where a video
-shows the specimen's side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`).
+counts the less by Birge's ratio squared: a form that is wrong tells little of another. Lateral stretches and strains of
+the face, where a camera sees the side, weigh the alternatives beside the forces (`legfem.specimens.artefacts`, `face`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,6 +37,7 @@ from legfem.specimens.agreement import TestsAgreement, agreement_document
 from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.channels import SpecimenReadings
 from legfem.specimens.course import Course
+from legfem.specimens.face import FaceFit
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import ShownAxes
@@ -61,8 +62,9 @@ def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:
 
 
 def _of_side(fits: Sequence[_Fit]) -> float:
-    """Return the logarithm of the lateral stretches' density beside the law that meets them best; 0 without any."""
-    return max((fit.details.lateral.log_density for fit in fits if fit.details.lateral), default=0.0)
+    """Return the logarithm of the density of what the side showed beside the law that meets it best; 0 of nothing."""
+    seen = ([one for one in (fit.details.lateral, fit.details.face) if one] for fit in fits)
+    return max(sum(one.log_density for one in each) for each in seen)
 
 
 def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mapping[str, str], to_know: str) -> _Fit:
@@ -261,6 +263,8 @@ class SpecimenDetails:
     """How specimens' stiffness goes with their thickness, where it does."""
     lateral: LateralFit | None = None
     """Lateral stretches beside the fit, where a video showed them."""
+    face: FaceFit | None = None
+    """Strains of the face beside the fit, where points were tracked on it."""
     alternatives: "tuple[Weighed, ...]" = ()
     """Of what isn't known of the test, the most probable first; the fit is that of the first."""
     agreement: TestsAgreement | None = None

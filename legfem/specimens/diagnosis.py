@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from legfem.channels.kinds.face_strain import FACE_STRAIN
 from legfem.common.errors import InputError, doubt_lines
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
@@ -19,9 +20,9 @@ from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import middle_of
-from legfem.inverse.mechanism import factor, prior_of
+from legfem.inverse.mechanism import factor, prior_of, strength
 from legfem.inverse.observations import Observations, observe
-from legfem.inverse.parameter import Parameter
+from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import code_fingerprint
@@ -50,9 +51,49 @@ class RigCompliance(Mechanism):
         return values["compliance"] * force
 
 
+@dataclass(frozen=True)
+class GripSlip(Mechanism):
+    r"""From a displacement on a share of the travel is lost: :math:`d_{tissue} = d - s \max(\hat d - d_0, 0)`.
+
+    With :math:`\hat d` the farthest so far: what slipped doesn't come back.
+    """
+
+    name: ClassVar[str] = "grip-slip"
+    statement: ClassVar[str] = "the grips slipped: a part of the travel did not reach the specimen"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("share", "-", "share of the travel that is lost", 0.15, (0.0, 0.9)),
+        Parameter(
+            "onset",
+            "-",
+            (0.0, 0.95),
+            Prior(0.3, 0.3, "linear", "any time"),
+            statement="from which displacement on, over the greatest",
+        ),
+    )
+    next_experiment: ClassVar[str] = "mark the specimen at the grips and film it, hold it in sandpaper, and repeat"
+
+    def untestable(self, observed: Observations) -> str | None:
+        """Return whether nothing but the force was recorded."""
+        if any(one.name == FACE_STRAIN.name for one in observed.channels):
+            return None
+        return "grips that slip look like a softer tissue by the force alone: track points on the face"
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return slips that begin early and late."""
+        return tuple({"share": 0.1, "onset": onset} for onset in (0.05, 0.3, 0.6))
+
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
+        """Return what has slipped."""
+        lost = np.zeros(len(force))
+        for mine in (observed.trial == k for k in range(len(observed.trials))):
+            farthest = np.maximum.accumulate(observed.displacement[mine])
+            lost[mine] = values["share"] * np.maximum(farthest - values["onset"] * observed.depth, 0.0)
+        return lost
+
+
 def mechanisms_on_a_rig() -> tuple[Mechanism, ...]:
-    """Return all mechanisms for a body that gives way with its rig, not with two bones."""
-    return tuple(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms())
+    """Return all mechanisms for a body that gives way with its rig or its grips, not with two bones."""
+    return (*(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms()), GripSlip())
 
 
 _LEG_MM, _LEG_N, _LEG_S, _LEG_C10 = 20.0, 20.0, 100.0, 1e-3
@@ -127,6 +168,8 @@ def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[
             why = _OF_LAYERS.get(mechanism.name, why)
         if mechanism.name == ContactSlip.name and slipping(sizes) is None:
             why = kind_in(sizes).no_slip
+        if mechanism.name == GripSlip.name and kind_in(sizes).presses(bare(sizes)):
+            why = "nothing grips a specimen that is pressed"
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):
             why = "it doesn't say what it does to a specimen"
         if not timed and mechanism.name in _WITHOUT_TIME:
@@ -361,9 +404,12 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
             f"The folder leaves open how the test was done: {first} is assumed, and slip at the faces is weighed."
         )
     if len(folder.tissues) > 1:
+        still = (
+            ", and they are taken not to relax: if they do, the error goes into C10" if used[0].recording.timed else ""
+        )
         remarks.append(
             f"C10 is that of the layer {tissue_asked_for(folder).name}, whose stiffness "
-            "specimen.toml leaves open; the others' is as stated there."
+            f"specimen.toml leaves open; the others' is as stated there{still}."
         )
     if observed.repeats < 2:
         remarks.append("No protocol was repeated, so the errors between trials are the instruments' figures alone.")

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from legfem.channels.kinds.face_strain import FACE_STRAIN, not_of_the_face
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
 from legfem.channels.kinds.layer_thickness import between_of, refused
 from legfem.common.errors import Doubt, InputError
@@ -309,7 +310,11 @@ def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
 def _with_channels(toml: Path, given: SpecimenFile, used: Sequence[SpecimenRecording]) -> list[SpecimenRecording]:
     """Return recordings with the channels that the folder's file names, as accurate as it states."""
     found = []
-    recordings = with_channels(toml, given.channels, [one.recording for one in used])
+    faces = [face for one in used if (face := given.kind.face(bare(one.sizes))) is not None]
+    if getattr(given.channels, FACE_STRAIN.name) is not None and not faces:
+        what, remedy = f"no model of [{given.kind.table}] gives it", "leave it out"
+        raise InputError(toml, f"channels.{FACE_STRAIN.name}", what, remedy)
+    recordings = with_channels(toml, given.channels, [one.recording for one in used], faces)
     for one, recording in zip(used, recordings, strict=True):
         same = recording is one.recording
         found.append(one if same else replace(one, trial=replace(one.trial, recording=recording)))
@@ -328,14 +333,17 @@ def _unused(used: Sequence[SpecimenRecording]) -> Iterator[Doubt]:
 
 
 def _check_channels(trial: Segmentation, sizes: Sizes, relative_sd: float) -> None:
-    """Refuse thicknesses that aren't those of a specimen's layers, and what isn't a stretch."""
-    layers = layers_of(sizes)
+    """Refuse thicknesses that aren't those of a specimen's layers, and what is neither a stretch nor its face's."""
+    layers, kind, body = layers_of(sizes), kind_in(sizes), bare(sizes)
     between = between_of(layers.heights) if layers else {}
     for one in trial.recording.channels:
         found = not_a_stretch(one.values) if one.name == LATERAL_STRETCH.name else None
+        depths = trial.loading_depths(one.time)
+        if one.name == FACE_STRAIN.name:
+            way = (-1.0 if kind.presses(body) else 1.0) / (kind.extent(body) or 1.0)
+            found = not_of_the_face(one.values, one.place, way * depths)
         if one.name in between:
             low, high = between[one.name]
-            depths = trial.loading_depths(one.time)
             found = refused(one.kind, high - low, depths, one.values, one.accuracy, relative_sd * (high - low))
         if found is not None:
             raise InputError(trial.source, one.name, found.what, found.remedy)

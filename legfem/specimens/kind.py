@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import model_validator
 
+from legfem.channels.kind import Face
 from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.input_files import FileTable, Text, trouble
 from legfem.common.units import FloatArray, mpa_to_kpa
@@ -215,6 +216,10 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     def extent(self, body: Body) -> float | None:
         """Return the size (mm) in the direction of the displacement, beyond which it can't go; None without."""
         return getattr(body, "thickness", None)
+
+    def face(self, body: Body) -> Face | None:
+        """Return the free face that a camera sees; None where no model gives how it is strained."""
+        return None
 
     def loaded_area(self, body: Body) -> float | None:
         """Return the area (mm2) of a pressure that is recorded in the force's place."""

@@ -36,6 +36,7 @@ from legfem.specimens.details import (
     warnings_about,
     weighed,
 )
+from legfem.specimens.face import face_fit
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
@@ -145,7 +146,8 @@ class SpecimenProblem:
         ]
         left_out, notes = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(fitted, self.forward, model_values(best.values))
-        notes += [lateral.text] if lateral else []
+        face = face_fit(comparison, predicted)
+        notes += [one.text for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
         values = self.forward.with_compressibility(best.values)
         result = Fit(
@@ -177,6 +179,7 @@ class SpecimenProblem:
                 why,
                 thickness,
                 lateral,
+                face,
                 agreement=agreement,
             ),
             doubts=self._doubts(),

@@ -82,11 +82,12 @@ def write_table(folder: Path, jobs: int, progress: Progress) -> None:
     typer.echo(f"table: {found.write(folder / TABLE.name)}")
 
 
-def diagnose_concealed(folder: Path, jobs: int, progress: Progress) -> None:
+def diagnose_concealed(folder: Path, jobs: int, progress: Progress, seed: int | None) -> None:
     """Diagnose legs whose fibres are concealed, and print what is found."""
-    progress.stage("legs with concealed fibres", len(concealed.CASES))
+    cases = concealed.CASES if seed is None else concealed.drawn_cases(seed)
+    progress.stage("legs with concealed fibres", len(cases))
     found = []
-    for number, case in enumerate(concealed.CASES):
+    for number, case in enumerate(cases):
         found.append((case, concealed.diagnosed(case, number, folder, jobs, progress)))
         rows = markdown_table(concealed.HEADER, [concealed.cells(*one) for one in found])
         write_atomically(folder / "concealed.md", f"{rows}\n\n{concealed.score(found)}\n")
@@ -102,6 +103,9 @@ def fibres(
     conceal: Annotated[
         bool, typer.Option("--concealed", help="Diagnoses of legs whose fibres are concealed, instead.")
     ] = False,
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="Of legs that are drawn, with --concealed; five set ones without it.")
+    ] = None,
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:
@@ -116,7 +120,7 @@ def fibres(
             write_table(folder, processes, progress)
             return
         if conceal:
-            diagnose_concealed(folder, processes, progress)
+            diagnose_concealed(folder, processes, progress, seed)
             return
         progress.stage("pressing legs with fibres", len(RATIOS))
         cases = [case_of(ratio, coarse) for ratio in RATIOS]

@@ -24,6 +24,7 @@ from legfem.jobs.store import Store
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import diagnose_body, with_correction
+from legfem.legs.mechanisms import OCCURRENCES
 from legfem.legs.mechanisms.muscle import MuscleFibres
 from legfem.legs.mechanisms.rig import EndEffects
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
@@ -58,7 +59,15 @@ class Concealed:
         )
 
 
+_RATIOS, _C10 = np.log((1.2, 4.5)), np.log((0.5, 1.8))
 CASES = tuple(Concealed(*truth, in_air) for in_air in (False, True) for truth in _TRUTHS)
+
+
+def drawn_cases(seed: int) -> tuple[Concealed, ...]:
+    """Return as many cases of other legs: ratios of 1.2 to 4.5, some as in relaxed calves, C10 of 0.5 to 1.8 kPa."""
+    draw = np.random.default_rng([seed, 7]).uniform
+    truths = [(float(np.exp(draw(*_RATIOS))), float(np.exp(draw(*_C10))), float(draw(54, 62))) for _ in _TRUTHS]
+    return tuple(Concealed(*truth, in_air) for in_air in (False, True) for truth in truths)
 
 
 def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: Progress) -> dict[bool, Diagnosis]:
@@ -80,7 +89,7 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
     curve = Store(folder / "truths", ForceCurve, modules=(__name__,)).get_or_make(
         given.case.asked, lambda: _solved(given.case)
     )
-    progress.advance(f"ratio {given.ratio:g}, {curve.force[-1]:.1f} N at {curve.depth:g} mm")
+    progress.advance(f"ratio {given.ratio:.2g}, {curve.force[-1]:.1f} N at {curve.depth:g} mm")
     time = np.linspace(0.0, DEPTH_MM / RATE_MM_PER_S, 476)
     course = Course(time, RATE_MM_PER_S * time, curve(RATE_MM_PER_S * time))
     errors = LabErrors(gain_sd=GAIN_SD, air=AIR_MM if given.in_air else 0.0)
@@ -101,6 +110,7 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
             ends=correction if ends else None,
             ruled_out=with_ends if ends else None,
             every=with_correction(MECHANISMS, correction),
+            possible=OCCURRENCES,
         )
         for ends in (True, False)
     }
@@ -115,8 +125,8 @@ def cells(given: Concealed, found: dict[bool, Diagnosis]) -> list[str]:
     )
     low, high = ends.shown_interval(DEEP_C10)
     return [
-        f"{given.ratio:g}",
-        f"{given.c10_kPa:g}",
+        f"{given.ratio:.2g}",
+        f"{given.c10_kPa:.3g}",
         "in air" if given.in_air else "at touch",
         _told(ends),
         ratio,

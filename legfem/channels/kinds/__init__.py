@@ -7,6 +7,7 @@ Another package gives kinds under the entry point group "legfem.channels": each 
 import sys
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
+from typing import Any
 
 from legfem.channels import Sight
 from legfem.channels.kind import ChannelFile, ChannelKind, ChannelPlan, FramesFile
@@ -20,7 +21,7 @@ CHANNELS: Mapping[str, ChannelKind] = MappingProxyType({kind.name: kind for file
 """Every kind by its name."""
 FILE_OF: Mapping[str, ChannelFile] = MappingProxyType({kind.name: file for file in _FILES for kind in file.kinds})
 """By a kind's name what reads it."""
-OF_FRAMES: Mapping[str, FramesFile] = MappingProxyType(
+OF_FRAMES: Mapping[str, FramesFile[Any]] = MappingProxyType(
     {file.entry: file for file in _FILES if isinstance(file, FramesFile)}
 )
 """By an entry of ``[channels]`` what reads its file of frames."""

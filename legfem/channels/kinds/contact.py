@@ -220,7 +220,7 @@ _PLANNED_SENSELS, _PLANNED_MM, _PLANNED_DEG = 8, 24.0, 80.0
 """Of a film that a plan asks for: how many, and how far they reach to either side at most."""
 
 
-class ContactPressures(FramesFile):
+class ContactPressures(FramesFile[Site]):
     """Mean pressures over sensels; a place is where one begins and ends along the face, mm."""
 
     kinds: ClassVar = (PRESSURE,)

@@ -148,7 +148,7 @@ _AT_REST_MM, _RESTING_MM = 2.0, 0.5
 """By how much points may have moved where the cylinder has by less than this."""
 
 
-class SectionDisplacements(FramesFile):
+class SectionDisplacements(FramesFile[Site]):
     """Displacements in both directions of the outlines' coordinates, in cells; a place is x, y (mm) and 0 or 1."""
 
     kinds: ClassVar = (INSIDE,)
@@ -256,7 +256,7 @@ _STRAIN_AT_REST = 0.1
 """What strains may be where the cylinder has moved by less than this."""
 
 
-class SectionStrains(FramesFile):
+class SectionStrains(FramesFile[Site]):
     """Strains along the travel, in cells; a place is x, y, mm."""
 
     kinds: ClassVar = (STRAIN,)

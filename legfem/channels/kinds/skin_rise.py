@@ -56,7 +56,7 @@ RISES = {offset: _rise(offset) for offset in _OFFSETS_MM}
 """By the offset to the left of the travel, mm."""
 
 
-class SkinRises(FramesFile):
+class SkinRises(FramesFile[Site]):
     """Rises of the skin beside the cylinder, against the travel."""
 
     kinds: ClassVar = tuple(RISES.values())

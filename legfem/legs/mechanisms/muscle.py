@@ -7,6 +7,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from scipy.stats import norm
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import Site
@@ -130,6 +131,10 @@ class MuscleContraction(Mechanism):
         return 1.0 + values["stiffening"] * passing(values, observed)
 
 
+_UNSEEN = 5
+"""Ratios, and errors of the table, that stand for all."""
+
+
 def _error(name: str, statement: str) -> Parameter:
     prior = Prior(0.0, 1.0, "linear", "the table of fibres' own errors")
     return Parameter(name, "sd", (-3.0, 3.0), prior, statement=statement)
@@ -166,6 +171,26 @@ class MuscleFibres(Mechanism):
 
     expected: ClassVar[float] = 5.0
     """All skeletal muscle is fibrous; its part that presses on a cylinder may lie otherwise."""
+    unseen_statement: ClassVar[str] = (
+        "muscle is stiffer along its fibres than across them, and pressing one place does not show by how much"
+    )
+    hides_in_stiffness: ClassVar[bool] = True
+
+    def unseen_factors(self, between: tuple[float, float], observed: Observations) -> FloatArray:
+        """Return how much stiffer a muscle has to be that is alike in all directions, for as much force.
+
+        Ratios lie evenly in their logarithm, and the table has its errors.
+        """
+        even = norm.ppf((np.arange(_UNSEEN) + 0.5) / _UNSEEN)
+        errors = [{"size": float(z), "course": 0.0} for z in even]
+        ratios = np.geomspace(*between, _UNSEEN)
+        force = observed.force**2 / np.sum(observed.force**2)
+        found = [
+            np.exp(force @ np.log(self.force_factor({"ratio": float(ratio), **error}, observed)))
+            for ratio in ratios
+            for error in errors
+        ]
+        return np.array(found)
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return fibres of usual ratios."""

@@ -138,6 +138,7 @@ class TissueRelaxation(TissueMechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (*SPECTRUM, SLOW)
     kin: ClassVar[str] = RELAXES
     next_experiment: ClassVar[str] = "hold the deepest position for a minute, and press at two rates"
+    unseen_statement: ClassVar[str] = "tissue relaxes while it is held, and one rate does not show by how much"
     variant: ClassVar[str] = "viscoelastic"
     along_path: ClassVar[bool] = True
     region: ClassVar[str] = "deep"

@@ -3,6 +3,8 @@
 import math
 from typing import ClassVar, Literal
 
+from legfem.channels.kind import Face
+from legfem.channels.kinds.face_strain import FACE_STRAIN
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import UniaxialSpecimen
@@ -28,7 +30,7 @@ class BarKind(HomogeneousKind[BarEntry, UniaxialSpecimen]):
     body: ClassVar = UniaxialSpecimen
     words: ClassVar = "a bar"
     done: ClassVar = "a bar pulled or pressed along its length"
-    beside: ClassVar = frozenset({LATERAL_STRETCH.name})
+    beside: ClassVar = frozenset({LATERAL_STRETCH.name, FACE_STRAIN.name})
     directions: ClassVar = ("load", "across")
     no_slip: ClassVar = "a bar's ends are free as stated"
     one_way: ClassVar = 'the other direction of [uniaxial], "tension" or "compression"'
@@ -36,6 +38,10 @@ class BarKind(HomogeneousKind[BarEntry, UniaxialSpecimen]):
     def body_of(self, given: BarEntry) -> UniaxialSpecimen:
         """Return the sizes."""
         return UniaxialSpecimen(needed(given, "length_mm"), needed(given, "area_mm2"), given.direction)
+
+    def face(self, body: UniaxialSpecimen) -> Face:
+        """Return one of its sides, whose width isn't stated."""
+        return Face(body.length / 2)
 
     def slenderness(self, body: UniaxialSpecimen) -> tuple[float, str] | None:
         """Return length over width of one that is pressed."""

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
+from legfem.channels.kind import Face
+from legfem.channels.kinds.face_strain import FACE_STRAIN
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH
 from legfem.common.input_files import FileTable, Positive
 from legfem.experiments.bodies import CylinderBetweenPlates
@@ -35,7 +37,7 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
     words: ClassVar = "between plates"
     done: ClassVar = "pressed between plates, end-on (round specimens)"
     followed: ClassVar = "a diameter_mm of half the true value makes it at least four times as large"
-    beside: ClassVar = frozenset({LATERAL_STRETCH.name})
+    beside: ClassVar = frozenset({LATERAL_STRETCH.name, FACE_STRAIN.name})
     own: ClassVar = {"diameter_mm": "radius", "height_mm": "height"}
     weighed: ClassVar[Mapping[str, str]] = {
         "bonded": "ends that stick to the plates",
@@ -77,6 +79,10 @@ class PlatesKind(SpecimenKind[PlatesEntry, CylinderBetweenPlates]):
     def slipping(self, body: CylinderBetweenPlates) -> CylinderBetweenPlates:
         """Return it with ends that slide."""
         return replace(body, ends="sliding")
+
+    def face(self, body: CylinderBetweenPlates) -> Face:
+        """Return its side, seen from aside."""
+        return Face(body.height / 2, body.radius)
 
     def slenderness(self, body: CylinderBetweenPlates) -> tuple[float, str]:
         """Return height over diameter."""
