@@ -319,7 +319,7 @@ def test_what_is_read_is_what_another_code_shows(seen_layers: Path) -> None:
     truth = {"fat.C10": FAT, "muscle.C10": MUSCLE}
     tissues = [tissue.of_law("neo-hookean") for tissue in folder.tissues]
     model = SpecimenForward.of_tissues((one.sizes,), (1.02 * one.course.depth,), tissues, MUSCLE)
-    comparison = readings_of(comparison_of([one], model, folder, False), folder.sizes_sd)
+    comparison = readings_of(comparison_of([one], model, folder, False), [folder.sizes_sd])
     instrument = np.array([number.null for number in READINGS.values()])
     found = comparison.predict(model.solve(truth, list(truth)), instrument)
     np.testing.assert_allclose(found.values, comparison.read(found.model_values, instrument), atol=1e-9)
