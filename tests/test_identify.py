@@ -196,6 +196,7 @@ def test_result_json_has_the_interfaces_fields(tmp_path: Path) -> None:
         (["--subject-dir", "leg", "--jobs", "0"], "--jobs"),
         (["--subject-dir", "leg", "--seed", "-1"], "--seed"),
         (["--subject-dir", "leg", "--out", "leg/subject.toml"], "is a file"),
+        (["--subject-dir", "leg", "--out", "leg/recordings/found"], "lies among recordings"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(

@@ -202,7 +202,7 @@ def test_files_that_are_shown_are_read(page: str, parse: Any, tmp_path: Path) ->
 
 def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None:
     """As parts of the file that is shown whole."""
-    whole, layers, fibres, cup, tables = blocks("docs/tutorials/own-specimen.md", "toml")
+    whole, layers, fibres, cup, several, tables = blocks("docs/tutorials/own-specimen.md", "toml")
     named, ball = whole[: whole.index("[ball]")], whole[: whole.index("[[specimen]]")]
     path = tmp_path / "shown.toml"
     path.write_text(ball + layers, encoding="utf-8")
@@ -216,6 +216,8 @@ def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None
     assert given is not None and given.opening_mm == 10.0
     path.write_text(named + tables, encoding="utf-8")
     assert parse_specimen_file(path).equibiaxial is not None
+    path.write_text(several)
+    assert parse_specimen_file(path).tests == ["tension", "compression", "shear"]
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from legfem.data.recording import SourceColumns
 from legfem.geometry.indenter import IndenterShape
 from legfem.legs.folder import plain_id, subject_text
 from legfem.legs.schema import SUBJECTS, SubjectFile, site_names, subject_entry
-from legfem.specimens.schema import SIZES, SpecimenFile
+from legfem.specimens.schema import SIZES, SeveralTests, SpecimenFile
 
 type Value = str | float | bool | list[float] | None
 
@@ -76,7 +76,10 @@ def settings_of(schema: type[FileTable], text: str) -> list[Setting]:
     InputError
         If the text is no TOML.
     """
-    return list(_settings(schema, _parsed(text), ()))
+    given = _parsed(text)
+    if schema is SpecimenFile and "tests" in given:
+        schema = SeveralTests
+    return list(_settings(schema, given, ()))
 
 
 def with_settings(text: str, changed: Mapping[tuple[str, ...], Value]) -> str:

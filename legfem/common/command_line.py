@@ -182,11 +182,17 @@ def check_out_folder(out: Path) -> None:
     Raises
     ------
     InputError
-        If a file is in the way, or the nearest folder that exists can't be written to.
+        If a file is in the way, the nearest folder that exists can't be written to, or results would lie among
+        recordings.
     """
-    nearest = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    around = (out.absolute(), *out.absolute().parents)
+    nearest = next(folder for folder in around if folder.exists())
     if not nearest.is_dir():
         raise InputError("--out", str(out), f"{nearest} is a file", "give a folder")
+    if any(folder.name == "recordings" and any(folder.parent.glob("*.toml")) for folder in around):
+        raise InputError(
+            "--out", str(out), "lies among recordings: tables of results would be read as such", "give another folder"
+        )
     try:
         # What may be written isn't always what can: /proc says yes to root.
         tempfile.TemporaryFile(dir=nearest).close()

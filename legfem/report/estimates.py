@@ -1,7 +1,7 @@
 """Estimates and laws as pages state them: values, intervals, what they rest on, which law the data ask for."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from legfem.inverse.parameter import Parameter
 from legfem.legs.subject import ShearModulus, Subject
 from legfem.report.page import Block, Known, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.words import ENERGIES, fit_probability, moduli_text, number
+from legfem.report.words import ENERGIES, capital, fit_probability, moduli_text, number
 
 
 def value_text(found: Estimate) -> str:
@@ -147,14 +147,22 @@ def moduli_of(found: Estimate) -> str:
     return moduli_text(found.shown.value, found.shown.standard_error, found.shown.unit)
 
 
-def how_sure(parameters: Mapping[str, Estimate]) -> str:
-    """Return how well parameters are known, for someone who knows no statistics."""
-    each = "; ".join(_known_within(name, found) for name, found in parameters.items())
+def how_sure(parameters: Mapping[str, Estimate], words: Callable[[str], str] = symbol_of) -> str:
+    """Return how well parameters are known, for someone who knows no statistics.
+
+    Parameters
+    ----------
+    parameters
+        By full name.
+    words
+        What a parameter is called.
+    """
+    each = capital("; ".join(_known_within(words(name), found) for name, found in parameters.items()))
     return f"{each}. If the model is right, 19 of 20 such intervals contain the true value."
 
 
-def _known_within(name: str, found: Estimate) -> str:
-    symbol, half = symbol_of(name), found.relative_half_width
+def _known_within(symbol: str, found: Estimate) -> str:
+    half = found.relative_half_width
     if found.undetermined or not np.isfinite(half) or half > 1:
         return f"{symbol} cannot be determined from this test ({found.identifiability})"
     range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""

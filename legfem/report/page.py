@@ -60,7 +60,7 @@ class Headline:
         many = doubts > 1
         found = (
             f"{doubts} input{'s are' if many else ' is'} doubtful (see the warnings); if "
-            f"{'one of them' if many else 'it'} is wrong, so is the result. Apart from that: "
+            f"{'one of them' if many else 'it'} is wrong, the result may be wrong, too. Apart from that: "
         )
         first = {"Problems found": found, "What to do": "Check the doubtful input first. Then: "}
         return replace(

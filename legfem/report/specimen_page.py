@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit, least_akaike
@@ -80,6 +82,9 @@ def _of_layers(result: SpecimenFit) -> str:
         return ""
     stated = [one.name for one in tissues if "C10" in one.stated]
     held = f"the stiffness of {', '.join(stated)} is as stated, and " if stated else ""
+    if result.details.folder.relaxes:
+        after = " (so a stated stiffness is that after all relaxation)" if stated else ""
+        held = f"they are taken to relax alike{after}; {held}"
     return (
         f"The layers are bonded to each other; {held}the shape of a curve is taken to be known to "
         f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, because effects that the law leaves out bend it in the same way as "
@@ -229,7 +234,7 @@ def _headline(best: SpecimenFit) -> web.Headline:
                 f"({fit_probability(best.goodness.p_value)}).",
             ),
             ("How stiff", f"{capital(values)}."),
-            ("How sure", estimates.how_sure(best.estimates)),
+            ("How sure", estimates.how_sure(best.estimates, _words)),
             ("What to do", _next(best)[0]),
         ],
     )
@@ -428,16 +433,18 @@ def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.W
 def _curves(
     results: Sequence[SpecimenFit], one: SampleFit, number: int, x: FloatArray, along: str, unit: str
 ) -> Curves:
-    axes = one.axes
+    axes, when = one.axes, one.course.begun + one.course.time
     lines = [Line("recorded", axes.loads * one.course.force, None, DATA_COLOUR, points=True)]
     for k, result in enumerate(results):
         same = next((r for r in compared(result) if r.name == one.name), None)
         if same is not None:
+            # Each law has first contact, and so stations, of its own.
+            own, differs = same.course.begun + same.course.time, same.predicted - same.course.force
             lines.append(
                 Line(
                     f"model, {LAW_NAMES[result.law]}",
-                    axes.loads * same.predicted,
-                    axes.loads * (same.predicted - same.course.force),
+                    axes.loads * np.interp(when, own, same.predicted),
+                    axes.loads * np.interp(when, own, differs),
                     LAW_COLOURS[result.law],
                     _DASHES[k % 4],
                 )

@@ -27,8 +27,11 @@ _SIZES = (0.1, 0.3, 1.0)
 """Of the force: by which a test that stands apart differs, one standard deviation beforehand; each as probable."""
 _TOGETHER, _ONE_APART = 0.5, 0.45
 """Probabilities beforehand that one set of constants serves all, and all but one; that no two agree is rarer."""
-_SAID = 0.5
-"""Probability of one law for all, below which the tests are said to disagree."""
+_SAID, _SURE = 0.5, 0.75
+"""Probabilities of one law for all: below the first the tests are said to disagree, and between both it is open."""
+
+_TOLD = (0.2, 5.0)
+"""Factors between which a difference, linear in the constants, has a value."""
 
 type Places = Mapping[str, NDArray[np.int_]]
 """Of the readings of every test, by its name."""
@@ -53,6 +56,9 @@ class ApartTest:
     @property
     def text(self) -> str:
         """The factor with its interval."""
+        least, most = _TOLD
+        if not least < self.factor < most:
+            return f"under {least:g} times" if self.factor < 1 else f"over {most:g} times"
         low, high = self.ci95
         return f"{self.factor:.2f} ({low:.2f} to {high:.2f}) times"
 
@@ -81,7 +87,7 @@ class TestsAgreement:
     def apart(self) -> ApartTest | None:
         """The test that stands apart, if one does."""
         most = max(self.tests, key=lambda one: one.probability)
-        return most if self.disagree and most.probability > max(self.each, self.together) else None
+        return most if most.probability > _SAID else None
 
     @property
     def left_out(self) -> dict[tuple[str, ...], float]:
@@ -100,8 +106,9 @@ class TestsAgreement:
         beside = "Forces beside what the other tests' constants make them: "
         beside += ", ".join(f"{one.name} {one.text}" for one in self.tests)
         if not self.disagree:
+            leaves = "The tests leave open whether one" if self.together < _SURE else "One"
             return (
-                "One set of constants serves all tests within their errors and what the law misses of each "
+                f"{leaves} set of constants serves all tests within their errors and what the law misses of each "
                 f"(probability {percent(self.together)}). {beside}."
             )
         first = (
@@ -200,6 +207,7 @@ def _factor(
     found = inverse[:, : len(residual)] @ solve_triangular(lower, residual, lower=True)
     mine, others = force[places], np.arange(by.shape[1]) < jacobian.shape[1]
     along = mine @ by[places]
-    theirs = mine @ mine + along[others] @ found[others]
+    # Extrapolated far, the others' force could vanish.
+    theirs = max(mine @ mine + along[others] @ found[others], 0.05 * (mine @ mine))
     excess = along[~others] @ found[~others] / theirs
     return 1 + float(excess), float(np.linalg.norm(np.where(others, -excess, 1.0) * along / theirs @ inverse))

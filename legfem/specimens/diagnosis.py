@@ -405,9 +405,12 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
             f"The folder leaves open how the test was done: {first} is assumed, and slip at the faces is weighed."
         )
     if len(folder.tissues) > 1:
+        still = (
+            ", and they are taken not to relax: if they do, the error goes into C10" if used[0].recording.timed else ""
+        )
         remarks.append(
             f"C10 is that of the layer {tissue_asked_for(folder).name}, whose stiffness "
-            "specimen.toml leaves open; the others' is as stated there."
+            f"specimen.toml leaves open; the others' is as stated there{still}."
         )
     if observed.repeats < 2:
         remarks.append("No protocol was repeated, so the errors between trials are the instruments' figures alone.")

@@ -116,3 +116,10 @@ def log_density(covariance: FloatArray, residual: FloatArray, jacobian: FloatArr
     left = left - basis @ (basis.T @ left)
     sizes = np.concatenate([np.diag(lower), np.maximum(np.abs(np.diag(upper)), 1e-300)])
     return float(-0.5 * left @ left - np.log(sizes).sum() - 0.5 * len(left) * np.log(2 * np.pi))
+
+
+def fitted_change(covariance: FloatArray, residual: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """Return what of residuals (n,) the parameters of a Jacobian (n, p) take up: generalised least squares."""
+    lower = cholesky(covariance, lower=True)
+    left, by = (solve_triangular(lower, values, lower=True) for values in (residual, jacobian))
+    return np.asarray(jacobian @ np.linalg.lstsq(by, left)[0])

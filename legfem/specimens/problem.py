@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.special import stdtrit
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -39,7 +40,7 @@ from legfem.specimens.face import face_fit
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, ParameterRequest, identified_law
-from legfem.specimens.model_discrepancy import LawMisfit, misfit_of
+from legfem.specimens.model_discrepancy import LawMisfit, fitted_change, misfit_of
 from legfem.specimens.nuisances import SETTLED, check_strained, seeks_ratio, why_ratio_undetermined
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.sizes import OF_LAYER, Sizes, SpecimenRecording, kind_in, lengths_of
@@ -116,7 +117,9 @@ class SpecimenProblem:
         stiffness = forces.stiffness(linear.prediction, readings)
         apart = 0 if forces.own is None else forces.own.degrees
         spread = float(np.sqrt(np.sum(np.log(list(stiffness.values())) ** 2) / apart)) if apart else 0.0
-        covariance = total_of(comparison.covariances_at(predicted))
+        # Typical specimens of several tests differ by chance, the more the fewer show how much they do.
+        by_chance = spread * float(stdtrit(apart, 0.975)) / 1.96 if self.folder.tests and apart else 0.0
+        covariance = total_of(comparison.covariances_at(predicted, by_chance))
         covariances = dict(comparison.covariances_at(predicted, spread))
         if forces.own is None:
             errors = {sizes: self._size_errors(sizes) for sizes in self.forward.tests}
@@ -202,9 +205,16 @@ class SpecimenProblem:
         jacobian = jacobian[:, [not bound for bound in bounds]]
         stiffness = np.array([name not in READINGS for name, bound in zip(law.names, bounds, strict=True) if not bound])
         residual, covariance = comparison.forces.expected_force - force, covariance.copy()
+        best, scale = force.copy(), np.ones_like(force)
+        for places in tests.values():
+            best[places] += fitted_change(covariance[np.ix_(places, places)], residual[places], jacobian[places])
+            scale[places] = max(1.0, float(best[places] @ force[places] / (force[places] @ force[places])))
+        # Errors go with the forces, which may be far greater than one set of constants makes them.
+        covariance *= np.outer(scale, scale)
         for name, places in tests.items():
+            # With constants of its own: what tests differ by is no misfit of the law's.
             at, alone = np.ix_(places, places), comparison.forces.of_test(name)
-            covariance[at] += misfit_of(alone, covariance[at], force[places], jacobian[places]).covariance
+            covariance[at] += misfit_of(alone, covariance[at], best[places], jacobian[places]).covariance
         return missed, agreement_of_tests(residual, force, jacobian, jacobian[:, stiffness], covariance, tests)
 
     def _size_errors(self, sizes: Sizes) -> dict[str, float]:
