@@ -29,7 +29,7 @@ from legfem.report.leg_3d_view import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
-from legfem.report.specimen_page import procedure, specimen_page
+from legfem.report.specimen_page import curves_of, procedure, specimen_page
 from legfem.report.stocking_pressures import by_height
 from legfem.specimens.laws import SpecimenTissue
 from legfem.study.correction.page import correction_web_page
@@ -188,6 +188,25 @@ def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_pat
     relaxing = replace(fit, estimates=own)
     sure = dict(specimen_page([relaxing]).headline.answers)["How sure"]
     assert "relative to the part that stays is known to within" in sure and "viscoelasticity" not in sure
+
+
+def test_laws_that_have_first_contact_elsewhere_are_drawn_at_one_recording_s_stations(tmp_path):
+    (first,) = pages.specimens(tmp_path)
+    tests = []
+    for one in first.tests:
+        course = one.test.course
+        kept = course.displacement > 0.3 * course.depth
+        ahead = float(course.time[kept][0])
+        own = {name: getattr(course, name)[kept] for name in ("displacement", "force", "count")}
+        later = replace(course, begun=course.begun + ahead, time=course.time[kept] - ahead, **own)
+        force = replace(one.channels[0], predicted=1.02 * later.force)
+        tests.append(replace(one, test=replace(one.test, course=later), channels=(force,)))
+    other = replace(first, law="reduced-polynomial", tests=tuple(tests))
+    for block in curves_of([first, other]):
+        recorded, _, line = block.lines
+        same = np.isclose(line.above / recorded.above, 1.02)
+        assert len(line.above) == len(line.below) == len(block.x) and 0.3 < same.mean() < 1.0
+        np.testing.assert_allclose(line.below[same], 0.02 * recorded.above[same], rtol=1e-6)
 
 
 @pytest.fixture(scope="module")

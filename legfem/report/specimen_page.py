@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit, least_akaike
@@ -410,11 +412,11 @@ def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.W
     return web.WebTable(
         f"Recordings{f' of {test}' if test else ''} and the {law} law; own/joint: the factor by which the law's force "
         "fits that one best",
-        ["recording", "mm/s", axes.way_unit, *of_load, "R²", "own/joint", ""],
+        ["recording", f"{axes.way_unit}/s", axes.way_unit, *of_load, "R²", "own/joint", ""],
         [
             [
                 one.name,
-                f"{one.course.rate:.3g}" if one.course.samples.timed else "no time",
+                f"{axes.ways * one.course.rate:.3g}" if one.course.samples.timed else "no time",
                 f"{axes.ways * one.course.depth:.3g}",
                 f"{axes.loads * one.course.peak:.4g}",
                 f"{axes.loads * one.rmse:.3g}",
@@ -431,16 +433,18 @@ def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.W
 def _curves(
     results: Sequence[SpecimenFit], one: SampleFit, number: int, x: FloatArray, along: str, unit: str
 ) -> Curves:
-    axes = one.axes
+    axes, when = one.axes, one.course.begun + one.course.time
     lines = [Line("recorded", axes.loads * one.course.force, None, DATA_COLOUR, points=True)]
     for k, result in enumerate(results):
         same = next((r for r in compared(result) if r.name == one.name), None)
         if same is not None:
+            # Each law has first contact, and so stations, of its own.
+            own, differs = same.course.begun + same.course.time, same.predicted - same.course.force
             lines.append(
                 Line(
                     f"model, {LAW_NAMES[result.law]}",
-                    axes.loads * same.predicted,
-                    axes.loads * (same.predicted - same.course.force),
+                    axes.loads * np.interp(when, own, same.predicted),
+                    axes.loads * np.interp(when, own, differs),
                     LAW_COLOURS[result.law],
                     _DASHES[k % 4],
                 )

@@ -81,6 +81,8 @@ class Course:
     """As recorded, on the stations' scales."""
     contact: Contact
     """Where it began, by the recording's own displacement."""
+    begun: float = 0.0
+    """s on the recording's clock: when first contact was."""
     standing: float = 0.0
     """N that stand before anything is pressed: a preload, or a zero that wasn't taken."""
 
@@ -237,6 +239,7 @@ def course_of(trial: Segmentation, returns: bool = False) -> Course:
         arrival,
         kept,
         contact,
+        touched,
         standing_force(trial)[0],
     )
     if len(found.time) < _LEAST_SEEN:
