@@ -177,8 +177,8 @@ def identify(
     site : str
         The one to identify by itself, of a leg with several ``[[site]]``.
     leave_out : sequence of str
-        Recordings or specimens of a folder of specimens that are predicted, and not fitted. Correction, depth, model,
-        site, weighting and emulator are for legs alone.
+        Recordings, specimens or tests of a folder of specimens that are predicted, and not fitted. Correction, depth,
+        model, site, weighting and emulator are for legs alone.
     weighting, seed, emulator, settings
         Means of the search: the first three take the place of those in ``settings``, see
         `legfem.inverse.settings.IdentificationSettings`.

@@ -26,7 +26,7 @@ def run(
     site: Site = None,
     specimen_dir: SpecimenDir = None,
     leave_out: Annotated[
-        list[str] | None, _option("Recording or specimen to predict instead of fitting it; repeatable.")
+        list[str] | None, _option("Recording, specimen or test to predict instead of fitting it; repeatable.")
     ] = None,
     law: Annotated[
         Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential", "both"] | None,

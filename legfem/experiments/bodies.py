@@ -65,6 +65,24 @@ class CylinderBetweenPlates:
         check_positive(self, "radius", "height")
 
 
+@dataclass(frozen=True)
+class TwistedCylinder:
+    """A cylinder between two plates that stick to its ends, one of which turns about its axis.
+
+    Parameters
+    ----------
+    radius, height : float
+        Radius of the cylinder and distance of the plates, mm.
+    """
+
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        """Check the sizes."""
+        check_positive(self, "radius", "height")
+
+
 def check_rounding(radius: float, edge: float) -> None:
     """Check that a punch's rounded edge leaves a flat face.
 

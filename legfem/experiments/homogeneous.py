@@ -13,6 +13,7 @@ the free stretches are those at which :math:`\tau` vanishes along their axes, an
 .. math:: \tau^f_f = \tfrac12 (E_L - 3 \mu_T) (\lambda_f^2 - 1) \lambda_f^2.
 """
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -36,14 +37,14 @@ _POINTS = 80
 _SHORTEST = 0.05
 _NEWTON_STEPS = 40
 _IMAGINARY = 1e-30
-_FORCE = "force"
+FORCE = "force"
 # Of the stretches' logarithms.
 _MOVE, _SMALL, _FARTHEST = 1e-7, 1e-15, 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class HomogeneousTest(ProtocolTest):
-    """The body's test, an `legfem.experiments.experiment.Experiment`.
+class ClosedFormTest[Body](ProtocolTest):
+    """A body's test that no mesh is needed for, an `legfem.experiments.experiment.Experiment`.
 
     Parameters
     ----------
@@ -51,12 +52,65 @@ class HomogeneousTest(ProtocolTest):
         Sizes.
     law
         Law of the tissue, whose parameters are named ``deep.C10`` and so on.
+    """
+
+    test: Body
+    law: Hyperelastic
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the law by full name."""
+        return {f"deep.{name}": value for name, value in self.law.parameters.items()}
+
+    def with_terms(self, terms: Sequence[object]) -> Self:
+        """Return the test with the law among a model's terms; the others need a mesh."""
+        return replace(self, law=next((term.law for term in reversed(terms) if isinstance(term, Tissue)), self.law))
+
+    def farthest(self, target: float) -> float:
+        """Return how far (mm) of a displacement the body can go."""
+        return target
+
+    def law_at(self, parameters: Mapping[str, Any]) -> Hyperelastic:
+        """Return the law with its numbers among some by full name."""
+        return replace(self.law, **{name: parameters[f"deep.{name}"] for name in self.law.parameters})
+
+    @abstractmethod
+    def read(self, parameters: Mapping[str, Any], at: FloatArray) -> dict[str, Any]:
+        """Return `FORCE` (n,), N, at displacements (n,), mm, and channels beside it; complex where a parameter is."""
+
+    def _follow(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
+        """Move the body along a protocol.
+
+        Derivatives are exact, by a complex step (J. N. Lyness, C. B. Moler, SIAM J. Numer. Anal. 4
+        (1967) 202-210).
+        """
+        parameters = {**self.parameters, **(values or {})}
+        target = protocol.depth
+        farthest = self.farthest(target)
+        time, at = sample_protocol(protocol, _POINTS, farthest)
+        values, by = self.read(parameters, at), dict[str, dict[str, FloatArray]]()
+        for name in sensitivities:
+            moved = self.read({**parameters, name: parameters[name] + 1j * _IMAGINARY}, at)
+            for what, rates in moved.items():
+                by.setdefault(what, {})[name] = rates.imag / _IMAGINARY
+        read = {what: value.real for what, value in values.items()}
+        path = Path(time, at, read.pop(FORCE), by.pop(FORCE, {}), read, by)
+        complete = farthest >= target
+        reason = "" if complete else "the specimen is pressed to nothing"
+        report = SolveReport(float(at.max()), target, complete, reason)
+        return Solved(parameters, path.loading, path, report)
+
+
+@dataclass(frozen=True, eq=False)
+class HomogeneousTest(ClosedFormTest[HomogeneousBody]):
+    """The test of a body that is strained alike everywhere.
+
+    Parameters
+    ----------
     fibres
         Fibres of the tissue along an axis: the second is the load's, the others are across.
     """
 
-    test: HomogeneousBody
-    law: Hyperelastic
     fibres: Fibres | None = None
 
     def __post_init__(self) -> None:
@@ -67,52 +121,27 @@ class HomogeneousTest(ProtocolTest):
     @property
     def parameters(self) -> dict[str, float]:
         """Every number of the law and the fibres by full name."""
-        own = {f"deep.{name}": value for name, value in self.law.parameters.items()}
-        return own | ({} if self.fibres is None else self.fibres.parameters)
+        return super().parameters | ({} if self.fibres is None else self.fibres.parameters)
 
     def with_terms(self, terms: Sequence[object]) -> Self:
-        """Return the test with the laws and fibres among a model's terms; the others need a mesh."""
-        changed = self
-        for term in terms:
-            if isinstance(term, Tissue):
-                changed = replace(changed, law=term.law)
-            elif isinstance(term, Fibres):
-                changed = replace(changed, fibres=term)
-        return changed
+        """Return the test with the law and fibres among a model's terms; the others need a mesh."""
+        fibres = next((term for term in reversed(terms) if isinstance(term, Fibres)), self.fibres)
+        return replace(super().with_terms(terms), fibres=fibres)
 
-    def _follow(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
-        """Move the body along a protocol.
+    def farthest(self, target: float) -> float:
+        """Return how far it goes: nothing is pressed to nothing."""
+        return target if self.test.sign > 0 else min(target, (1 - _SHORTEST) * self.test.length)
 
-        Derivatives are exact, by a complex step (J. N. Lyness, C. B. Moler, SIAM J. Numer. Anal. 4
-        (1967) 202-210).
-        """
-        parameters = {**self.parameters, **(values or {})}
-        target = protocol.depth
-        farthest = target if self.test.sign > 0 else min(target, (1 - _SHORTEST) * self.test.length)
-        time, at = sample_protocol(protocol, _POINTS, farthest)
-        values, by = self._read(parameters, at), dict[str, dict[str, FloatArray]]()
-        for name in sensitivities:
-            moved = self._read({**parameters, name: parameters[name] + 1j * _IMAGINARY}, at)
-            for what, rates in moved.items():
-                by.setdefault(what, {})[name] = rates.imag / _IMAGINARY
-        read = {what: value.real for what, value in values.items()}
-        path = Path(time, at, read.pop(_FORCE), by.pop(_FORCE, {}), read, by)
-        complete = farthest >= target
-        reason = "" if complete else "the specimen is pressed to nothing"
-        report = SolveReport(float(at.max()), target, complete, reason)
-        return Solved(parameters, path.loading, path, report)
-
-    def _read(self, parameters: Mapping[str, Any], at: FloatArray) -> dict[str, Any]:
-        """Return the force (n,), N, and how a bar's sides are strained; complex where a parameter is."""
-        own = {name.removeprefix("deep."): value for name, value in parameters.items()}
-        law = replace(self.law, **{name: own[name] for name in self.law.parameters})
+    def read(self, parameters: Mapping[str, Any], at: FloatArray) -> dict[str, Any]:
+        """Return the force, and how a bar's sides are strained."""
+        law = self.law_at(parameters)
         body, sign = self.test, self.test.sign
         strain = sign * at / body.length + 0j
         axes = list(body.free)
 
         def stresses(free: Any) -> tuple[Any, Any]:
             gradient = body.gradient(strain, np.exp(free))
-            return gradient, self._kirchhoff(law, own, gradient)
+            return gradient, self._kirchhoff(law, parameters, gradient)
 
         free = np.tile(np.log(body.free_stretch(strain)), (len(axes), 1))
         for _ in range(_NEWTON_STEPS if axes else 0):
@@ -130,7 +159,7 @@ class HomogeneousTest(ProtocolTest):
         gradient, kirchhoff = stresses(free)
         nominal = np.linalg.solve(gradient, np.swapaxes(kirchhoff, 1, 2))
         row, column = body.component
-        found = {_FORCE: sign * body.area * nominal[:, column, row]}
+        found = {FORCE: sign * body.area * nominal[:, column, row]}
         # Fibres across make a bar's sides unlike.
         alike = len(axes) == 2 and self.fibres is None
         if not alike:
@@ -138,7 +167,7 @@ class HomogeneousTest(ProtocolTest):
         across = np.exp(free[0])
         return {**found, LATERAL_STRETCH.name: across, **homogeneous(across - 1, strain)}
 
-    def _kirchhoff(self, law: Hyperelastic, own: Mapping[str, Any], gradient: Any) -> Any:
+    def _kirchhoff(self, law: Hyperelastic, parameters: Mapping[str, Any], gradient: Any) -> Any:
         """Return the Kirchhoff stress (n, 3, 3), MPa, at deformation gradients (n, 3, 3)."""
         unit = np.eye(3)
         square, volume = gradient @ np.swapaxes(gradient, 1, 2), np.linalg.det(gradient)
@@ -150,5 +179,5 @@ class HomogeneousTest(ProtocolTest):
             # The load's own axis is the second of a section's.
             k = (1, 0, 2)[int(np.argmax(np.abs(self.fibres.axis)))]
             stretch = square[:, k, k]
-            found[:, k, k] += own["fibres.extension"] / 2 * (stretch - 1) * stretch
+            found[:, k, k] += parameters["deep.fibres.extension"] / 2 * (stretch - 1) * stretch
         return found

@@ -413,11 +413,11 @@ def _test_in_numbers(samples: Sequence[SampleFit], law: str, test: str) -> web.W
     return web.WebTable(
         f"Recordings{f' of {test}' if test else ''} and the {law} law; own/joint: the factor by which the law's force "
         "fits that one best",
-        ["recording", "mm/s", axes.way_unit, *of_load, "R²", "own/joint", ""],
+        ["recording", f"{axes.way_unit}/s", axes.way_unit, *of_load, "R²", "own/joint", ""],
         [
             [
                 one.name,
-                f"{one.course.rate:.3g}" if one.course.samples.timed else "no time",
+                f"{axes.ways * one.course.rate:.3g}" if one.course.samples.timed else "no time",
                 f"{axes.ways * one.course.depth:.3g}",
                 f"{axes.loads * one.course.peak:.4g}",
                 f"{axes.loads * one.rmse:.3g}",

@@ -162,14 +162,15 @@ def mechanisms_of(sizes: Sizes, scale: Scale, timed: bool = True) -> tuple[list[
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
+    kind = kind_in(sizes)
     for mechanism in mechanisms_on_a_rig():
         why = _NONE.get(mechanism.name, "")
         if layers_of(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)
         if mechanism.name == ContactSlip.name and slipping(sizes) is None:
-            why = kind_in(sizes).no_slip
-        if mechanism.name == GripSlip.name and kind_in(sizes).presses(bare(sizes)):
-            why = "nothing grips a specimen that is pressed"
+            why = kind.no_slip
+        if mechanism.name == GripSlip.name and (kind.presses(bare(sizes)) or kind.face(bare(sizes)) is None):
+            why = "nothing pulls the specimen by grips"
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):
             why = "it doesn't say what it does to a specimen"
         if not timed and mechanism.name in _WITHOUT_TIME:

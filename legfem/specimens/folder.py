@@ -277,8 +277,7 @@ def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:
     names = [folder.id, folder.title]
     if len(folder.tissues) > 1:
         names = [one.name for one in folder.tissues if "C10" not in one.stated]
-    sizes = folder.recordings[0].sizes
-    field = "force_N" if kind_in(sizes).loaded_area(bare(sizes)) is None else "pressure"
+    field = kind_in(folder.recordings[0].sizes).load_field
     return list(doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
 
 

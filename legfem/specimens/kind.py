@@ -163,6 +163,8 @@ class SpecimenKind[Entry: FileTable, Body](ABC):
     """Power of the displacement that the force begins with on an even specimen; None where it may be any."""
     cube: ClassVar[Mapping[str, float]] = {}
     """Sizes by key of what a table of stretch and stress is of: any will do. Empty where none can be read."""
+    load_field: ClassVar[str] = "force_N"
+    """What a recording's column of the force is called in doubts."""
     no_slip: ClassVar[str] = "the faces are said to be free of friction"
     """Why nothing can slip that doesn't slip as stated."""
 

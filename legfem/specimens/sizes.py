@@ -331,6 +331,7 @@ _CUT_OFF = 0.1
 """Of the depth: a force that doesn't rise any more."""
 _UNITS: Mapping[str, Mapping[str, float]] = {
     "pressure": {"mbar": 0.1, "mmHg": 0.1333, "psi": 6.895, "Pa": 1e-3},
+    "torque": {"N m": 1e3, "µN m": 1e-3},
     "force_N": {"kgf": 9.80665, "gf": 9.80665e-3, "mN": 1e-3, "kN": 1e3, "lbf": 4.448, "ozf": 0.278},
 }
 """Units that are taken for the right one by column, and by what they change a stiffness."""

@@ -61,6 +61,7 @@ class CupKind(SpecimenKind[SuctionEntry, CupOnLayer]):
     layered: ClassVar = True
     relaxes_as_a_whole: ClassVar = True
     starts_at_contact: ClassVar = True
+    load_field: ClassVar = "pressure"
 
     def body_of(self, given: SuctionEntry) -> CupOnLayer:
         """Return the sizes."""

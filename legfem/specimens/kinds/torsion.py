@@ -1,0 +1,135 @@
+"""A cylinder twisted between two plates that stick to its ends, as in a rheometer.
+
+Angles are displacements and torques forces at a lever of 1 mm: rad are mm there, and N mm are N. Sizes then act on the
+model alone.
+"""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from legfem.common.errors import Doubt, InputError
+from legfem.common.input_files import FileTable, Positive, read_table
+from legfem.data import Instrument, Recording, Segmentation
+from legfem.data.recording import backwards, not_increasing
+from legfem.data.smoothing import sample_noise
+from legfem.experiments.bodies import TwistedCylinder
+from legfem.specimens.course import read_specimen
+from legfem.specimens.kind import Law, ShownAxes, SpecimenKind, SpecimenRecordingsEntry, SpecimenTest, needed
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_ANGLES = {"angle_rad": 1.0, "angle_deg": math.pi / 180, "angle_mrad": 1e-3}
+_TORQUES = {"torque_Nmm": 1.0, "torque_mNm": 1.0, "torque_uNm": 1e-3, "torque_Nm": 1e3}
+"""Columns, and rad and N mm of their units."""
+_NORMAL = "normal_force_N"
+"""What the plates are pushed apart by, if that was recorded."""
+_OTHERWISE = 0.3
+"""Of what it is by theory: a rise that is off by more is doubted."""
+_GIVE = f"give time_s, one of {', '.join(_ANGLES)}, one of {', '.join(_TORQUES)}, and {_NORMAL} if you have it"
+_MOST_SHEAR = 5.0
+"""At the rim: no tissue is sheared by more."""
+_LEAST_SHEAR = 1e-4
+
+
+class TorsionEntry(FileTable):
+    """``[torsion]``: a cylinder between two plates that stick to its ends and keep their distance, twisted by one."""
+
+    diameter_mm: Positive | None = None
+    """Diameter of the specimen."""
+    height_mm: Positive | None = None
+    """Distance between the plates."""
+
+
+class TorsionKind(SpecimenKind[TorsionEntry, TwistedCylinder]):
+    """The twisted cylinder."""
+
+    table: ClassVar = "torsion"
+    entry: ClassVar = TorsionEntry
+    body: ClassVar = TwistedCylinder
+    words: ClassVar = "a twisted cylinder"
+    done: ClassVar = "a cylinder twisted between two plates that stick to its ends"
+    followed: ClassVar = "a diameter_mm of half the true value makes it sixteen times as large"
+    note: ClassVar = "Displacements in mm are angles in rad, and forces in N are torques in N mm: at a lever of 1 mm."
+    own: ClassVar = {"diameter_mm": "radius", "height_mm": "height"}
+    directions: ClassVar = ()
+    relaxes_as_a_whole: ClassVar = True
+    load_field: ClassVar = "torque"
+    no_slip: ClassVar = "the plates are said to hold the cylinder"
+
+    def body_of(self, given: TorsionEntry) -> TwistedCylinder:
+        """Return the sizes."""
+        return TwistedCylinder(needed(given, "diameter_mm") / 2, needed(given, "height_mm"))
+
+    def model(self, body: TwistedCylinder, law: Law, depth: float) -> SpecimenTest:
+        """Return the test in closed form."""
+        from legfem.experiments.torsion import TorsionTest
+
+        assert not isinstance(law, tuple)
+        return TorsionTest(body, law)
+
+    def presses(self, body: TwistedCylinder) -> bool:
+        """Return whether it is shortened: it isn't."""
+        return False
+
+    def axes(self, body: TwistedCylinder, recording: Recording) -> ShownAxes:
+        """Return twist and torque."""
+        return ShownAxes("twist", "°", math.degrees(1.0), "torque", "N mm")
+
+    def doubts(self, recording: Recording, body: TwistedCylinder) -> list[Doubt]:
+        """Return a doubt about plates that are pushed apart otherwise than by the torque.
+
+        Raises
+        ------
+        InputError
+            For a twist that no tissue bears, and one that is none.
+        """
+        source = f"{recording.source or recording.trial}"
+        twist = float(recording.displacement.max() - recording.displacement.min())
+        shear = twist * body.radius / body.height
+        if not _LEAST_SHEAR < shear < _MOST_SHEAR:
+            raise InputError(
+                source,
+                "angle",
+                f"a twist of {math.degrees(twist):.3g}° shears the rim by {shear:.2g}",
+                "check whether the angle is in degrees or rad, and the sizes",
+            )
+        pushed = None if recording.source is None else _table(recording.source).get(_NORMAL)
+        if pushed is None:
+            return []
+        first, last = recording.displacement.argmin(), recording.displacement.argmax()
+        said = 0.5 * twist / body.height * float(np.abs(recording.force[last] - recording.force[first]))
+        risen = float(pushed.iloc[last] - pushed.iloc[first])
+        if abs(risen - said) <= _OTHERWISE * said + 5 * sample_noise(pushed.to_numpy(dtype=float)):
+            return []
+        what = f"rises by {risen:.3g} N, where any law of I1 pushes the plates apart by {said:.3g} N"
+        return [Doubt(source, _NORMAL, what, "check its sign and zero, whether the gap is kept, and the angle's unit")]
+
+    def read(
+        self, path: Path, given: SpecimenRecordingsEntry, body: TwistedCylinder, errors: Instrument | None, name: str
+    ) -> Segmentation:
+        """Read a recording of ``time_s``, an angle and a torque."""
+        table = _table(path)
+        angles, torques = ([one for one in units if one in table] for units in (_ANGLES, _TORQUES))
+        if given.channels() is not None or len(angles) != 1 or len(torques) != 1:
+            what = f"has {len(angles)} columns of an angle and {len(torques)} of a torque"
+            raise InputError(path, "header", what, _GIVE)
+        time, angle, torque = (table[one].to_numpy(dtype=float) for one in ("time_s", angles[0], torques[0]))
+        rows = not_increasing(time)
+        if rows:
+            raise InputError(
+                path, f"time_s, row {rows[0] + 1}", f"{backwards(time, rows[0])})", "sort the rows by time"
+            )
+        recording = Recording(time, _ANGLES[angles[0]] * angle, _TORQUES[torques[0]] * torque, name, path)
+        return read_specimen(recording, errors, given.starts_at_contact, self.onset_power)
+
+
+def _table(path: Path) -> "pd.DataFrame":
+    every = (*_ANGLES, *_TORQUES, _NORMAL)
+    try:
+        return read_table(path, ("time_s", *every), optional=every)
+    except InputError as error:
+        raise InputError(path, error.field, error.problem, _GIVE if error.field == "header" else error.remedy) from None
