@@ -177,7 +177,7 @@ def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_pat
     )
     assert page.headline.tone == "caution", "a recording was left out"
     wrong = specimen_page(pages.specimens(tmp_path, p_value=1e-9))
-    assert wrong.headline.tone == "wrong" and "does not describe" in wrong.headline.sentence
+    assert wrong.headline.tone == "wrong" and " law misses the " in wrong.headline.sentence
     (fit, *_) = pages.specimens(tmp_path)
     tissues = SpecimenTissue("muscle", None, 0.49), SpecimenTissue("fat", "neo-hookean", 0.49, {"C10": 2e-3})
     held = replace(fit.details.folder, tissues=tissues, relaxes=True)

@@ -218,11 +218,15 @@ def _headline(best: SpecimenFit) -> web.Headline:
     tone: web.Tone = "wrong" if not best.goodness.fits else "caution" if doubtful else "sound"
     fitted = sum(one.fitted for one in best.tests)
     together = "the recording" if fitted == 1 else f"the {fitted} recordings together"
-    describes = "describes" if best.goodness.fits else "does not describe"
+    by = f"{rms_percent(best):.2g} % of the greatest force"
+    does = (
+        f"describes {together} within {by}"
+        if best.goodness.fits
+        else f"misses {together} by {by} (rms), more than measurement errors explain"
+    )
     return web.Headline(
         tone,
-        f"{_stiffness(best)}The {law} law {describes} {together} within {rms_percent(best):.2g} % of the "
-        f"greatest force{'' if best.goodness.fits else ', more than measurement errors explain'}.",
+        f"{_stiffness(best)}The {law} law {does}.",
         [
             (
                 "Problems found",
