@@ -188,13 +188,20 @@ def _is_small(size: str, test: str) -> bool:
     return test in size or size in ("opening_mm", "rim_mm")
 
 
+COLUMNS_OF = {
+    "suction": {"force_N": "pressure_kPa"},
+    "torsion": {"displacement_mm": "angle_rad", "force_N": "torque_Nmm"},
+}
+"""What tests call the columns that are forces and displacements of others."""
+
+
 @pytest.mark.parametrize("test", SpecimenFile.alternatives)
 def test_recordings_become_specimens_that_lack_nothing(tmp_path, test):
     write_bars(tmp_path, ReducedPolynomial(5e-3, 1.0, 3e-3, np.inf))
     (tmp_path / "specimen.toml").unlink()
     for path in (tmp_path / "recordings").iterdir():
-        if test == "suction":
-            path.write_text(path.read_text().replace("force_N", "pressure_kPa"))
+        for name, own in COLUMNS_OF.get(test, {}).items():
+            path.write_text(path.read_text().replace(name, own))
         path.rename(tmp_path / path.name)
     stated = {
         one.key[-1]: one.choices[0] if one.choices else 10.0 if _is_small(one.key[-1], test) else 40.0

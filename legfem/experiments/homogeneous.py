@@ -179,5 +179,5 @@ class HomogeneousTest(ClosedFormTest[HomogeneousBody]):
             # The load's own axis is the second of a section's.
             k = (1, 0, 2)[int(np.argmax(np.abs(self.fibres.axis)))]
             stretch = square[:, k, k]
-            found[:, k, k] += parameters["fibres.extension"] / 2 * (stretch - 1) * stretch
+            found[:, k, k] += parameters["deep.fibres.extension"] / 2 * (stretch - 1) * stretch
         return found
