@@ -9,6 +9,7 @@ the exact derivative by a material's number.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -184,16 +185,20 @@ def nuisance_effects(
 
     def along(of: NuisanceChanges) -> dict[str, FloatArray]:
         rows = {**of.geometric, **of.material}
-        every = CubicSpline(of.grid, np.column_stack(list(rows.values())))(np.maximum(d, of.grid[0]))
-        return dict(zip(rows, every.T, strict=True))
+        stacked = np.reshape(list(rows.values()), (len(rows), len(of.grid)))
+        every = CubicSpline(of.grid, stacked, axis=1)(np.maximum(d, of.grid[0]))
+        return dict(zip(rows, every, strict=True))
 
     of_force = along(changes)
-    of_courses = {name: along(changes.channels[name]) for one in observed.channels for name in one.courses}
+
+    @cache
+    def of_course(course: str) -> dict[str, FloatArray]:
+        return along(changes.channels[course])
 
     def effect(name: str) -> FloatArray:
         by_channel: list[FloatArray] = [force * of_force[name]]
         for one in observed.channels:
-            by_channel.append(one.read(lambda course: of_courses[course][name]))
+            by_channel.append(one.read(lambda course: of_course(course)[name]))
         return np.concatenate(by_channel)
 
     found: list[NuisanceEffect] = []
