@@ -234,6 +234,8 @@ def test_a_foam_s_tension_compression_and_shear_need_different_constants(tmp_pat
     factor = {one.name: one.factor for one in agreement.tests}
     assert factor["tension"] > 1.3 > 0.8 > factor["compression"]
     assert fit.estimates["deep.C10"].identifiability == "not identifiable"
+    stiffening = fitted(tmp_path, "reduced-polynomial").estimates["deep.C20"]
+    assert stiffening.ci95[0] >= stiffening.parameter.bounds[0]
 
 
 WRONG = {

@@ -329,11 +329,12 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
     rows += [
         web.Known(_words(name), estimates.held_text(name, value), "assumed", _HELD_BY) for name, value in held.items()
     ]
-    first = results[0]
+    # A law that misses all recordings alike makes more of how they differ.
+    first = least_akaike(results)
     rows.append(
         web.Known(
             "factor by which recordings differ",
-            f"{100 * first.details.gain_sd:.2g} % (sd)",
+            f"{100 * first.details.gain_sd:.3g} % (sd)",
             "estimated",
             "the recordings' forces; the intervals include it",
         )

@@ -135,7 +135,7 @@ def _mixed_estimate(
     name: str, best: Estimate, every: "Sequence[Weighed]", fits: bool, source: ErrorSource, of: str
 ) -> Estimate:
     known = [(one.probability, one.estimates[name]) for one in every if name in one.estimates]
-    low, high = (_mixed(known, level) for level in (0.025, 0.975))
+    low, high = (float(np.clip(_mixed(known, level), *best.parameter.bounds)) for level in (0.025, 0.975))
     if len(known) < len(every) or not low < high:
         return best
     widened = replace(best, ci95=(min(low, best.value), max(high, best.value)))
