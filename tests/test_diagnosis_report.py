@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from legfem.common.units import percent
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.location import runs
 from legfem.legs.loading import load_subject
+from legfem.report import diagnosis_headline
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import results as report
 from legfem.report.diagnosis import diagnosis_web_page
@@ -252,3 +254,18 @@ def test_numbers_have_the_digits_that_their_errors_leave():
     assert number(123.4, 20.0) == "123"
     assert number(0.0) == "0" and number(float("nan")) == "-"
     assert probability(5e-4) == "p < 0.001" and probability(None) == "p unknown"
+
+
+@pytest.mark.parametrize(
+    ("missing", "in_part", "heading"),
+    [
+        ({}, False, "The corrected model fits, and C10 may be off by 19 %."),
+        ({}, True, "The corrected model fits in part, and C10 may be off by 19 %."),
+        ({"viscoelasticity": ()}, True, "The corrected model fits, but not in all parts, and C10 may be off by 19 %."),
+    ],
+)
+def test_a_model_that_explains_a_part_is_not_said_to_fit(monkeypatch, missing, in_part, heading):
+    monkeypatch.setattr(diagnosis_headline, "_wide", lambda found: True)
+    model = SimpleNamespace(missing=missing, in_part=in_part)
+    found = SimpleNamespace(withheld=False, verdict="named", models=[model], may_be_off=0.19)
+    assert diagnosis_headline._answer(found) == ("caution", heading)

@@ -7,9 +7,11 @@ import pytest
 from making_identification import identify, pressed_leg
 
 from legfem.inverse.comparison import total_of
-from legfem.inverse.estimates import main_source, shares_of_error
+from legfem.inverse.estimates import main_source, reasons, shares_of_error
+from legfem.inverse.intervals import Estimated
 from legfem.legs.correction import TabulatedCorrection
 from legfem.report.kinds.leg import leg_page
+from legfem.specimens.course import relaxation_parameters
 
 DEEPER, LONGER = "press deeper", "use a longer cylinder, or solve this leg in 3D (--model 3d)"
 
@@ -54,3 +56,8 @@ def test_advice_is_what_narrows_the_interval(tmp_path, noise, ends_sd, said, uns
     (narrower,) = identify(again, laws=("neo-hookean",), correction=of_ends(better[1]))
     width = narrower.estimates["deep.C10"].standard_error / found.standard_error
     assert width == pytest.approx(1.0, abs=0.25)
+
+
+def test_the_interval_of_a_number_without_a_unit_has_none():
+    ratio = relaxation_parameters()[0]
+    assert reasons(Estimated(ratio, 2.0, 0.1, (1.8, 2.2))).startswith("95 % interval 1.8 to 2.2, ")

@@ -286,18 +286,19 @@ def reasons(
         What was measured, in words.
     """
     parameter = known.parameter
-    unit, factor = readable_unit(parameter.unit)
+    name, factor = readable_unit(parameter.unit)
+    unit = f" {name}".removesuffix(" -")
     low, high = (factor * end for end in known.ci95)
     if known.undetermined:
-        found = [f"no interval was found within what was searched, {_between(low, high)} {unit}"]
+        found = [f"no interval was found within what was searched, {_between(low, high)}{unit}"]
     elif known.at_bound == "lower":
-        found = [f"the optimum stands at the lower bound; at most {high:.3g} {unit} fits (95 %)"]
+        found = [f"the optimum stands at the lower bound; at most {high:.3g}{unit} fits (95 %)"]
     elif known.at_bound == "upper":
         found = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
     else:
         share = _percent(known.relative_half_width)
         of = " of the range before" if parameter.scale == "linear" else ""
-        found = [f"95 % interval {_between(low, high)} {unit}, {share}{of} either side"]
+        found = [f"95 % interval {_between(low, high)}{unit}, {share}{of} either side"]
     if parameter.prior is not None:
         left = known.error_over_prior
         found.append(

@@ -67,7 +67,10 @@ def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
         return "caution", f"Good enough: the model misses by {share(found.misfit.size)} of the largest force."
     if _wide(found):
         fits = "The model fits" if found.verdict == "consistent" else "The corrected model fits"
-        fits += ", but not in all parts" if found.models and found.models[0].missing else ""
+        if found.models and found.models[0].missing:
+            fits += ", but not in all parts"
+        elif found.verdict == "named" and found.models[0].in_part:
+            fits += " in part"
         return "caution", f"{fits}, and C10 may be off by {percent(found.may_be_off)}."
     if found.verdict == "consistent":
         return ("sound", "Yes.") if found.aside is None else ("caution", f"Yes, without {found.aside.described}.")

@@ -11,6 +11,7 @@ from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
+from legfem.report.face_profile import face_profile
 from legfem.report.further_channels import channel_lines, drawn
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
@@ -328,11 +329,12 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
     rows += [
         web.Known(_words(name), estimates.held_text(name, value), "assumed", _HELD_BY) for name, value in held.items()
     ]
-    first = results[0]
+    # A law that misses all recordings alike makes more of how they differ.
+    first = least_akaike(results)
     rows.append(
         web.Known(
             "factor by which recordings differ",
-            f"{100 * first.details.gain_sd:.2g} % (sd)",
+            f"{100 * first.details.gain_sd:.3g} % (sd)",
             "estimated",
             "the recordings' forces; the intervals include it",
         )
@@ -389,7 +391,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
             greatest=1.0,
         )
     )
-    blocks += drawn(results)
+    blocks += [*drawn(results), *face_profile(results)]
     return [*blocks, *(block for result in results for block in _in_numbers(result))]
 
 
