@@ -112,6 +112,8 @@ def test_points_on_the_side_say_that_ends_stick_and_narrow_the_interval() -> Non
     assert one.ci95[0] < C10 < one.ci95[1] and width[True] < 0.4 * width[False]
     assert chance[True] > 0.99 > 0.6 > chance[False]
     assert abs(face.along[0] - 1) < 2 * face.along[1]
+    heights, seen, model = face.profile
+    assert (np.diff(seen) < 0).all() and model == pytest.approx(seen, abs=0.02) and heights[-1] == 0.75
 
 
 COLUMNS = "time_s,x_mm,y_mm,ux_mm,uy_mm"

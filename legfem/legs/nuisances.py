@@ -9,6 +9,7 @@ the exact derivative by a material's number.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -182,17 +183,22 @@ def nuisance_effects(
     """
     d, force = observed.displacement, prediction[: len(observed.force)]
 
-    def along(of: NuisanceChanges, change: FloatArray) -> FloatArray:
-        return np.asarray(CubicSpline(of.grid, change)(np.maximum(d, of.grid[0])))
+    def along(of: NuisanceChanges) -> dict[str, FloatArray]:
+        rows = {**of.geometric, **of.material}
+        stacked = np.reshape(list(rows.values()), (len(rows), len(of.grid)))
+        every = CubicSpline(of.grid, stacked, axis=1)(np.maximum(d, of.grid[0]))
+        return dict(zip(rows, every, strict=True))
 
-    def of_course(course: str, kind: Literal["geometric", "material"], name: str) -> FloatArray:
-        own = changes.channels[course]
-        return along(own, getattr(own, kind)[name])
+    of_force = along(changes)
 
-    def effect(kind: Literal["geometric", "material"], name: str) -> FloatArray:
-        by_channel: list[FloatArray] = [force * along(changes, getattr(changes, kind)[name])]
+    @cache
+    def of_course(course: str) -> dict[str, FloatArray]:
+        return along(changes.channels[course])
+
+    def effect(name: str) -> FloatArray:
+        by_channel: list[FloatArray] = [force * of_force[name]]
         for one in observed.channels:
-            by_channel.append(one.read(lambda course: of_course(course, kind, name)))
+            by_channel.append(one.read(lambda course: of_course(course)[name]))
         return np.concatenate(by_channel)
 
     found: list[NuisanceEffect] = []
@@ -200,7 +206,7 @@ def nuisance_effects(
         if (sd := accuracy.log_sd(name)) > 0:
             word = _word(name)
             degrees = GEOMETRY_DOF if name.startswith(SIZE) else MATERIAL_DOF
-            found.append(NuisanceEffect(word, sd * effect("material", name), Cause(word, degrees)))
+            found.append(NuisanceEffect(word, sd * effect(name), Cause(word, degrees)))
     scale = {
         "aim": (accuracy.aim_sd / AIM_SD_MM, Cause("aim", GEOMETRY_DOF)),
         "direction": (accuracy.direction_sd / DIRECTION_SD_DEG, Cause("direction", GEOMETRY_DOF)),
@@ -208,9 +214,9 @@ def nuisance_effects(
     }
     for name, (factor, cause) in scale.items():
         if name in changes.geometric and factor > 0:
-            found.append(NuisanceEffect(name, factor * effect("geometric", name), cause))
+            found.append(NuisanceEffect(name, factor * effect(name), cause))
     for part in OUTLINES:
-        rows = [effect("geometric", n) for n in changes.geometric if n.startswith(f"outline of the {part}")]
+        rows = [effect(n) for n in changes.geometric if n.startswith(f"outline of the {part}")]
         if rows and accuracy.contour_sd > 0:
             found += _outline(part, rows, accuracy.contour_sd)
     if ends is not None:

@@ -11,6 +11,7 @@ from legfem.inverse.readings import RELAXATION
 from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
+from legfem.report.face_profile import face_profile
 from legfem.report.further_channels import channel_lines, drawn
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
@@ -394,7 +395,7 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
             greatest=1.0,
         )
     )
-    blocks += drawn(results)
+    blocks += [*drawn(results), *face_profile(results)]
     return [*blocks, *(block for result in results for block in _in_numbers(result))]
 
 

@@ -6,6 +6,7 @@ ends and compressibility are as assumed. Both are those of generalised least squ
 whose gain is shared.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +15,14 @@ from scipy.stats import multivariate_normal
 from legfem.channels.kinds.face_strain import ACROSS, ALONG, FACE_STRAIN
 from legfem.common.units import FloatArray
 from legfem.experiments.bodies import HomogeneousBody
+from legfem.inverse.channel_readings import ChannelReadings
 from legfem.specimens.channels import SpecimenReadings
 from legfem.specimens.kinds import kind_of
 from legfem.specimens.sizes import bare
 
 _MOST_RATIO = 0.5
+_DEEPEST = 0.95
+"""Of the depth of a recording's deepest reading."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,8 @@ class FaceFit:
         Of the readings.
     pressed
         Whether the specimen is; else it is pulled.
+    profile
+        Heights over half the specimen's, strains across there at the deepest readings, and the model's; (3, h).
     poisson_ratio
         That goes with the strain across; None where ends or shape have a part in it.
     """
@@ -46,6 +52,7 @@ class FaceFit:
     across: tuple[float, float]
     log_density: float
     pressed: bool
+    profile: FloatArray
     poisson_ratio: float | None = None
 
     @property
@@ -96,5 +103,20 @@ def face_fit(comparison: SpecimenReadings, predicted: FloatArray) -> FaceFit | N
         (float(across / along), float(np.sqrt(of_ratio @ covariance @ of_ratio))),
         density,
         kind_of(type(body)).presses(body),
+        _profile(readings, seen, model),
         float(-logs[0] / logs[1]) if alike else None,
     )
+
+
+def _profile(readings: Sequence[ChannelReadings], seen: FloatArray, model: FloatArray) -> FloatArray:
+    """Return heights, and the mean over recordings of strains across at the deepest readings there, (3, h)."""
+    height, way = np.concatenate([one.place for one in readings]).T
+    depth = np.concatenate([one.displacement for one in readings])
+    ends = np.concatenate([np.full(len(one.values), one.displacement.max()) for one in readings])
+    deepest = (way == ACROSS) & (depth > _DEEPEST * ends)
+    return np.array(
+        [
+            (at, *(float(one[deepest & (height == at)].mean()) for one in (seen, model)))
+            for at in np.unique(height[deepest])
+        ]
+    ).T
