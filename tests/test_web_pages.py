@@ -29,7 +29,8 @@ from legfem.report.leg_3d_view import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.page import Bars, LabelledBar, Slider, View
 from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
-from legfem.report.specimen_page import curves_of, procedure, specimen_page
+from legfem.report.specimen_page import curves_of, specimen_page
+from legfem.report.specimen_sentences import procedure
 from legfem.report.stocking_pressures import by_height
 from legfem.specimens.laws import SpecimenTissue
 from legfem.study.correction.page import correction_web_page

@@ -1,0 +1,161 @@
+"""What a page of specimens says in sentences: whose data they are, what was done, and how each law fared."""
+
+from collections.abc import Sequence
+
+from legfem.inverse.catalogue import is_ratio
+from legfem.inverse.fit import Fit
+from legfem.report import estimates
+from legfem.report.further_channels import channel_lines
+from legfem.report.style import LAW_NAMES
+from legfem.report.words import ORIGINS, fit_probability
+from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
+from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent
+from legfem.specimens.sizes import kind_in
+
+type SpecimenFit = Fit[SpecimenDetails]
+
+_SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
+
+
+def origin_text(result: SpecimenFit) -> str:
+    """Return what kind of data they are, in words."""
+    origin = result.details.folder.origin
+    return _SIMULATED if origin == "simulated" else ORIGINS[origin]
+
+
+def procedure(result: SpecimenFit) -> str:
+    """Return what was done with the recordings, as a paragraph."""
+    every = result.details.folder.recordings
+    note, axes = " ".join(dict.fromkeys(filter(None, (kind_in(one.sizes).note for one in every)))), every[0].axes
+    timed = [one.recording.timed for one in every]
+    untimed = (
+        ""
+        if all(timed)
+        else f"{'Some' if any(timed) else 'They'} are tables of stretch and stress without a time, so nothing is "
+        "known of rates; forces are those on a body of the stated size, or on a cube of 10 mm. The errors of the "
+        "tables are their differences from a smooth curve. "
+    )
+    relaxing = (
+        "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
+        "show that, otherwise quasi-linearly. This is exact where the whole specimen has the same strain, "
+        "and an approximation for small strain elsewhere. "
+        if result.details.folder.relaxes
+        else ""
+    )
+    own = (
+        "Each specimen has its own stiffness, a factor on the law's; the law describes a typical "
+        "specimen (the geometric mean), and its interval includes the differences between specimens. "
+        if result.details.stiffness
+        else ""
+    )
+    until = (
+        "until hardly any force was left, with the returns as they were driven. "
+        if result.details.folder.returns
+        else "to the first return; recordings after that were not used. "
+    )
+    fitted = sum(one.fitted for one in result.tests)
+    together = (
+        f"{fitted} recordings were fitted together by one law, weighted equally relative to their greatest {axes.load},"
+        if fitted > 1
+        else "1 recording was fitted"
+    )
+    return (
+        f"{together} from first contact {until}{untimed}{relaxing}"
+        f"{own}{_of_layers(result)}{_of_fibres(result)}{f'{note} ' if note else ''}"
+        "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
+        "refined and confirmed. The intervals include the errors of the instrument and of the model, and the "
+        f"factor by which recordings differ ({100 * result.details.gain_sd:.2g} %)."
+    )
+
+
+def _of_layers(result: SpecimenFit) -> str:
+    tissues = result.details.folder.tissues
+    if len(tissues) == 1:
+        return ""
+    stated = [one.name for one in tissues if "C10" in one.stated]
+    held = f"the stiffness of {', '.join(stated)} is as stated, and " if stated else ""
+    if result.details.folder.relaxes:
+        after = " (so a stated stiffness is that after all relaxation)" if stated else ""
+        held = f"they are taken to relax alike{after}; {held}"
+    return (
+        f"The layers are bonded to each other; {held}the shape of a curve is taken to be known to "
+        f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, because effects that the law leaves out bend it in the same way as "
+        "layers of different stiffness. "
+    )
+
+
+def _of_fibres(result: SpecimenFit) -> str:
+    (ratio,) = [name for name in result.values if is_ratio(name)] or [""]
+    if not ratio:
+        return ""
+    sought = ratio in result.estimates
+    shape = (
+        "the bend of a curve was not used, because fibres that are slack at first can change it by tens of percent"
+        if result.details.ratio_undetermined
+        else f"the shape of a curve is taken to be known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
+    )
+    typical = (
+        "Typical specimens of both directions are taken to be equally stiff, and a specimen that was turned to "
+        "be the same. "
+        if sought and result.details.stiffness and not result.details.ratio_undetermined
+        else ""
+    )
+    return (
+        "The tissue is stiffer along its fibres: the ratio of its shear moduli is "
+        f"{'estimated' if sought else f'taken to be {result.values[ratio]:.3g}'}, Young's modulus "
+        f"along them being four times the modulus along less the modulus across; {shape}. {typical}"
+    )
+
+
+def followed(result: SpecimenFit) -> str:
+    """Return how stiffness follows the size of what presses or is pressed, as a clause."""
+    tables = "a stress of twice the true value, by its unit or measure, doubles the stiffness"
+    every = result.details.folder.recordings
+    return "; ".join(dict.fromkeys(kind_in(one.sizes).followed if one.recording.timed else tables for one in every))
+
+
+def differing(result: SpecimenFit) -> list[str]:
+    """Return how the specimens' stiffness differs, where each has its own."""
+    own = result.details.stiffness
+    if not own:
+        return []
+    low, high = min(own.values()), max(own.values())
+    return [
+        f"of a typical specimen: {len(own)} specimens are {low:.2f} to {high:.2f} times as stiff "
+        f"(standard deviation of the logarithm {result.details.stiffness_spread:.2f})"
+    ]
+
+
+def _of_its_own(result: SpecimenFit, one: SampleFit) -> str:
+    if not result.details.stiffness:
+        return ""
+    if one.specimen in result.details.stiffness:
+        return ", with the stiffness of its specimen in the other recordings"
+    return f"; with {one.scale:.2f} times the stiffness of a typical specimen, {one.shape_r_squared:.3f}"
+
+
+def predictions(result: SpecimenFit) -> list[str]:
+    """Return how well what was left out is predicted."""
+    return [
+        f"left out, {one.name}: predicted with R² {one.r_squared:.3f}, rmse {one.axes.load_text(one.rmse)} "
+        f"({100 * one.rmse / one.course.peak:.2g} % of {one.axes.load_text(one.course.peak)}){_of_its_own(result, one)}"
+        for one in compared(result)
+        if not one.fitted
+    ]
+
+
+def tested(results: Sequence[SpecimenFit]) -> list[str]:
+    """Return how each law fared, a line each."""
+    return [
+        line
+        for result in results
+        for line in (
+            f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
+            f"chi-square {result.goodness.chi_square:.4g} on {result.goodness.degrees_of_freedom} degrees of freedom "
+            f"({fit_probability(result.goodness.p_value)}).",
+            *channel_lines(result),
+            *estimates.why_identifiable(result.estimates, result.law),
+            *(one.text for one in (result.details.agreement,) if one is not None and not one.disagree),
+            *(f"{text}." for text in (*differing(result), *predictions(result))),
+        )
+    ]
