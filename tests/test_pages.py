@@ -202,7 +202,7 @@ def test_files_that_are_shown_are_read(page: str, parse: Any, tmp_path: Path) ->
 
 def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None:
     """As parts of the file that is shown whole."""
-    whole, layers, fibres, cup, several, tables = blocks("docs/tutorials/own-specimen.md", "toml")
+    whole, layers, fibres, cup, face, twisted, several, tables = blocks("docs/tutorials/own-specimen.md", "toml")
     named, ball = whole[: whole.index("[ball]")], whole[: whole.index("[[specimen]]")]
     path = tmp_path / "shown.toml"
     path.write_text(ball + layers, encoding="utf-8")
@@ -214,6 +214,10 @@ def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None
     path.write_text(named + cup, encoding="utf-8")
     given = parse_specimen_file(path).suction
     assert given is not None and given.opening_mm == 10.0
+    path.write_text(ball + face, encoding="utf-8")
+    assert parse_specimen_file(path).channels.face_strain.file == "face-{trial}.csv"
+    path.write_text(named + twisted, encoding="utf-8")
+    assert parse_specimen_file(path).torsion.height_mm == 6.0
     path.write_text(named + tables, encoding="utf-8")
     assert parse_specimen_file(path).equibiaxial is not None
     path.write_text(several)
