@@ -116,6 +116,15 @@ def test_an_interval_that_is_all_that_was_searched_is_called_not_determined(tmp_
     assert f" to {1e3 * found.parameter.bounds[1]:g}" not in text
 
 
+def test_an_interval_of_no_width_at_a_bound_is_no_precise_number(tmp_path: Path):
+    (fit,) = pages.specimens(tmp_path)
+    (found,) = fit.estimates.values()
+    bound = found.parameter.bounds[0]
+    stuck = replace(found, value=bound, ci95=(bound, bound), identifiability="not identifiable")
+    sure = dict(pages.specimen_page([replace(fit, estimates={"deep.C10": stuck})], "").headline.answers)["How sure"]
+    assert "cannot be determined from this test" in sure and "± 0 %" not in sure
+
+
 MUSCLE = parameter_of("muscle.C10", {"muscle.C10": 5e-3})
 
 

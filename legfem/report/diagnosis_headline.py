@@ -113,7 +113,7 @@ def _wrong(found: Diagnosis) -> str:
         return f"{misfit_sentence(found)}{_place(found)}"
     if found.verdict == "unexplained":
         return (
-            "The computer model of the leg does not reproduce the recording, and no cause that "
+            "The computer model does not reproduce the recording, and no cause that "
             f"this program knows explains the difference.{_place(found)}"
         )
     if found.verdict == "named":
@@ -157,7 +157,8 @@ def _place(found: Diagnosis) -> str:
         return ""
     most = max(places, key=lambda place: place.weight)
     low, high = most.displacement
-    return f" The difference is largest between {low:.0f} and {high:.0f} mm of {most.phase}: {abs(most.size):.1g} N."
+    at = f"between {low:.2g} and {high:.2g}" if f"{low:.2g}" != f"{high:.2g}" else f"at {high:.2g}"
+    return f" The difference is largest {at} mm of {most.phase}: {abs(most.size):.1g} N."
 
 
 def _sure(found: Diagnosis) -> str:

@@ -161,13 +161,18 @@ def how_sure(parameters: Mapping[str, Estimate], words: Callable[[str], str] = s
     return f"{each}. If the model is right, 19 of 20 such intervals contain the true value."
 
 
+_NOTHING = 0.005
+
+
 def _known_within(symbol: str, found: Estimate) -> str:
     half = found.relative_half_width
-    if found.undetermined or not np.isfinite(half) or half > 1:
+    useless = found.identifiability == "not identifiable"
+    # A width of nothing at a bound is the bound's.
+    if found.undetermined or not np.isfinite(half) or half > 1 or (useless and half < _NOTHING):
         return f"{symbol} cannot be determined from this test ({found.identifiability})"
     range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""
     known = f"± {100 * half:.0f} %{range_}"
-    if found.identifiability == "not identifiable":
+    if useless:
         return f"{symbol} is known only to within {known}, which is too little to use (not identifiable)"
     return f"{symbol} is known to within {known} ({found.identifiability})"
 

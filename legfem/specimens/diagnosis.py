@@ -399,6 +399,8 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
             "The recordings are tables of stretch and stress: forces and displacements are those of a body of the "
             "stated size, or of a cube of 10 mm, and nothing is known of time."
         )
+    if note := kind_in(used[0].sizes).note:
+        remarks.append(note)
     if folder.alternatives:
         first = folder.alternatives[0]
         remarks.append(
