@@ -27,10 +27,10 @@ from legfem.legs.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from legfem.specimens.channels import beside_of, readings_of
 from legfem.specimens.comparison import comparison_of
-from legfem.specimens.diagnosis import Scale, mechanisms_of
 from legfem.specimens.folder import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward, SpecimenVariants
 from legfem.specimens.laws import SpecimenTissue, identified_law, request_of_texts, tissues_of
+from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
 from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text, slipping
 

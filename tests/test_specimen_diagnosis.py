@@ -21,10 +21,11 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.legs.mechanisms import Solution
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
 from legfem.solve.protocol import Protocol
-from legfem.specimens.diagnosis import DiagnosedSpecimen, Scale, diagnose_specimens, mechanisms_of, mechanisms_on_a_rig
+from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.forward import SpecimenVariants, experiment_of
 from legfem.specimens.laws import REFERENCE_MPA, specimen_law
+from legfem.specimens.mechanisms import Scale, mechanisms_of, mechanisms_on_a_rig
 from legfem.specimens.sizes import slipping
 
 PLATES = '[plates]\ndiameter_mm = 24.0\nheight_mm = 12.0\nends = "bonded"'

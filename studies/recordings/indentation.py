@@ -26,7 +26,7 @@ from legfem.legs.mechanisms import Mechanism
 from legfem.legs.mechanisms.muscle import StrainStiffening
 from legfem.legs.mechanisms.rig import ContactOnset, ForceDrift
 from legfem.legs.mechanisms.time_dependence import TissueRelaxation
-from legfem.specimens.diagnosis import RigCompliance
+from legfem.specimens.mechanisms import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest
 from studies.recordings.motion import (

@@ -31,7 +31,7 @@ from legfem.meshing.structured import LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
-from legfem.specimens.diagnosis import mechanisms_on_a_rig
+from legfem.specimens.mechanisms import mechanisms_on_a_rig
 from legfem.study.correction.cases import CorrectionCase, Material
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.worked.example import ExampleRow, WorkedTruth, diagnosed
