@@ -12,6 +12,7 @@ from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
 from legfem.inverse.body_models import Stopped
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.emulator import GridSpline
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import rounded
@@ -28,7 +29,6 @@ from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.mechanisms.rig import EndEffects
 from legfem.legs.nuisances import displaced_geometries
 from legfem.legs.schema import SUBJECTS
-from legfem.legs.subject import FibreRatio
 from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0

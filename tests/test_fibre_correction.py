@@ -12,6 +12,7 @@ from making_diagnosis import observations, ramps
 from making_identification import DEPTH, identify, pressed_leg
 from making_results import law_document
 
+from legfem.inverse.elastography import FibreRatio
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import (
     FIBRES,
@@ -25,7 +26,6 @@ from legfem.legs.correction_of_leg import (
 from legfem.legs.loading import load_subject
 from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.solver_3d import fibre_errors
-from legfem.legs.subject import FibreRatio
 from legfem.report.kinds.leg import leg_page
 from legfem.report.render import plain_page
 from legfem.solve.path import ForceCurve

@@ -11,13 +11,13 @@ from test_leg_film import COARSE
 
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS
 from legfem.inverse.catalogue import DEEP_RATIO
+from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.outcome import JointForward, solve_test
 from legfem.jobs.pool import Workers
 from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels
 from legfem.legs.solver_3d import fibre_errors
-from legfem.legs.subject import FibreRatio
 
 pytestmark = pytest.mark.slow
 DEPTH, C10, RATIO = 5.0, {"deep.C10": 1.2e-3}, 2.5

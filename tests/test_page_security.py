@@ -13,7 +13,7 @@ import pytest
 from making_stocking import COARSEST, short_leg, write_shape
 
 from legfem.common.progress import Silent
-from legfem.legs.subject import ShearModulus
+from legfem.inverse.elastography import ShearModulus
 from legfem.report.curves import Curves, Line
 from legfem.report.page import (
     Bars,

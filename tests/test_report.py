@@ -14,11 +14,11 @@ from matplotlib.image import imread
 from scipy.stats import chi2
 
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.elastography import FibreRatio
 from legfem.legs.details import AppliedCorrection
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
-from legfem.legs.subject import FibreRatio
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.estimates import comparison
 from legfem.report.folder import keep_another, made_in_place

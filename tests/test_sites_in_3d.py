@@ -29,13 +29,14 @@ from legfem.channels.kinds import CHANNELS
 from legfem.commands.identify import app as identify_app
 from legfem.data.recording import RecordedChannel
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
+from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.settings import SearchRequest
 from legfem.legs import identification
 from legfem.legs.identification import fit_in_3d
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.solver_3d import ways_of_pressing
-from legfem.legs.subject import FibreRatio, SitedLeg
+from legfem.legs.subject import SitedLeg
 from legfem.report.kinds.leg import leg_page
 from legfem.report.render import rendered
 

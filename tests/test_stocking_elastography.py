@@ -12,7 +12,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import calf_levels
-from legfem.legs.subject import ShearModulus
+from legfem.inverse.elastography import ShearModulus
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.render import plain_page
 from legfem.report.stocking_page import stocking_web_page

@@ -22,8 +22,8 @@ from legfem.geometry.motion import RigidTransform
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
 from legfem.inverse.document import SCHEMA, fit_document
+from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.intervals import quantile
-from legfem.legs.subject import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.report.render import estimates_frame, plain_page, rendered

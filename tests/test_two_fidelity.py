@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording
+from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.search import SearchError
 from legfem.inverse.settings import SearchRequest
@@ -25,7 +26,7 @@ from legfem.legs.identification import MOST_SOLVES, fit_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
-from legfem.legs.subject import FibreRatio, Subject
+from legfem.legs.subject import Subject
 from legfem.report.kinds.leg import leg_page
 from legfem.report.render import plain_page
 

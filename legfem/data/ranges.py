@@ -1,8 +1,14 @@
 """Where the numbers of a leg and of its indentation usually lie, and where they can."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
-from legfem.common.errors import PhysicalRange
+from shapely import Polygon
+
+from legfem.common.errors import Doubt, PhysicalRange
+from legfem.common.units import FloatArray
 
 PAPER = "Frauziols et al. (2015)"
 
@@ -81,3 +87,31 @@ FORCE_SD = PhysicalRange("an error of the force", "N", (1e-5, 3.0), (1e-8, 100.0
 DISPLACEMENT_SD = PhysicalRange(
     "an error of the displacement", "mm", (1e-5, 1.5), (1e-8, 20.0), "data sheets of sensors"
 )
+
+
+def doubts_about_size(toml: Path, field: str, around: float, tibia: FloatArray) -> Iterator[Doubt]:
+    """Yield a doubt about a section that is too large or too small for a leg.
+
+    Parameters
+    ----------
+    toml, field
+        What names the section.
+    around
+        Its girth, mm.
+    tibia : (n, 2) array
+        Its outline, mm: bones are of one size where flesh isn't.
+
+    Raises
+    ------
+    InputError
+        For what no leg is.
+    """
+    remedy = "check that the coordinates are whole lengths in mm, not halved, nor in pixels"
+    width = math.sqrt(4 * Polygon(tibia).area / math.pi)
+    found = [*GIRTH.doubts(toml, field, around, remedy), *TIBIA.doubts(toml, field, width, remedy)]
+    low, high = LEG_MM2
+    if not found and not low <= around * width <= high:
+        size = "small" if around * width < low else "large"
+        problem = f"a girth of {around:.0f} mm with a tibia {width:.0f} mm wide: both are {size}"
+        found.append(Doubt(str(toml), field, f"{problem}, as if the section were scaled", remedy))
+    yield from found[:1]

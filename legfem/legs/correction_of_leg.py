@@ -35,8 +35,9 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data.folder import RESOURCES
 from legfem.geometry.section import depth_to_bone, girth
+from legfem.inverse.elastography import FibreRatio
 from legfem.legs.correction import TabulatedCorrection, read_correction
-from legfem.legs.subject import FibreRatio, Subject
+from legfem.legs.subject import Subject
 
 SCHEMA = 1
 LEGS_KIND = "3d-correction-of-legs"

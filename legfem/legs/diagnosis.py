@@ -11,6 +11,7 @@ from legfem.common.progress import Progress
 from legfem.data import Instrument
 from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, deep_stiffness
+from legfem.inverse.elastography import elastography_priors
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
@@ -27,7 +28,7 @@ from legfem.legs.mechanisms.muscle import MuscleFibres
 from legfem.legs.mechanisms.rig import EndEffects
 from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
-from legfem.legs.subject import MeasuredEffect, Subject, elastography_priors
+from legfem.legs.subject import MeasuredEffect, Subject
 
 
 def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> tuple[MeasuredStrength, ...]:

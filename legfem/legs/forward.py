@@ -14,11 +14,12 @@ from legfem.common.errors import InputError
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
 from legfem.inverse import catalogue
+from legfem.inverse.elastography import elastography_priors
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.readings import INSTRUMENT
 from legfem.jobs.store import code_fingerprint
-from legfem.legs.subject import Subject, elastography_priors
+from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues

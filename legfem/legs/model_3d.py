@@ -14,6 +14,7 @@ from legfem.data import LoadingCurve
 from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
+from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.inverse.outcome import ForwardModel, Outcome
 from legfem.inverse.settings import SearchRequest
@@ -23,7 +24,7 @@ from legfem.legs.details import LegCamera, LegFilm, PressedLeg
 from legfem.legs.finite_element_models import spatial_test, tissues_of
 from legfem.legs.forward import values_of
 from legfem.legs.placement import SpatialLeg, spatial_leg
-from legfem.legs.subject import FibreRatio, SitedLeg, Subject
+from legfem.legs.subject import SitedLeg, Subject
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
 from legfem.solve.path import ForceCurve

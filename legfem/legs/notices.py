@@ -1,24 +1,20 @@
 """What a reader of a leg's fit must know: one sentence a warning, the gravest first."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from legfem.common.errors import Doubt
-from legfem.common.units import mpa_to_kpa
 from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_RATIO, key_of
+from legfem.inverse.elastography import disagreement, elastography_priors
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import LAW_MISSES, Fit, at_limits, far_from_priors, of_compromise, of_failed_solves, of_search
-from legfem.inverse.parameter import Prior
 from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness, poisson_ratio
 from legfem.legs.site_test import curve_of
-from legfem.legs.subject import TYPICAL_FORCE_SD, Subject, elastography_priors
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 
-_DISAGREES = 2.0
-"""Standard deviations that two ways of measuring shouldn't lie apart."""
 _EXTRUDED = (
     "The leg in 3D is the section, extruded: how the leg's girth changes along {what} is left out. Give a "
     "scan, surfaces or contours at several levels as [section]."
@@ -174,35 +170,6 @@ def of_elastography(subject: Subject, estimates: Mapping[str, Estimate]) -> Iter
         one = estimates.get(name)
         if one is not None and one.parameter.prior == prior:
             yield from disagreement(name, prior, one.value, one.standard_error)
-
-
-def disagreement(
-    name: str, prior: Prior, value: float, standard_error: float, found_by: str = "indentation"
-) -> Iterator[str]:
-    r"""Say that a stiffness found with a prior from elastography is far from that.
-
-    Where both are right, an optimum departs from a prior of standard deviation :math:`s_0` by one
-    of :math:`\sqrt{s_0^2 - s^2}`, with its own error s.
-
-    Parameters
-    ----------
-    name
-        Full name, of a stiffness in MPa as all numbers here.
-    found_by
-        What the stiffness was found from, with the prior.
-    """
-    if not standard_error < prior.sd:
-        return
-    apart = (value - prior.centre) / math.sqrt(prior.sd**2 - standard_error**2)
-    if abs(apart) > _DISAGREES:
-        higher, lower = (found_by, "elastography") if apart > 0 else ("elastography", found_by)
-        yield (
-            f"{higher[0].upper()}{higher[1:]} finds a higher {key_of(name)} than {lower} does, by "
-            f"{abs(apart):.1f} standard deviations ({prior.source}: C10 "
-            f"{mpa_to_kpa(prior.centre):.3g} ± {mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of "
-            "100 Hz and more meet a stiffer tissue than a slow test does: a wider sd_kPa should "
-            "cover the difference, or one of the two is wrong."
-        )
 
 
 def _in_3d(fit: Fit[LegDetails], spatial: SpatialSites) -> Iterator[str]:

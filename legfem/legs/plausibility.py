@@ -14,17 +14,18 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.special import ndtri
-from shapely import Point, Polygon
+from shapely import Point
 
 from legfem.common.errors import Doubt
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import ranges
 from legfem.geometry.section import BONES, PARTS, first_crossing, girth
 from legfem.inverse.catalogue import key_of
+from legfem.inverse.elastography import doubts_about_elastography
 from legfem.inverse.parameter import Prior
 from legfem.inverse.population import CALF, SHIN, TISSUES, population, population_prior
 from legfem.legs.plausible_recordings import doubts_about_recordings
-from legfem.legs.subject import Subject, doubts_about_elastography
+from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.legs.subject import TissueParameters
@@ -54,7 +55,7 @@ def doubts_about(subject: "Subject") -> tuple[Doubt, ...]:
     """
     toml = subject.directory / "subject.toml"
     found = [
-        *doubts_about_size(toml, "section.contours", girth(subject.section), subject.section.tibia),
+        *ranges.doubts_about_size(toml, "section.contours", girth(subject.section), subject.section.tibia),
         *ranges.FASCIA_THICKNESS.doubts(toml, "section.fascia_thickness_mm", subject.section.fascia_thickness),
         *_stretched(toml, subject),
         *(d for part in PARTS for d in _spike(toml, part, getattr(subject.section, part))),
@@ -65,34 +66,6 @@ def doubts_about(subject: "Subject") -> tuple[Doubt, ...]:
         *doubts_about_recordings(subject, toml, room_before(subject)),
     ]
     return tuple(doubt for doubt in found if doubt.field not in subject.confirmed)
-
-
-def doubts_about_size(toml: Path, field: str, around: float, tibia: FloatArray) -> Iterator[Doubt]:
-    """Yield a doubt about a section that is too large or too small for a leg.
-
-    Parameters
-    ----------
-    toml, field
-        What names the section.
-    around
-        Its girth, mm.
-    tibia : (n, 2) array
-        Its outline, mm: bones are of one size where flesh isn't.
-
-    Raises
-    ------
-    InputError
-        For what no leg is.
-    """
-    remedy = "check that the coordinates are whole lengths in mm, not halved, nor in pixels"
-    width = math.sqrt(4 * Polygon(tibia).area / math.pi)
-    found = [*ranges.GIRTH.doubts(toml, field, around, remedy), *ranges.TIBIA.doubts(toml, field, width, remedy)]
-    low, high = ranges.LEG_MM2
-    if not found and not low <= around * width <= high:
-        size = "small" if around * width < low else "large"
-        problem = f"a girth of {around:.0f} mm with a tibia {width:.0f} mm wide: both are {size}"
-        found.append(Doubt(str(toml), field, f"{problem}, as if the section were scaled", remedy))
-    yield from found[:1]
 
 
 def poisson_ratio(tissue: "TissueParameters") -> float | None:

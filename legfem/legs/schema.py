@@ -14,7 +14,7 @@ from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import RESOURCES, AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
-from legfem.legs.subject import ElastographyEntry, StatedRatio, check_once
+from legfem.inverse.elastography import ElastographyEntry, StatedRatio, check_once
 
 Vector = Annotated[list[input_files.Finite], Field(min_length=3, max_length=3)]
 

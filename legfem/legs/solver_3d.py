@@ -16,6 +16,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, IdentifiedLaw, Values
 from legfem.inverse.comparison import JointComparison
+from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
 from legfem.inverse.search import SearchError
@@ -27,7 +28,7 @@ from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.details import SpatialSites
 from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.legs.site_test import OF_MODEL
-from legfem.legs.subject import FibreRatio, SitedLeg
+from legfem.legs.subject import SitedLeg
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
 

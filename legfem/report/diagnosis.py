@@ -7,13 +7,13 @@ from legfem.common.errors import DOUBTFUL, doubt_lines
 from legfem.common.units import percent
 from legfem.inverse.averaging import TIMES
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
+from legfem.inverse.elastography import disagreement, elastography_priors
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.fit import Fit
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
 from legfem.legs.diagnosis import doubts_of
-from legfem.legs.notices import disagreement
-from legfem.legs.subject import Subject, elastography_priors
+from legfem.legs.subject import Subject
 from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web

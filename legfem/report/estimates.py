@@ -13,10 +13,11 @@ from legfem.data.ranges import PUBLISHED_C10, Published
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import UNITS, parameter_of, symbol_of, unit_of
 from legfem.inverse.comparison import ErrorSource
+from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate, main_source
 from legfem.inverse.fit import Fit, Goodness, TestFit
 from legfem.inverse.parameter import Parameter
-from legfem.legs.subject import ShearModulus, Subject
+from legfem.legs.subject import Subject
 from legfem.report.page import Block, Known, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
 from legfem.report.words import ENERGIES, capital, fit_probability, moduli_text, number

@@ -17,12 +17,12 @@ from legfem.common.documents import versions_of
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.slices import CONTOURS
 from legfem.inverse.catalogue import LawName, key_of
+from legfem.inverse.elastography import disagreement
 from legfem.inverse.fit import EXACT, UNTESTED, ChannelFit, Computed, Cost, Fit, Goodness, Identity, TestFit, r_squared
 from legfem.inverse.parameter import Priors
 from legfem.inverse.problem import prior_document
 from legfem.inverse.readings import Channel, Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
-from legfem.legs.notices import disagreement
 from legfem.stockings import estimates
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings

@@ -21,7 +21,7 @@ from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.imaging.registration import Registration
-from legfem.legs.subject import ShearModulus
+from legfem.inverse.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import Stocking

@@ -26,8 +26,7 @@ from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration
 from legfem.imaging.same_leg import check_scans_differ, doubts_about_registration, doubts_about_second_scan, registered
 from legfem.imaging.shape_schema import ShapeEntry, existing
-from legfem.legs.plausibility import doubts_about_size
-from legfem.legs.subject import ShearModulus, doubts_about_elastography
+from legfem.inverse.elastography import ShearModulus, doubts_about_elastography
 from legfem.mechanics.materials import NeoHookean
 from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
@@ -324,7 +323,7 @@ def _girth_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
     around = perimeter(leg.bare)
     largest = int(np.argmax(around))
     tibia = leg.bare.contours["tibia"][largest]
-    yield from doubts_about_size(toml, "bare", float(around[largest]), tibia)
+    yield from ranges.doubts_about_size(toml, "bare", float(around[largest]), tibia)
 
 
 def _length_doubts(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inverse.elastography import ShearModulus, elastography_priors
 from legfem.inverse.parameter import Parameter, Priors
-from legfem.legs.subject import ShearModulus, elastography_priors
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS, Equilibrium, EquilibriumSolver, LinearisedCoupling, probe_step
 from legfem.stockings.leg import SensorArray

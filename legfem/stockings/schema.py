@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from legfem.common import input_files
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry
-from legfem.legs.subject import ElastographyEntry, check_once
+from legfem.inverse.elastography import ElastographyEntry, check_once
 from legfem.stockings.leg import KINDS
 
 

@@ -14,8 +14,8 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.elastography import HIGHEST_RATIO
 from legfem.legs.details import SpatialEvidence
-from legfem.legs.subject import HIGHEST_RATIO
 from studies.command_line import new_app, write_results
 from studies.leg3d.other_code import PlantedByFelupe
 from studies.leg3d.planted import Planted

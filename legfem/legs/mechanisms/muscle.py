@@ -12,6 +12,7 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import across, first_crossing
+from legfem.inverse.elastography import HIGHEST_RATIO
 from legfem.inverse.mechanism import (
     IndentedLeg,
     Mechanism,
@@ -26,7 +27,6 @@ from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.legs.correction_of_leg import read_fibres
 from legfem.legs.mechanisms import AWAY, moments, passing
-from legfem.legs.subject import HIGHEST_RATIO
 
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic
