@@ -18,13 +18,14 @@ demo-stocking: ## a leg in a compression stocking, from its scans
 test: lint ## lint, types and the fast tests
 	$(RUN) python -m pytest -n 2 --dist loadfile $(ARGS)
 
-lint: ## ruff, mypy and which room imports which
+lint: ## ruff, mypy, which room imports which, and the house's limits
 	$(RUN) ruff check
 	$(RUN) ruff format --check
 	$(RUN) mypy
 	$(RUN) lint-imports
+	$(RUN) scripts/house --gates
 
-house: ## count code lines, modules, imports and what stands twice
+house: ## count code lines by room
 	$(RUN) scripts/house $(ARGS)
 
 format: ## put the code into ruff's format

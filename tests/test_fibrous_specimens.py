@@ -24,11 +24,12 @@ from legfem.mechanics.terms import Fibres
 from legfem.meshing.structured import MeridianMeshSettings
 from legfem.report.results import write_report
 from legfem.solve.protocol import Protocol
-from legfem.specimens.forward import SpecimenForward, SpecimenVariants
+from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.kind import AXES
 from legfem.specimens.laws import SpecimenTissue, request_of_texts
 from legfem.specimens.nuisances import OwnStiffness
 from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text, slipping
+from legfem.specimens.variants import SpecimenVariants
 from studies.fibrous_specimens.__main__ import page
 from studies.fibrous_specimens.planting import SETUPS, Found, Outcome, plants
 from studies.sites.identifying import Interval

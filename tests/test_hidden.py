@@ -28,7 +28,8 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
-from legfem.inverse.mechanism import MeasuredStrength, Occurrence, Unseen
+from legfem.inverse.measured_strength import MeasuredStrength
+from legfem.inverse.mechanism import Occurrence, Unseen
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.verdict import TRUSTED, shift_of

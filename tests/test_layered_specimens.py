@@ -28,11 +28,12 @@ from legfem.solve.protocol import Protocol
 from legfem.specimens.channels import beside_of, readings_of
 from legfem.specimens.comparison import comparison_of
 from legfem.specimens.folder import tissue_asked_for
-from legfem.specimens.forward import SpecimenForward, SpecimenVariants
+from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import SpecimenTissue, identified_law, request_of_texts, tissues_of
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
 from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text, slipping
+from legfem.specimens.variants import SpecimenVariants
 
 FAT, MUSCLE, BULK = 2e-3, 8e-3, 10.0
 POISSON = (3 * BULK - 2) / (2 * (3 * BULK + 1))

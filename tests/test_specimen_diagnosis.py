@@ -23,10 +23,11 @@ from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
 from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import load_specimen
-from legfem.specimens.forward import SpecimenVariants, experiment_of
+from legfem.specimens.forward import experiment_of
 from legfem.specimens.laws import REFERENCE_MPA, specimen_law
 from legfem.specimens.mechanisms import Scale, mechanisms_of, mechanisms_on_a_rig
 from legfem.specimens.sizes import slipping
+from legfem.specimens.variants import SpecimenVariants
 
 PLATES = '[plates]\ndiameter_mm = 24.0\nheight_mm = 12.0\nends = "bonded"'
 STATED = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.002\n"

@@ -24,6 +24,7 @@ from legfem.experiments.indenter_pose import in_pose
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.motion import inward, stretch_round
 from legfem.report.curves import Curves, Line
+from legfem.report.dressed_leg import by_height
 from legfem.report.estimates import words_of
 from legfem.report.leg_3d_view import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.page import Bars, LabelledBar, Slider, View
@@ -31,7 +32,6 @@ from legfem.report.plan import plan_web_page
 from legfem.report.render import PAGE_FILES, embed, rendered
 from legfem.report.specimen_page import curves_of, specimen_page
 from legfem.report.specimen_sentences import procedure
-from legfem.report.stocking_pressures import by_height
 from legfem.specimens.laws import SpecimenTissue
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.command import study_web_page

@@ -35,7 +35,8 @@ from legfem.inverse.errors import ErrorModel
 from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
-from legfem.inverse.mechanism import MeasuredStrength, prior_of
+from legfem.inverse.measured_strength import MeasuredStrength
+from legfem.inverse.mechanism import prior_of
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.posterior import MixtureComponents, Posterior, mixed, moments_of

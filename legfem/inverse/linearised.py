@@ -14,7 +14,8 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
-from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, Unseen, prior_of
+from legfem.inverse.measured_strength import MeasuredStrength
+from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen, prior_of
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import Noise

@@ -31,7 +31,8 @@ from legfem.inverse.evidence import discrepancy_scales, possible_discrepancies
 from legfem.inverse.explanation import INEXACT
 from legfem.inverse.form import INEXACT_SHARE
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, NuisanceEffect
-from legfem.inverse.mechanism import AssumedAccuracy, Mechanism, measured_strength, null_of, prior_of
+from legfem.inverse.measured_strength import AssumedAccuracy, measured_strength
+from legfem.inverse.mechanism import Mechanism, null_of, prior_of
 from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.predictor import Predictor, onset_name, values_of
 from legfem.inverse.trial_noise import Noise

@@ -23,7 +23,8 @@ from legfem.inverse.least_squares import sandwich
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, Nuisances, variance_degrees
 from legfem.inverse.location import MisfitAssessment, runs, score_tests
 from legfem.inverse.map_fit import base_about_solution, equally_weighted, fit, ordinary_fit, refitted_about_solutions
-from legfem.inverse.mechanism import MeasuredStrength, Mechanism, Occurrence, Unseen
+from legfem.inverse.measured_strength import MeasuredStrength
+from legfem.inverse.mechanism import Mechanism, Occurrence, Unseen
 from legfem.inverse.observations import Observations
 from legfem.inverse.predictive import HeldOut, Misfit, held_out, misfit_of
 from legfem.inverse.predictor import LawName, Predictor, Responses, onset_name
@@ -275,7 +276,6 @@ def diagnose(
     progress.stage("where the base model is wrong")
     assessment = score_tests(problem, base, mechanisms, seed)
     verdict, models = _verdict(explained)
-    held = tuple(held_out(m.problem, m.fit) for m in models)
     plainly = ordinary_explanation(problem, ordinary, explained.base)
     shown = explained.base if verdict == "consistent" else plainly
     return Diagnosis(
@@ -287,7 +287,7 @@ def diagnose(
         models,
         assessment,
         held_out(shown.problem, shown.fit, problem.errors),
-        held,
+        tuple(held_out(m.problem, m.fit) for m in models),
         dict(untested or {}),
         limits,
         _located(explained, shown.fit, models, assessment, problem.errors),

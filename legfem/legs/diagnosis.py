@@ -15,7 +15,8 @@ from legfem.inverse.elastography import elastography_priors
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
-from legfem.inverse.mechanism import MeasuredStrength, Occurrence, measured_strength, null_of, prior_of, testable
+from legfem.inverse.measured_strength import MeasuredStrength, measured_strength
+from legfem.inverse.mechanism import Occurrence, null_of, prior_of, testable
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import LawName, Predictor, values_of
 from legfem.inverse.responses import SolvedResponses

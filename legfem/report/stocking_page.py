@@ -6,6 +6,7 @@ from legfem.common.errors import doubt_lines
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
 from legfem.report import stocking_pressures, stocking_stiffness
+from legfem.report.dressed_leg import dressed_leg
 from legfem.report.estimates import modulus_rows
 from legfem.report.words import moduli_text
 from legfem.stockings.assessment import TISSUES
@@ -183,9 +184,7 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
     differ = details.discrepancy
     chapters = []
     if details.pressures is not None and details.moved is not None:
-        chapters.append(
-            web.Chapter("The leg, bare and dressed", [stocking_pressures.dressed_leg(details, details.moved)])
-        )
+        chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(details, details.moved)]))
     if details.equilibrium.state.report.complete:
         chapters.append(web.Chapter(stocking_pressures.ALONG, stocking_pressures.level_blocks(details)))
     chapters += [

@@ -23,9 +23,9 @@ from legfem.legs.nuisances import Accuracy
 from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import SizeDependence, size_dependence
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
-from legfem.specimens.forward import SpecimenVariants
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in
+from legfem.specimens.variants import SpecimenVariants
 
 _POINTS = 60
 _SOME_C10 = 1e-3

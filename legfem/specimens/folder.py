@@ -1,6 +1,5 @@
 """A specimen folder: ``specimen.toml`` and the recordings of one kind of test of one tissue."""
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,18 +8,19 @@ from legfem.channels.kinds.face_strain import FACE_STRAIN, not_of_the_face
 from legfem.channels.kinds.lateral_stretch import LATERAL_STRETCH, not_a_stretch
 from legfem.channels.kinds.layer_thickness import between_of, refused
 from legfem.common.errors import Doubt, InputError
-from legfem.common.input_files import FileTable, check_printable
+from legfem.common.input_files import FileTable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument, Segmentation, among_repeats
-from legfem.data.channel_reader import is_channel_file, with_channels
-from legfem.data.formats import READERS, is_litter, read_sheets, recording_files
+from legfem.data.channel_reader import with_channels
+from legfem.data.formats import read_sheets
 from legfem.data.plausibility import refuse_copies, trial_doubts
 from legfem.data.recording import Origin
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 from legfem.specimens.course import course_of
 from legfem.specimens.kind import SizeError
 from legfem.specimens.laws import SpecimenTissue, tissues_of
-from legfem.specimens.schema import SIZES, BaseLaw, SeveralTests, SpecimenEntry, SpecimenFile, parse_specimen_file
+from legfem.specimens.recording_files import named_recordings, unread_files
+from legfem.specimens.schema import SIZES, BaseLaw, SeveralTests, SpecimenFile, parse_specimen_file
 from legfem.specimens.sizes import (
     LeftOut,
     Sizes,
@@ -137,7 +137,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     given = parse_specimen_file(toml)
     if isinstance(given, SeveralTests):
         return _together(toml, given)
-    named = _named(directory, toml, given)
+    named = named_recordings(directory, toml, given)
     _ask_for_tables(given, [path for _, _, path in named])
     doubts = _doubts_about_bodies(toml, given)
     sizes = {entry: _sizes(toml, given, entry) for entry in {entry for _, entry, _ in named}}
@@ -145,7 +145,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     stated = given.instrument
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
     kind = given.kind
-    doubts += _unread(directory, given, [path for _, _, path in named])
+    doubts += unread_files(directory, given, [path for _, _, path in named])
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
         try:
@@ -346,82 +346,6 @@ def _check_channels(trial: Segmentation, sizes: Sizes, relative_sd: float) -> No
             found = refused(one.kind, high - low, depths, one.values, one.accuracy, relative_sd * (high - low))
         if found is not None:
             raise InputError(trial.source, one.name, found.what, found.remedy)
-
-
-def _unread(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> list[Doubt]:
-    files = recording_files(directory / "recordings")
-    others = [f.name for f in files if f not in read and not is_channel_file(f, given.channels)]
-    if not others:
-        return []
-    return [
-        Doubt(
-            str(directory / "recordings"),
-            "recordings",
-            f"{', '.join(others[:5])} {'is' if len(others) == 1 else 'are'} not read",
-            "name every file under [[specimen]], remove the others, or give [recordings] from `legfem data look "
-            "--specimens`",
-        )
-    ]
-
-
-def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
-    """Return name, number of the specimen (None where there is but one) and file of recordings."""
-    _check_distinct(toml, given.specimen)
-    own = given.recordings.channels() is None and given.recordings.table is None
-    suffixes = {".csv"} if own else set(READERS)
-    found: list[tuple[int | None, Path]] = []
-    entries: list[tuple[int | None, SpecimenEntry | None]]
-    entries = [*enumerate(given.specimen)] or [(None, None)]
-    for number, entry in entries:
-        patterns = ["recordings/*"] if entry is None else entry.recordings
-        for pattern in patterns:
-            files = _matching(toml, directory, pattern)
-            if entry is None:
-                files = [path for path in files if path.suffix.lower() in suffixes]
-                files = [path for path in files if not is_channel_file(path, given.channels)]
-            if not files:
-                where = "recordings" if entry is None else f"specimen {entry.name}"
-                raise InputError(
-                    toml,
-                    where,
-                    f"there is no file {pattern!r}",
-                    "put one CSV file for each recording there: time_s,displacement_mm,force_N; or give "
-                    "the channels of your instrument's files, from `legfem data look`",
-                )
-            found += [(number, path) for path in files]
-    for path, times in Counter(path for _, path in found).items():
-        if times > 1:
-            raise InputError(
-                toml, "specimen.recordings", f"{path.name} is named {times} times", "name every recording once"
-            )
-    check_printable(*(path for _, path in found))
-    stems = Counter(path.stem for _, path in found)
-    return [
-        (path.stem if stems[path.stem] == 1 else path.relative_to(directory).with_suffix("").as_posix(), number, path)
-        for number, path in found
-    ]
-
-
-def _matching(toml: Path, directory: Path, pattern: str) -> list[Path]:
-    """Return the files of a pattern but what systems leave beside them (``._x.csv``, ``~$x.xlsx``)."""
-    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
-        raise InputError(toml, "specimen.recordings", f"{pattern!r} leaves the folder", "name files within it")
-    try:
-        found = sorted(path for path in directory.glob(pattern) if path.is_file())
-    except ValueError:
-        raise InputError(
-            toml, "specimen.recordings", f"{pattern!r} is not a pattern of files", "give one such as recordings/a*.csv"
-        ) from None
-    return [path for path in found if not is_litter(path)]
-
-
-def _check_distinct(toml: Path, specimens: list[SpecimenEntry]) -> None:
-    # A piece may be tested with its fibres one way and another.
-    for (name, _), times in Counter((entry.name, entry.fibres) for entry in specimens).items():
-        if times > 1:
-            raise InputError(
-                toml, "specimen.name", f"{times} specimens are called {name!r}", "give every specimen a name of its own"
-            )
 
 
 def _sizes(toml: Path, given: SpecimenFile, number: int | None) -> Sizes:

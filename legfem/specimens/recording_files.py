@@ -1,0 +1,90 @@
+"""Which files of a specimen folder are recordings, and of which specimen."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from legfem.common.errors import Doubt, InputError
+from legfem.common.input_files import check_printable
+from legfem.data.channel_reader import is_channel_file
+from legfem.data.formats import READERS, is_litter, recording_files
+from legfem.specimens.schema import SpecimenEntry, SpecimenFile
+
+FILE = "specimen.toml"
+
+
+def unread_files(directory: Path, given: SpecimenFile, read: Sequence[Path]) -> list[Doubt]:
+    """Return a doubt about files beside the recordings that nothing reads, if there are any."""
+    files = recording_files(directory / "recordings")
+    others = [f.name for f in files if f not in read and not is_channel_file(f, given.channels)]
+    if not others:
+        return []
+    return [
+        Doubt(
+            str(directory / "recordings"),
+            "recordings",
+            f"{', '.join(others[:5])} {'is' if len(others) == 1 else 'are'} not read",
+            "name every file under [[specimen]], remove the others, or give [recordings] from `legfem data look "
+            "--specimens`",
+        )
+    ]
+
+
+def named_recordings(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
+    """Return name, number of the specimen (None where there is but one) and file of recordings."""
+    _check_distinct(toml, given.specimen)
+    own = given.recordings.channels() is None and given.recordings.table is None
+    suffixes = {".csv"} if own else set(READERS)
+    found: list[tuple[int | None, Path]] = []
+    entries: list[tuple[int | None, SpecimenEntry | None]]
+    entries = [*enumerate(given.specimen)] or [(None, None)]
+    for number, entry in entries:
+        patterns = ["recordings/*"] if entry is None else entry.recordings
+        for pattern in patterns:
+            files = _matching(toml, directory, pattern)
+            if entry is None:
+                files = [path for path in files if path.suffix.lower() in suffixes]
+                files = [path for path in files if not is_channel_file(path, given.channels)]
+            if not files:
+                where = "recordings" if entry is None else f"specimen {entry.name}"
+                raise InputError(
+                    toml,
+                    where,
+                    f"there is no file {pattern!r}",
+                    "put one CSV file for each recording there: time_s,displacement_mm,force_N; or give "
+                    "the channels of your instrument's files, from `legfem data look`",
+                )
+            found += [(number, path) for path in files]
+    for path, times in Counter(path for _, path in found).items():
+        if times > 1:
+            raise InputError(
+                toml, "specimen.recordings", f"{path.name} is named {times} times", "name every recording once"
+            )
+    check_printable(*(path for _, path in found))
+    stems = Counter(path.stem for _, path in found)
+    return [
+        (path.stem if stems[path.stem] == 1 else path.relative_to(directory).with_suffix("").as_posix(), number, path)
+        for number, path in found
+    ]
+
+
+def _matching(toml: Path, directory: Path, pattern: str) -> list[Path]:
+    """Return the files of a pattern but what systems leave beside them (``._x.csv``, ``~$x.xlsx``)."""
+    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+        raise InputError(toml, "specimen.recordings", f"{pattern!r} leaves the folder", "name files within it")
+    try:
+        found = sorted(path for path in directory.glob(pattern) if path.is_file())
+    except ValueError:
+        raise InputError(
+            toml, "specimen.recordings", f"{pattern!r} is not a pattern of files", "give one such as recordings/a*.csv"
+        ) from None
+    return [path for path in found if not is_litter(path)]
+
+
+def _check_distinct(toml: Path, specimens: list[SpecimenEntry]) -> None:
+    # A piece may be tested with its fibres one way and another.
+    for (name, _), times in Counter((entry.name, entry.fibres) for entry in specimens).items():
+        if times > 1:
+            raise InputError(
+                toml, "specimen.name", f"{times} specimens are called {name!r}", "give every specimen a name of its own"
+            )
