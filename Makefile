@@ -32,9 +32,10 @@ format: ## put the code into ruff's format
 	$(RUN) ruff check --fix
 	$(RUN) ruff format
 
-verify: ## the slow tests and the convergence study
+verify: ## the slow tests, the convergence study, and the site without running its examples
 	$(RUN) python -m pytest -m slow $(ARGS)
 	$(RUN) python -m studies.frauziols convergence
+	$(MAKE) docs ARGS="-D plot_gallery=0 -D nb_execution_mode=off"
 
 # Types are those of one version of petsc4py and NumPy: `make test` checks them.
 test-next: ## the fast tests on Debian unstable's DOLFINx

@@ -46,7 +46,7 @@ class LoadingCurve:
     force_sd: FloatArray
     """(n,), N: standard error of ``force``."""
     covariance: FloatArray
-    """(n, n), N^2, of ``force``: its diagonal is ``force_sd``**2. Neighbours are correlated."""
+    """(n, n), N^2, of ``force``: its diagonal is the square of ``force_sd``. Neighbours are correlated."""
     few_repeats: FloatArray
     """(n, n), N^2: the part of ``covariance`` that widens intervals, since a few repeats tell poorly by how much they
     differ. Errors of many curves have ``covariance`` less this."""

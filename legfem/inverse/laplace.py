@@ -12,7 +12,7 @@ explanation's parameters as an observation of one of them does (R. E. Kalman, J.
 tension takes ever more of the force. So the strength :math:`z` (in standard deviations of its prior) is held at steps
 either side of the fit, all else is fitted anew at each, and
 
-.. math:: Z = \int p(z) Z(z) dz \Big/ \int p(z) dz
+.. math:: Z = \frac{\int p(z) Z(z) dz}{\int p(z) dz}
 
 within its bounds, with :math:`Z(z)` linear in the rest; the posterior is the mixture over steps. How large an effect is
 that begins at nothing is known to no better than an order of magnitude: :math:`p` is a sum of normal distributions of
