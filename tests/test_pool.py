@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -57,6 +58,32 @@ def fail(context: None, task: int) -> int:
     raise ValueError("made to fail")
 
 
+class TwoWordsError(Exception):
+    """Can't be unpickled: it is given two words and keeps one."""
+
+    def __init__(self, one: str, other: str) -> None:
+        super().__init__(f"{one} and {other}")
+
+
+def fail_in_words(context: None, task: int) -> int:
+    raise TwoWordsError("made", "failed")
+
+
+class NotThere:
+    """Something that no worker can unpickle."""
+
+    def __reduce__(self) -> tuple[Callable[[], object], tuple[()]]:
+        return _of_another_process, ()
+
+
+def _of_another_process() -> object:
+    raise AttributeError("no function of that name in __main__")
+
+
+def leave(context: None, task: int) -> int:
+    os._exit(7)
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_all_tasks_come_back_with_their_outcomes(jobs: int) -> None:
     with Workers(square, 10, jobs) as workers:
@@ -93,6 +120,47 @@ def test_an_error_in_a_task_is_raised_and_ends_the_others(tmp_path: Path) -> Non
     with pytest.raises(ValueError, match="made to fail"), Workers(fail, None, 2) as workers:
         list(workers.run(range(4)))
     assert time.monotonic() - began < 30.0
+
+
+def test_what_a_worker_cannot_import_or_tell_is_told_as_its_own_error() -> None:
+    with pytest.raises(AttributeError, match="no function of that name"), Workers(fail, NotThere(), 2) as workers:
+        list(workers.run(range(3)))
+    with pytest.raises(AttributeError, match="no function of that name"), Workers(fail, None, 2) as workers:
+        list(workers.run([NotThere(), NotThere()]))
+    with (
+        pytest.raises(RuntimeError, match="TwoWordsError: made and failed"),
+        Workers(fail_in_words, None, 2) as workers,
+    ):
+        list(workers.run(range(3)))
+
+
+def test_a_worker_that_ends_itself_is_not_called_killed(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit), command_context("run it again"), Workers(leave, None, 2) as workers:
+        list(workers.run(range(4)))
+    assert capsys.readouterr().err.startswith("a worker process ended by itself with status 7, and said why: run it")
+
+
+def test_a_function_of_main_that_workers_cannot_find_is_told_as_that(tmp_path: Path) -> None:
+    package = tmp_path / "aborting"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "__main__.py").write_text("""if True:
+        from legfem.common.command_line import command_context
+        from legfem.jobs.pool import Workers
+        def work(context, task):
+            return task
+        if __name__ == "__main__":
+            with command_context(), Workers(work, None, 2) as workers:
+                list(workers.run(range(3)))
+    """)
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": paths}
+    ended = subprocess.run(
+        [sys.executable, "-m", "aborting"], env=environment, stderr=subprocess.PIPE, text=True, timeout=60.0
+    )
+    assert ended.returncode == 1
+    assert "AttributeError" in ended.stderr and "'work'" in ended.stderr
+    assert "memory" not in ended.stderr
 
 
 def test_a_killed_process_costs_a_line_and_what_it_had_in_hand(

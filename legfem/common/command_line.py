@@ -73,9 +73,8 @@ def command_context(resume: str = "run the same command again to go on", quiet: 
         _end(missing_module(error), FAILED)
     except KeyboardInterrupt:
         _end(f"interrupted: {resume}", INTERRUPTED)
-    except BrokenProcessPool:
-        killed = "a worker process was ended from outside (out of memory?)"
-        _end(f"{killed}: {resume}; --jobs 1 takes the least memory", FAILED)
+    except BrokenProcessPool as error:
+        _end(f"{error}: {resume}; --jobs 1 takes the least memory", FAILED)
     except MemoryError:
         asked = "are its lengths in mm? Else ask for fewer elements, or --jobs 1"
         _end(f"memory: there is not enough for this input; {asked}", BAD_INPUT)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_toml
-from legfem.jobs.pool import interruptible, processes
+from legfem.jobs.pool import how_ended, interruptible, processes
 
 type EngineName = Literal["local", "mpi", "dask"]
 _PATIENCE = "20s"
@@ -211,4 +211,4 @@ def outcomes[Task, Outcome](
             except engine.lost as error:
                 yield place, Died(f"its workers died one after another ({' '.join(str(error).split())[:200]})")
             except BrokenExecutor:
-                yield place, Died("its process was ended from outside twice (out of memory?)")
+                yield place, Died(f"its process {how_ended(executor)}, twice")

@@ -15,6 +15,7 @@ import uuid
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from queue import SimpleQueue
@@ -27,12 +28,22 @@ from mpi4py.futures import MPICommExecutor
 from legfem.common.command_line import ignore_broken_pipes
 from legfem.common.errors import InputError
 
+
+@dataclass(frozen=True)
+class _Apart:
+    """A context, pickled, with which an executor's tasks are done."""
+
+    context: bytes
+
+
 shared: list[object] = []
 """The context of the tasks that this process or rank is given, made once."""
 
 
 def with_context[Task, Outcome](work: Callable[..., Outcome], task: Task) -> Outcome:
-    """Do a task with the context that this process or rank has."""
+    """Do a task with the context that this process or rank has, which the first task unpickles."""
+    if isinstance(shared[0], _Apart):
+        shared[:] = [pickle.loads(shared[0].context)]
     return work(shared[0], task)
 
 
@@ -115,13 +126,6 @@ def _end_all(comm: MPI.Intracomm, error: BaseException) -> NoReturn:
 
 
 @dataclass(frozen=True)
-class _Apart:
-    """A context, pickled, with which an executor's tasks are done."""
-
-    context: bytes
-
-
-@dataclass(frozen=True)
 class _Joint:
     """A task that all ranks do; the context is pickled when its name is given first."""
 
@@ -144,7 +148,7 @@ def _serve(comm: MPI.Intracomm) -> None:
                 given.work(named[given.name], given.task)
             continue
         if given.context != last:  # else what tasks made of the context, their meshes, stays
-            last, shared[:] = given.context, [pickle.loads(given.context)]
+            last, shared[:] = given.context, [given]
         with MPICommExecutor(comm, root=0):
             pass
 
@@ -180,8 +184,8 @@ class Workers[Context, Task, Outcome]:
     """Runs tasks that share a context, a mesh or compiled forms; a context manager.
 
     Ctrl-C ends the processes at once, and they end themselves when the one that started them is
-    killed. A process that is killed from outside raises BrokenProcessPool, of which
-    `legfem.common.command_line` makes a line.
+    killed. What a task raises, or the import of its function, is raised here. A process that ends
+    without an outcome raises BrokenProcessPool that says how, of which `legfem.common.command_line` makes a line.
 
     Parameters
     ----------
@@ -246,14 +250,17 @@ class Workers[Context, Task, Outcome]:
         elif self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None)):
             for place, task in enumerate(tasks):
                 yield place, self._done_here(task)
-        elif self.along:
-            self._executor = self._executor or self._started()
-            yield from self._working_along(self._executor, self.jobs - 1, tasks)
         else:
-            self._executor = self._executor or self._started()
-            futures = {self._executor.submit(with_context, self.work, t): k for k, t in enumerate(tasks)}
-            for future in as_completed(futures):
-                yield futures[future], future.result()
+            executor = self._executor = self._executor or self._started()
+            try:
+                if self.along:
+                    yield from self._working_along(executor, self.jobs - 1, tasks)
+                    return
+                futures = {executor.submit(with_context, self.work, t): k for k, t in enumerate(tasks)}
+                for future in as_completed(futures):
+                    yield futures[future], future.result()
+            except BrokenProcessPool as error:
+                raise BrokenProcessPool(f"a worker process {how_ended(executor)}") from error
 
     def start(self, ready: Callable[[Context], None], most: int) -> None:
         """Start up to ``most`` processes, which get ready while this one goes on.
@@ -313,11 +320,48 @@ def processes(number: int) -> Iterator[ProcessPoolExecutor]:
     _end(executor, at_once=False)
 
 
+def how_ended(executor: Executor) -> str:
+    """Return how the first process of a broken executor ended that wasn't ended for another's sake."""
+    started = list((getattr(executor, "_processes", None) or {}).values())
+    executor.shutdown(wait=True, cancel_futures=True)
+    codes = [process.exitcode for process in started if process.exitcode not in (None, 0, -signal.SIGTERM)]
+    if codes and codes[0] > 0:
+        return f"ended by itself with status {codes[0]}, and said why"
+    if codes and codes[0] != -signal.SIGKILL:
+        return f"was ended by {signal.Signals(-codes[0]).name}"
+    return "was ended from outside (out of memory?)"
+
+
+class _Processes(ProcessPoolExecutor):
+    """Processes in which the unpickling of a task, and of what it raises, is part of the task.
+
+    A `ProcessPoolExecutor` breaks down where a worker can't import a task's function or unpickle its arguments, or
+    where an exception that was pickled can't be unpickled, and then says as much as of a process that was killed.
+    """
+
+    def submit[**Given, Outcome](
+        self, fn: Callable[Given, Outcome], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Outcome]:
+        """Hand over a call."""
+        return super().submit(_unpickled_call, pickle.dumps((fn, args, kwargs)))
+
+
+def _unpickled_call(call: bytes) -> Any:
+    function, args, kwargs = pickle.loads(call)
+    try:
+        return function(*args, **kwargs)
+    except Exception as error:
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            raise RuntimeError("".join(traceback.format_exception_only(error)).strip()) from None
+        raise
+
+
 def _processes(number: int, context: object) -> ProcessPoolExecutor:
     ignore_broken_pipes()
-    return ProcessPoolExecutor(
-        number, mp_context=multiprocessing.get_context("spawn"), initializer=_start, initargs=(context,)
-    )
+    given = (_Apart(pickle.dumps(context)),)
+    return _Processes(number, mp_context=multiprocessing.get_context("spawn"), initializer=_start, initargs=given)
 
 
 def _end(executor: ProcessPoolExecutor, at_once: bool) -> None:
@@ -329,7 +373,7 @@ def _end(executor: ProcessPoolExecutor, at_once: bool) -> None:
     executor.shutdown(wait=True, cancel_futures=True)
 
 
-def _start(context: object) -> None:
+def _start(context: _Apart) -> None:
     # Ctrl-C reaches the whole process group; the parent ends the workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,49 +11,17 @@ from matplotlib.figure import Figure
 
 from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically
-from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
-from legfem.experiments.leg_3d import IdealisedLegSettings
 from legfem.jobs.pool import Workers
-from legfem.legs.correction import smooth_ratio
 from legfem.legs.correction_of_leg import TABLE
-from legfem.meshing.structured import LegMeshSettings
 from legfem.report.style import save
-from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app, write_results
 from studies.fibres import concealed
+from studies.fibres.bare import AT_MM, RATIOS, case_of, correction_of
 from studies.fibres.table import tabulate
 
-C10_KPA = 1.0
-DEPTH_MM = 15.0
-RATIOS = (1.0, 2.0, 3.0, 5.0)
-"""Of the shear moduli along the leg and across; about three in the thigh's vastus lateralis."""
-AT_MM = np.array([2.0, 5.0, 10.0, 15.0])
-_COARSE = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
-
 app = new_app()
-
-
-def case_of(ratio: float, coarse: bool = False) -> CorrectionCase:
-    """Return the idealised leg with a ratio of shear moduli."""
-    settings = IdealisedLegSettings()
-    return CorrectionCase(
-        material=Material(C10_kPa=C10_KPA, fibre_ratio=ratio),
-        settings=replace(settings, mesh=_COARSE) if coarse else settings,
-        depth=DEPTH_MM,
-    )
-
-
-def correction_of(folder: Path, case: CorrectionCase) -> tuple[FloatArray, FloatArray]:
-    """Return P and the 3D force (N) at `AT_MM`."""
-    outcome = remembered_case(folder, case)
-    reached = min(outcome.spatial.depth, outcome.plane.depth)
-    if reached < AT_MM[-1]:
-        raise UnsolvedError(
-            f"fibres of ratio {case.material.fibre_ratio:g} stop at {reached:.3g} mm of {AT_MM[-1]:g} mm"
-        )
-    return smooth_ratio(outcome.spatial, outcome.plane, AT_MM), outcome.spatial(AT_MM)
 
 
 def figure_of(found: dict[float, tuple[FloatArray, FloatArray]]) -> Figure:

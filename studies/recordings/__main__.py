@@ -20,93 +20,15 @@ from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray
 from legfem.jobs.store import Store
-from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
 from legfem.specimens.laws import laws_named
 from studies.command_line import Jobs, Out, new_app
-from studies.recordings.curves import (
-    ENDS,
-    FITTED_STRAIN,
-    CompressedPhantom,
-    LayerCurves,
-    each_in_turn,
-    elastic_curves,
-    layer_curves,
-    study_kind,
-)
-from studies.recordings.data import MeatTest, phantom_kinds, read_meat, read_phantoms
+from studies.recordings.curves import ENDS, CompressedPhantom, each_in_turn, elastic_curves, layer_curves, study_kind
+from studies.recordings.data import phantom_kinds, read_meat, read_phantoms
+from studies.recordings.drawing import draw_compressed, studied
 from studies.recordings.folders import write_specimen_folders
-from studies.recordings.indentation import HELD_OUT_S, Assumed, Indented, Row, try_indentation
+from studies.recordings.indentation import Assumed, Row
 from studies.recordings.repeats import repeats_table, study_repeats
 
-BEFORE, AFTER, SAME = "#D55E00", "#0072B2", "#E69F00"
-
-
-@styled
-def draw_indented(found: Indented, path: Path) -> list[Path]:
-    """Draw force against time, and the residuals, of one indentation."""
-    figure = new_figure(10, 4)
-    left, right = figure.subplots(1, 2)
-    seen = found.whole
-    at = found.motion.at_stations(seen)
-    time, force = found.samples
-    end = float(found.motion.time[-1])
-    kinds = found.test.material.replace("_", " ")
-    named = ", ".join(found.best.names) or "nothing"
-    figure.suptitle(f"{found.test.name}, {kinds}: measured data, named {named}", x=0.01, ha="left", fontsize=11)
-    panel(left, "A", "force")
-    left.plot(time, force, ".", ms=3, color=DATA_COLOUR, label="recording")
-    for prediction, colour, label in (
-        (found.before, BEFORE, "elastic"),
-        (found.alone, SAME, "explained"),
-        (found.after, AFTER, "explained, with the errors seen"),
-    ):
-        left.plot(at, prediction, color=colour, label=label)
-        right.plot(at, seen.force - prediction, color=colour)
-    for drop in found.drops:
-        when = np.interp(drop.end_mm - seen.contacts[0].displacement, seen.displacement, at)
-        for axes in (left, right):
-            axes.axvline(when, color="#CC79A7", lw=1, ls="--")
-        left.annotate("force drop", (when, float(force.max())), color="#CC79A7", fontsize=8)
-    for axes in (left, right):
-        axes.axvspan(end - HELD_OUT_S, end, color="#EEEEEE")
-        axes.set_xlabel("time since first contact (s)")
-    left.set_ylabel("force (N)")
-    left.legend(fontsize=8)
-    panel(right, "B", "recording less model; grey: held out")
-    right.axhline(0, color=FAINT, lw=0.8)
-    right.set_ylabel("N")
-    return save(figure, path.parent, path.stem)
-
-
-@styled
-def draw_compressed(found: CompressedPhantom, path: Path) -> list[Path]:
-    """Draw force against compression, and the residuals, of one phantom."""
-    figure = new_figure(10, 4)
-    left, right = figure.subplots(1, 2)
-    figure.suptitle(
-        f"{found.phantom.recording.trial}: measured data, neo-Hookean with two kinds of ends",
-        x=0.01,
-        ha="left",
-        fontsize=11,
-    )
-    left.plot(found.displacement, found.force, ".", color=DATA_COLOUR, label="recording")
-    for one, colour in zip(found.fits, (BEFORE, AFTER), strict=True):
-        label = f"{one.ends} ends, C10 = {one.c10:.2f} kPa"
-        left.plot(found.displacement, one.prediction, color=colour, label=label)
-        right.plot(found.displacement, found.force - one.prediction, color=colour)
-    panel(left, "A", "force")
-    left.set_ylabel("force (N)")
-    left.legend(fontsize=8)
-    panel(right, "B", "recording less model; grey: held out")
-    right.axhline(0, color=FAINT, lw=0.8)
-    right.set_ylabel("N")
-    for axes in (left, right):
-        axes.axvspan(FITTED_STRAIN * found.phantom.height, float(found.displacement[-1]), color="#EEEEEE")
-        axes.set_xlabel("compression (mm)")
-    return save(figure, path.parent, path.stem)
-
-
-DRAWN = ("230331|RDG1 1A", "230331|RDG1 1B", "230403|230403-FF1A", "230515|230515-P002-9")
 RELAXES = "viscoelasticity"
 
 
@@ -128,7 +50,7 @@ def run(data: Path, tests: Sequence[str], assumed: Assumed, out: Path, jobs: int
         layers = layer_curves(assumed.ball_radius, assumed.layer_radius, solves, jobs, progress.advance)
         progress.stage("indentations", len(chosen))
         store = Store(out / "tests", Row, assumed, ["studies.recordings.indentation"])
-        work = partial(_study, layers=layers, store=store, out=out)
+        work = partial(studied, layers=layers, store=store, out=out)
         for row in each_in_turn(work, [meat[name] for name in chosen], jobs):
             rows.append(row)
             progress.advance(row.test)
@@ -172,14 +94,6 @@ def full_name(name: str, names: Sequence[str]) -> str:
         problem = "is no test of the data" if not found else f"is the name of {len(found)} tests"
         raise InputError("--test", name, problem, f"choose from {', '.join(found or names)}")
     return found[0]
-
-
-def _study(test: MeatTest, layers: LayerCurves, store: Store[Row], out: Path) -> Row:
-    def draw(found: Indented) -> None:
-        if test.name in DRAWN:
-            draw_indented(found, out / test.name.replace(" ", "-").replace("|", "-"))
-
-    return store.get_or_make(test.name, lambda: try_indentation(test, layers, draw))
 
 
 def _summary(rows: Sequence[Row]) -> dict[str, float]:

@@ -17,8 +17,8 @@ from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.finite_element_models import library_folder
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, Seed, new_app, write_results
 from studies.concealed.cases import SealedCase
-from studies.sealed.cases import SUBSETS, channel_cases, subsets_of
-from studies.sealed.diagnosing import Lab, Said
+from studies.sealed.cases import SUBSETS, channel_cases
+from studies.sealed.diagnosing import Lab, Said, said_each
 from studies.sealed.page import cell_of, page
 
 MODULES = ("legfem.legs.diagnosis", "legfem.report.diagnosis_headline", "studies.sealed.diagnosing")
@@ -58,18 +58,11 @@ def sealed(
             if waiting:
                 for programme in dict.fromkeys(SUBSETS[name][0] for name in subsets):
                     lab.library(cases[0], programme, progress)
-            with Workers(_said, (lab, subsets), processes) as workers:
+            with Workers(said_each, (lab, subsets), processes) as workers:
                 for found in finish(workers, cases, store, progress, f"diagnosing cases of leg {leg + 1}", _line):
                     every += found
             document = {"cases": json_types([one.__dict__ for one in every])}
             write_results(folder, document, page(every))
-
-
-def _said(given: tuple[Lab, list[str]], case: SealedCase) -> list[Said]:
-    """Return what is said of a case, by those subsets of channels; nothing where a solution stopped."""
-    lab, subsets = given
-    found = (lab.said(case, subset) for subset in subsets_of(case) if subset in subsets)
-    return [one for one in found if one is not None]
 
 
 def _line(case: SealedCase, found: list[Said]) -> str:

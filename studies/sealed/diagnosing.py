@@ -36,7 +36,7 @@ from legfem.report.diagnosis_headline import headline
 from studies.concealed.cases import DEPTH_MM, SealedCase, sealed_leg
 from studies.concealed.truth import Truths
 from studies.lab.recording import INSTRUMENT
-from studies.sealed.cases import PROGRAMMES, SUBSETS, true_sights, truths_of
+from studies.sealed.cases import PROGRAMMES, SUBSETS, subsets_of, true_sights, truths_of
 from studies.sealed.instruments import recorded
 
 DEEPEST_MM = DEPTH_MM + 1.6
@@ -272,3 +272,10 @@ class Lab:
 
 def _follows_path(mechanism: Mechanism) -> bool:
     return isinstance(mechanism, TissueMechanism) and mechanism.along_path
+
+
+def said_each(given: tuple[Lab, list[str]], case: SealedCase) -> list[Said]:
+    """Return what is said of a case, by those subsets of channels; nothing where a solution stopped."""
+    lab, subsets = given
+    found = (lab.said(case, subset) for subset in subsets_of(case) if subset in subsets)
+    return [one for one in found if one is not None]

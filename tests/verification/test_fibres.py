@@ -18,7 +18,7 @@ from legfem.mechanics.model import LegModel
 from legfem.mechanics.terms import Fibres, SkinPressure, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN
 from legfem.study.correction.cases import solve_case
-from studies.fibres.__main__ import case_of
+from studies.fibres.bare import case_of
 
 C10, D1 = 1e-3, 0.02
 MU_T = 2 * C10
