@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
+import gmsh
 import typer
 
 from legfem.commands.meshing import MadeMesh, idealised_mesh, section_mesh, stocking_mesh
@@ -18,7 +19,7 @@ from legfem.common.documents import json_types, versions_of, write_atomically, w
 from legfem.common.progress import progress_on
 from legfem.legs.schema import SUBJECTS
 from legfem.meshing.exchange import write_mesh
-from legfem.meshing.gmsh_mesh import quality_of_file
+from legfem.meshing.gmsh_mesh import MeshQuality, element_quality, gmsh_model
 from legfem.stockings.loading import LEGS
 from studies.command_line import new_app
 
@@ -35,6 +36,16 @@ is simulated: nobody's anatomy.
 
 Quality is gmsh's signed inverse condition number over a region, 1 for an ideal element; long ones,
 as along the fascia and the idealised leg, score low by their shape alone."""
+
+
+def quality_of_file(path: Path) -> MeshQuality:
+    """Measure the regions of a mesh that gmsh can read: its physical groups of full dimension."""
+    with gmsh_model("file") as model:
+        gmsh.open(str(path))
+        dimension = model.getDimension()
+        groups = model.getPhysicalGroups(dimension)
+        regions = {model.getPhysicalName(dimension, tag): tag for _, tag in groups}
+        return element_quality(model, regions, dimension)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ contact law, smaller steps.
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +22,7 @@ from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
 from legfem.experiments.experiment import Solved
-from legfem.experiments.indentation import solve_once
+from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
 from legfem.jobs.pool import Workers
@@ -168,6 +169,17 @@ def _write(out: Path, definition: Reconstruction, test: PlaneStrainIndentation, 
         starts_at_contact=True,
         plane_strain=True,
     )
+
+
+def solve_once(context: None, task: tuple[IndentationTest, Protocol | float]) -> Solved:
+    """Return a test's outcome at its own values; work for `legfem.jobs.pool.Workers`.
+
+    It is a copy that is solved, whose mesh goes with it.
+    """
+    test, protocol = task
+    given: Any = test
+    copy: IndentationTest = replace(given)
+    return copy.solve(None, protocol)
 
 
 app = new_app()

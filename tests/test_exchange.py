@@ -20,10 +20,9 @@ from ufl import Measure
 
 from legfem.commands.meshing import app
 from legfem.meshing.exchange import extruded, measure, named_mesh, write_mesh
-from legfem.meshing.gmsh_mesh import quality_of_file
 from legfem.meshing.section import REGIONS, SKIN, mesh_section
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, mesh_leg
-from studies.meshes import REFERENCES, checksum, make, page, read_manifest
+from studies.meshes import REFERENCES, checksum, make, page, quality_of_file, read_manifest
 
 MESHES = Path(__file__).resolve().parents[1] / "meshes"
 

@@ -12,7 +12,7 @@ from making_mechanics import COARSE, subject_3
 from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, CylinderCompression
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.experiment import Experiment
-from legfem.experiments.indentation import IndentationTest, solve_once
+from legfem.experiments.indentation import IndentationTest
 from legfem.experiments.indenter_pose import Cylinder
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
@@ -25,6 +25,7 @@ from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from legfem.stockings.equilibrium import LegModel3D
 from studies.legs.shapes import round_leg
+from studies.reconstruct import solve_once
 
 LAW = NeoHookean(5e-3, 0.2)
 STEPS = StepSettings(first=0.5, largest=0.5)

@@ -16,7 +16,6 @@ from legfem.geometry.leg_shape import (
     check_shape,
     corresponding,
     fat_thickness_around,
-    horizontal_curvature,
     largest_girth,
     perimeter,
     shape_of_contours,
@@ -24,7 +23,7 @@ from legfem.geometry.leg_shape import (
 from legfem.geometry.leg_surface import PartSurface
 from legfem.geometry.motion import displaced, rigidly_moved, without_layer
 from legfem.imaging.outlines import read_shape, smoothed
-from studies.legs.shapes import round_leg
+from studies.legs.shapes import horizontal_curvature, round_leg
 
 
 def cone(slope: float = 0.1) -> LegShape:

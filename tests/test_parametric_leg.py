@@ -9,8 +9,8 @@ import pytest
 import shapely
 
 from legfem.common.errors import InputError
-from legfem.geometry.leg_shape import LegShape, fat_thickness_around, horizontal_curvature, largest_girth, perimeter
-from studies.legs.shapes import ParametricLeg, parametric_leg, read_legs
+from legfem.geometry.leg_shape import LegShape, fat_thickness_around, largest_girth, perimeter
+from studies.legs.shapes import ParametricLeg, horizontal_curvature, parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 
@@ -278,17 +277,6 @@ class IndentationTest(Picklable, ABC):
     def _trusted(self, made: Iterator[Solved]) -> Iterator[Solved]:
         """Yield attempts as they are made, those that can't be trusted as incomplete."""
         return made
-
-
-def solve_once(context: None, task: tuple[IndentationTest, Protocol | float]) -> Solved:
-    """Return a test's outcome at its own values; work for `legfem.jobs.pool.Workers`.
-
-    It is a copy that is solved, whose mesh goes with it.
-    """
-    test, protocol = task
-    given: Any = test
-    copy: IndentationTest = replace(given)
-    return copy.solve(None, protocol)
 
 
 def farthest(attempts: Iterable[Solved]) -> Solved:

@@ -251,7 +251,7 @@ class Workers[Context, Task, Outcome]:
             for place, task in enumerate(tasks):
                 yield place, self._done_here(task)
         else:
-            executor = self._executor = self._executor or self._started()
+            executor = self._executor = self._executor or _Processes(self.jobs - self.along, self.context)
             try:
                 if self.along:
                     yield from self._working_along(executor, self.jobs - 1, tasks)
@@ -269,7 +269,7 @@ class Workers[Context, Task, Outcome]:
         """
         if self.jobs == 1 or self.comm.size > 1:
             return
-        self._executor = self._executor or self._started()
+        self._executor = self._executor or _Processes(self.jobs - self.along, self.context)
         for _ in range(min(most, self.jobs - self.along)):
             self._executor.submit(with_context, _made_ready, ready)
 
@@ -304,14 +304,11 @@ class Workers[Context, Task, Outcome]:
                 place, task = mine
                 yield place, self._done_here(task)
 
-    def _started(self) -> ProcessPoolExecutor:
-        return _processes(self.jobs - self.along, self.context)
-
 
 @contextmanager
 def processes(number: int) -> Iterator[ProcessPoolExecutor]:
     """Yield processes that end at once with an error, Ctrl-C, and the one that started them."""
-    executor = _processes(number, None)
+    executor = _Processes(number, None)
     try:
         yield executor
     except BaseException:
@@ -327,8 +324,6 @@ def how_ended(executor: Executor) -> str:
     codes = [process.exitcode for process in started if process.exitcode not in (None, 0, -signal.SIGTERM)]
     if codes and codes[0] > 0:
         return f"ended by itself with status {codes[0]}, and said why"
-    if codes and codes[0] != -signal.SIGKILL:
-        return f"was ended by {signal.Signals(-codes[0]).name}"
     return "was ended from outside (out of memory?)"
 
 
@@ -338,6 +333,11 @@ class _Processes(ProcessPoolExecutor):
     A `ProcessPoolExecutor` breaks down where a worker can't import a task's function or unpickle its arguments, or
     where an exception that was pickled can't be unpickled, and then says as much as of a process that was killed.
     """
+
+    def __init__(self, number: int, context: object) -> None:
+        ignore_broken_pipes()
+        given = (_Apart(pickle.dumps(context)),)
+        super().__init__(number, mp_context=multiprocessing.get_context("spawn"), initializer=_start, initargs=given)
 
     def submit[**Given, Outcome](
         self, fn: Callable[Given, Outcome], /, *args: Given.args, **kwargs: Given.kwargs
@@ -356,12 +356,6 @@ def _unpickled_call(call: bytes) -> Any:
         except Exception:
             raise RuntimeError("".join(traceback.format_exception_only(error)).strip()) from None
         raise
-
-
-def _processes(number: int, context: object) -> ProcessPoolExecutor:
-    ignore_broken_pipes()
-    given = (_Apart(pickle.dumps(context)),)
-    return _Processes(number, mp_context=multiprocessing.get_context("spawn"), initializer=_start, initargs=given)
 
 
 def _end(executor: ProcessPoolExecutor, at_once: bool) -> None:

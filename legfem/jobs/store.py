@@ -65,14 +65,12 @@ def key_of(*given: object) -> str:
 
 def _described(value: Any) -> Any:
     """Return a value as JSON types that differ where the value does."""
-    if value is None or isinstance(value, bool | str):
+    if value is None or isinstance(value, bool | str | int):
         return value
     if isinstance(value, Enum):
         return _described(value.value)
     if isinstance(value, np.generic):
         return _described(value.item())
-    if isinstance(value, int):
-        return value
     if isinstance(value, float):
         return value.hex()
     if isinstance(value, np.ndarray):

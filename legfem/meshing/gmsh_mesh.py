@@ -4,7 +4,6 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import gmsh
@@ -135,13 +134,3 @@ def element_quality(model: Any, regions: Mapping[str, int], dimension: int = 2) 
         minimum[name], mean[name] = float(quality.min()), float(quality.mean())
         count[name] = quality.size
     return MeshQuality(minimum, mean, count)
-
-
-def quality_of_file(path: Path) -> MeshQuality:
-    """Measure the regions of a mesh that gmsh can read: its physical groups of full dimension."""
-    with gmsh_model("file") as model:
-        gmsh.open(str(path))
-        dimension = model.getDimension()
-        groups = model.getPhysicalGroups(dimension)
-        regions = {model.getPhysicalName(dimension, tag): tag for _, tag in groups}
-        return element_quality(model, regions, dimension)

@@ -10,7 +10,6 @@ import numpy as np
 from legfem.common.documents import Cells, column_cells, json_types, write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.experiments.indentation import solve_once
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
@@ -23,6 +22,7 @@ from legfem.report.render import table
 from legfem.report.style import FAINT, new_figure, panel, save, styled
 from legfem.solve.path import ForceCurve, SolveReport
 from legfem.solve.settings import StepSettings
+from studies.reconstruct import solve_once
 
 DEPTHS = np.array([2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 WINDOWS = ((0.0, 5.0), (5.0, 20.0), (20.0, 30.0))

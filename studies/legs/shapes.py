@@ -189,3 +189,22 @@ def _section(leg: ParametricLeg, share: float, girth: float, points: int = 360) 
 def _apart(angle: FloatArray, direction: float) -> FloatArray:
     apart: FloatArray = np.mod(angle - direction + np.pi, 2 * np.pi) - np.pi
     return apart
+
+
+def horizontal_curvature(shape: LegShape, part: str = SKIN) -> FloatArray:
+    """Return the curvature of a part's contours in their own planes.
+
+    By central differences of fourth order over five points: smooth noisy contours before.
+
+    Returns
+    -------
+    ndarray
+        (n_levels, n_points), 1/mm; positive where the contour is convex.
+    """
+    xy = shape.contours[part]
+    one, two = ((np.roll(xy, -k, axis=1), np.roll(xy, k, axis=1)) for k in (1, 2))  # after and before
+    first = (8 * (one[0] - one[1]) - (two[0] - two[1])) / 12
+    second = (16 * (one[0] + one[1]) - (two[0] + two[1]) - 30 * xy) / 12
+    turning = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    curvature: FloatArray = turning / np.linalg.norm(first, axis=2) ** 3
+    return curvature

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from scipy.stats import pearsonr, spearmanr
 
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
-from legfem.geometry.leg_shape import LegShape, fat_thickness_around, horizontal_curvature
+from legfem.geometry.leg_shape import LegShape, fat_thickness_around
 from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import settings_for_cells
@@ -20,7 +20,7 @@ from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
 from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures
-from studies.legs.shapes import ParametricLeg, parametric_leg
+from studies.legs.shapes import ParametricLeg, horizontal_curvature, parametric_leg
 from studies.stockings.truth import D1
 
 PAPER_KPA = (3.25, 8.17)
