@@ -13,9 +13,9 @@ from legfem.common.progress import Silent
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.section import outward_normals
-from legfem.geometry.slices import SliceSet, calf_levels
+from legfem.geometry.slices import calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
-from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit
+from legfem.stockings.contour_distances import ContourAccuracy
 from legfem.stockings.details import StockingDetails
 from legfem.stockings.equilibrium import (
     PARAMETERS,
@@ -25,15 +25,8 @@ from legfem.stockings.equilibrium import (
     LegModel3D,
     LinearisedCoupling,
 )
-from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
-from legfem.stockings.identification import (
-    SAMPLED_AT,
-    SearchSettings,
-    StiffnessSearch,
-    StockingSettings,
-    identify_in_stocking,
-)
+from legfem.stockings.identification import SAMPLED_AT, StockingSettings, identify_in_stocking
 from legfem.stockings.leg import StockingLeg, default_veins
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
@@ -77,8 +70,9 @@ def result(shape: LegShape, truth: tuple[LegModel3D, Equilibrium]) -> StockingDe
         slices,
         default_veins(shape, float(slices[2])),
     )
-    settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
-    return identify_in_stocking(leg, settings, Silent(), mesh=COARSE).details
+    fit = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSE)
+    assert fit.log.converged and fit.log.forward_solves <= 10
+    return fit.details
 
 
 def test_the_pressure_is_that_of_the_shape_it_makes(shape, truth):
@@ -104,9 +98,9 @@ def test_the_ends_stay_in_their_planes_and_the_bones_where_they_are(truth):
 def test_planted_stiffness_lies_in_its_interval(result):
     """Its quick twin has the model's own mesh: test_stocking_report.py."""
     best = result.best
-    assert best is not None and best.converged and best.solves <= 30
+    assert best is not None
     interval = 1e3 * best.interval95
-    print(1e3 * best.parameters, interval, best.rms, best.solves)
+    print(1e3 * best.parameters, interval, best.rms)
     for (low, high), planted in zip(interval, PLANTED_KPA, strict=True):
         assert low < planted < high
     assert 1e3 * best.parameters[0] == pytest.approx(PLANTED_KPA[0], rel=0.1)
@@ -225,18 +219,8 @@ def test_an_equilibrium_that_does_not_settle_still_bears_derivatives(shape):
 def test_a_wrong_stiffness_fits_worse(result):
     best, misfit = result.best, result.misfit
     twice = {"deep.C10": 2 * best.parameters[0]}
-    wrong = EquilibriumSolver(result.model, result.leg.stocking).solve(twice, start=best.equilibrium)
+    wrong = EquilibriumSolver(result.model, result.leg.stocking).solve(twice, start=result.equilibrium)
     assert misfit.cost(misfit.distances(wrong.shape)) > 5 * best.cost
-
-
-@pytest.mark.slow
-def test_nelder_mead_finds_the_same(result):
-    settings = SearchSettings(max_evaluations=40, simplex_tolerance=0.03)
-    search = StiffnessSearch(EquilibriumSolver(result.model, result.leg.stocking), result.misfit, settings)
-    found: StiffnessFit = search.nelder_mead()
-    print(1e3 * found.parameters, found.solves, found.cost)
-    assert found.cost < 0.2 and found.solves > 2 * result.best.solves
-    assert found.parameters[0] == pytest.approx(result.best.parameters[0], rel=0.1)
 
 
 @pytest.mark.slow
@@ -246,11 +230,8 @@ def test_a_motion_left_between_the_scans_is_found(result, truth):
 
     shift = np.array([0.3, -0.2, 0.0])
     moved = rigidly_moved(truth[1].shape, np.eye(3), shift)
-    accuracy = replace(ACCURACY, shift_sd=(0.5, 0.5, 0.5))
-    misfit = ContourMisfit(SliceSet.of(moved, result.leg.slices), accuracy)
-    settings = SearchSettings(starts_kPa=((2.5, 6.0),))
-    worn_leg = EquilibriumSolver(result.model, result.leg.stocking)
-    found = StiffnessSearch(worn_leg, misfit, settings).weighted()[0]
+    leg = replace(result.leg, compressed=moved, accuracy=replace(ACCURACY, shift_sd=(0.5, 0.5, 0.5)))
+    found = identify_in_stocking(leg, StockingSettings(), Silent(), mesh=COARSE).details.best
     np.testing.assert_allclose(found.rigid[:2], shift[:2], atol=0.05)
     assert found.parameters[0] == pytest.approx(result.best.parameters[0], rel=0.1)
 

@@ -12,16 +12,21 @@ import numpy as np
 import pytest
 from making_stocking import COARSE, PLANTED_KPA, laws, short_leg
 
+from legfem.common.progress import Silent
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.stockings.contour_distances import ContourAccuracy, ContourMisfit, outline_errors
-from legfem.stockings.discrepancy import ModelDiscrepancy, model_discrepancy
+from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
-from legfem.stockings.identification import SearchSettings, StiffnessSearch
+from legfem.stockings.forward import StockingForward
+from legfem.stockings.identification import ScanProblem, StockingSettings
+from legfem.stockings.leg import SensorArray, StockingLeg
+from legfem.stockings.nuisances import NuisanceSlopes
+from legfem.stockings.scan_fit import ScanComparison
 
 ACCURACY = ContourAccuracy(
     sd=0.1, correlation=6.0, around=25.0, along=40.0, pressure_sd=0.003, shift_sd=(0.03, 0.03, 0.05)
@@ -59,10 +64,26 @@ def _diagnosed(
     scanned = rigidly_moved(worn.shape, np.eye(3), np.array(shift))
     clean = ContourMisfit(SliceSet.of(scanned, calf_levels(shape)), accuracy)
     noisy = ContourMisfit(clean.target, accuracy, _noise(clean, seed))
-    leg = EquilibriumSolver(model, stocking)
-    search = StiffnessSearch(leg, noisy, SearchSettings(starts_kPa=((3.0, 3.0),), max_steps=3))
-    best = search.weighted()[0]
-    return model_discrepancy(leg, noisy, search.nuisances, best)
+    leg = StockingLeg(
+        "t",
+        "Test",
+        "simulated",
+        shape,
+        shape,
+        scanned,
+        None,
+        stocking,
+        accuracy,
+        LAWS,
+        False,
+        "held",
+        calf_levels(shape),
+        (),
+    )
+    solver = EquilibriumSolver(model, stocking)
+    scans = ScanComparison(shape, noisy, NuisanceSlopes(solver, noisy), SensorArray.on(shape, ()))
+    problem = ScanProblem(leg, StockingForward(solver), scans, Silent())
+    return problem.fitted(StockingSettings().search).details.discrepancy
 
 
 def _noise(misfit: ContourMisfit, seed: int) -> np.ndarray:

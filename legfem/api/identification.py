@@ -314,7 +314,6 @@ def stocking(
     leg: StockingLeg | loading.Given,
     *,
     cells: int = 15_000,
-    nelder_mead: bool = False,
     out: loading.Given | None = None,
     progress: bool = False,
     comm: MPI.Intracomm | None = None,
@@ -327,8 +326,6 @@ def stocking(
         The leg, or what `load_leg` takes.
     cells : int
         About how many tetrahedra.
-    nelder_mead : bool
-        Whether to search as the paper does, too; it takes some 50 equilibria.
     out : str or Path, optional
         Folder in whose ``equilibria`` every equilibrium is kept, so that the same call goes on where it was stopped;
         nothing is written without it.
@@ -364,5 +361,5 @@ def stocking(
     kept = None if out is None else Path(out) / "equilibria"
     ranks = comm or MPI.COMM_SELF
     with progress_on(quiet=not progress or ranks.rank > 0) as told:
-        fit = identify_in_stocking(known, StockingSettings(cells, nelder_mead), told, ranks, folder=kept)
+        fit = identify_in_stocking(known, StockingSettings(cells), told, ranks, folder=kept)
     return Identification(known, (fit,))

@@ -19,9 +19,6 @@ def stocking(
     subject_dir: Annotated[Path | None, typer.Option(help="Folder of your own leg, in place of --subject.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/stocking-ID by default.")] = None,
     cells: Annotated[int, typer.Option(help="About how many tetrahedra.")] = 15_000,
-    nelder_mead: Annotated[
-        bool, typer.Option("--nelder-mead", help="Also search as the paper does (some 50 solutions).")
-    ] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -46,9 +43,7 @@ def stocking(
         folder = results_folder(out, "stocking", leg.id)
         if first:
             log_doubts(leg.doubts)
-        found = stocking_in_full(
-            leg, cells=cells, nelder_mead=nelder_mead, out=folder, progress=not quiet, comm=MPI.COMM_WORLD
-        )
+        found = stocking_in_full(leg, cells=cells, out=folder, progress=not quiet, comm=MPI.COMM_WORLD)
         report = found.write(folder)
         if first:
             print_outcome([report.read_text(encoding="utf-8")], folder / "result.json", report, quiet, as_json)

@@ -259,6 +259,8 @@ class IdentifiedLaw:
         The model's values as assumed, for those that are neither.
     usual : Mapping[str, tuple of float]
         Where to look first, in place of where legs lie.
+    starts : tuple of Mapping[str, float]
+        Values of the free parameters to solve first, in place of a design.
     """
 
     name: LawName
@@ -266,6 +268,7 @@ class IdentifiedLaw:
     fixed: Values
     nominal: Values
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    starts: tuple[Values, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

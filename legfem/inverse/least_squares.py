@@ -1,8 +1,6 @@
-"""Least squares: steps, damped searches of costly residuals, and minima of cheap ones."""
+"""Least squares: steps within bounds, gains, and minima of smooth residuals."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
@@ -31,95 +29,6 @@ def gauss_newton_step(jacobian: FloatArray, residual: FloatArray, limits: FloatA
     # lsq_linear wants its bounds apart.
     found = lsq_linear(jacobian / scale, -residual, (low - 1e-15, high + 1e-15), method="bvls")
     return np.clip(found.x / scale, limits[:, 0], limits[:, 1])
-
-
-class WeightedResidual(Protocol):
-    """A weighted residual and its derivatives at one point."""
-
-    @property
-    def residual(self) -> FloatArray:
-        """Weighted differences and deviations from priors (n,)."""
-
-    @property
-    def jacobian(self) -> FloatArray:
-        """Derivatives of ``residual`` (n, p)."""
-
-
-@dataclass(frozen=True)
-class GaussNewtonSettings:
-    """When `damped_gauss_newton` stops, and how far it goes at once.
-
-    Parameters
-    ----------
-    tolerance : float
-        Change of every value below which it stops.
-    least_gain : float
-        Decrease of the sum of squares below which it stops; a step that promises less than a tenth
-        of it isn't tried.
-    max_steps : int
-        Residuals that are evaluated at most.
-    longest : float
-        Largest step of a value.
-    """
-
-    tolerance: float
-    least_gain: float
-    max_steps: int
-    longest: float
-
-
-def damped_gauss_newton[R: WeightedResidual](
-    evaluate: Callable[[FloatArray], R | None],
-    start: FloatArray,
-    first: R,
-    bounds: FloatArray,
-    settings: GaussNewtonSettings,
-) -> tuple[FloatArray, R, bool]:
-    """Minimise the sum of squares of a residual that is costly, may fail, and has derivatives.
-
-    Gauss-Newton steps with Marquardt's damping, cut at the bounds; the damping is raised where a
-    step fails or makes the fit worse.
-
-    Parameters
-    ----------
-    evaluate
-        Returns the residual at values (p,); None where it can't be computed.
-    start, first
-        Values (p,) to start from, and the residual there.
-    bounds : (p, 2) array
-        Of the values.
-    settings
-        When to stop.
-
-    Returns
-    -------
-    values : (p,) array
-        Best values.
-    best : R
-        The residual there.
-    converged : bool
-        Whether a tolerance ended it, and not the number of steps.
-    """
-    values, best, weight = start, first, 1e-3
-    for _ in range(settings.max_steps):
-        least = float(best.residual @ best.residual)
-        rows = np.vstack([best.jacobian, np.diag(np.sqrt(weight) * np.linalg.norm(best.jacobian, axis=0))])
-        step = -np.linalg.lstsq(rows, np.concatenate([best.residual, np.zeros(len(values))]))[0]
-        if least - np.sum((best.residual + best.jacobian @ step) ** 2) < 0.1 * settings.least_gain:
-            return values, best, True
-        step = np.clip(step, *np.clip(bounds - values[:, None], -settings.longest, settings.longest).T)
-        found = evaluate(values + step)
-        if found is None:
-            weight = max(10 * weight, 1.0)
-            continue
-        gain = least - float(found.residual @ found.residual)
-        if gain < -1e-9 * least:
-            weight = max(10 * weight, 0.1)
-            continue
-        values, best, weight = values + step, found, weight / 10
-        if np.abs(step).max() < settings.tolerance or gain < settings.least_gain:
-            return values, best, True
-    return values, best, False
 
 
 _PARALLEL = 1e-9

@@ -1,14 +1,25 @@
 """The seam to a forward model: values in, curves or a failure out; kept solves and processes."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values, stiffness_in_words
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.solve.path import ForceCurve
+
+
+@dataclass(frozen=True, eq=False)
+class StateField:
+    """A quantity at points of the body in the last state of a solve."""
+
+    values: FloatArray
+    """Displacements (mm) or pressures (MPa), of any shape."""
+    sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Derivatives by parameters, by full name, per unit of the parameter; each of the values' shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +38,8 @@ class Outcome:
     seconds: float
     compromise: str = ""
     """What the model gave up to go on, in words; empty if nothing."""
+    fields: Mapping[str, StateField] = field(default_factory=dict)
+    """What is seen of the last state, by name, where that and no curve is compared."""
 
     @classmethod
     def joined(cls, values: Values, every: Sequence["Outcome"]) -> "Outcome":
@@ -153,7 +166,8 @@ class FullSolver:
 
     def _report(self, outcome: Outcome, how: str) -> None:
         reached = ", ".join(f"{curve.depth:.1f}" for curve in outcome.curves)
-        end = "" if outcome.complete else f", stopped at {reached} mm"
+        where = f"stopped at {reached} mm" if reached else f"no state found: {outcome.reason}"
+        end = "" if outcome.complete else f", {where}"
         self.progress.advance(f"{stiffness_in_words(outcome.values)} ({how}{end})")
 
 

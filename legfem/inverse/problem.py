@@ -190,15 +190,15 @@ def weighting_used(comparison: Comparison) -> Weighting:
     return comparison.weighting if isinstance(comparison, JointComparison) else "covariance"
 
 
-def log_of(found: Found[Any]) -> SearchLog:
-    """Course of a finished search."""
+def log_of(found: Found[Any], mapped: bool = True) -> SearchLog:
+    """Course of a finished search, with a map of the cost unless that isn't wanted."""
     search = found.search
     outcomes = found.outcomes
     return SearchLog(
         names=search.law.names,
         solves=tuple(_full_solve(trial, search) for trial in found.trials),
         generations=tuple(search.generations),
-        cost_map=_cost_map(search),
+        cost_map=_cost_map(search) if mapped else None,
         converged=search.converged,
         seed=search.settings.seed,
         wall_s=found.wall_s,

@@ -41,8 +41,11 @@ def design(law: IdentifiedLaw, seed: int) -> FloatArray:
     """Return the points (n, p) to solve first.
 
     One place for one and two parameters of the model, from where exact derivatives lead on; a Latin
-    hypercube of 2 q + 1 for q of them above; the instrument's numbers stand at their nulls.
+    hypercube of 2 q + 1 for q of them above; the instrument's numbers stand at their nulls. The law's own starts, where
+    it has any.
     """
+    if law.starts:
+        return np.array([law.point(values) for values in law.starts])
     points = np.tile([_null(one) for one in law.parameters], (1, 1))
     q = len(law.of_model)
     if q == 0:
@@ -296,7 +299,7 @@ class Search[C: Comparison]:
     def propose(self, emulated: Emulated, attempt: int) -> FloatArray:
         """Return the optimum (p,) on the emulator, where that is to be trusted."""
         domain = self.domain
-        trust = self._trust()
+        trust = self.trust
 
         def trusted(genes: FloatArray) -> FloatArray:
             points = domain.values(np.atleast_2d(genes))
@@ -384,7 +387,10 @@ class Search[C: Comparison]:
         key = key_of_values(self.law.values(point))
         return any(key_of_values(trial.values) == key for trial in self.trials)
 
-    def _trust(self) -> Trust:
+    @property
+    def trust(self) -> Trust:
+        """Where the emulator is trusted."""
+
         def at(trials: Sequence[Trial]) -> FloatArray:
             points = np.array([trial.point for trial in trials])
             return self.coordinates.of(points.reshape(-1, len(self.law.parameters)))

@@ -285,7 +285,7 @@ def _wrong(details: StockingDetails) -> str:
     if details.discrepancy is None:
         return (
             "Nothing could be tested: the leg was not scanned in its stocking."
-            if not details.searches
+            if not details.problem
             else "No state of the leg could be compared with its scan: see the warnings."
         )
     if details.discrepancy.verdict == "consistent":
@@ -337,7 +337,7 @@ def _next(fit: StockingFit) -> list[str]:
             f"Do not rely on the stiffness of the {' and the '.join(unsure)}: these scans do not "
             "determine it well enough. The pressures hardly depend on it."
         )
-    if not details.searches:
+    if details.leg.compressed is None:
         lines.append("Scan the leg in its stocking, too: then the stiffness can be found.")
     lines.append(
         "Compare the pressure on the skin with the stocking's class, or measure it at one place: "
@@ -391,7 +391,7 @@ def _computed(fit: StockingFit) -> web.WebTable:
         ("load", "follows the deformed skin" if settings.follower else "dead load"),
         ("ends of the segment", "held in their planes" if settings.ends == "held" else "free"),
         ("bones", "rigid and fixed"),
-        ("solved states", f"{details.states}, {solves} of them to identify"),
+        ("solved states", f"{details.states}, for {solves} equilibria to identify and one in the end"),
         ("wall time", f"{fit.log.wall_s:.0f} s"),
     ]
     return web.WebTable("Model and run", ["what", "how"], rows)

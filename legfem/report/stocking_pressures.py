@@ -111,7 +111,7 @@ _SENSORS = "Sensors between stocking and skin beside the model, averaged over th
 
 
 def _used(details: StockingDetails) -> str:
-    if not details.searches:
+    if details.best is None:
         return "They were compared, and nothing was identified from them."
     return (
         "They are data of the identification."

@@ -17,7 +17,8 @@ from legfem.stockings.contour_distances import CONTOUR_NAMES, ContourMisfit
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import PARAMETERS
-from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
+from legfem.stockings.estimates import expected_rms
+from legfem.stockings.scan_fit import ScanFit
 
 STIFFNESS = "Stiffness of muscle and fat"
 """Title of the chapter."""
@@ -69,21 +70,23 @@ def verdict_sentence(known: Estimate) -> str:
 
 
 def stiffness_blocks(fit: StockingFit) -> list[Block]:
-    """Return the values, how well they are known, how well they fit, and what each search found."""
+    """Return the values, how well they are known, how well they fit, and every equilibrium of the search."""
     details, leg = fit.details, fit.details.leg
     given = stiffness_values(details.parameters)
-    if not details.searches:
-        return [Prose(f"Not identified: the leg was not scanned in its stocking. Given: {given}.")]
     best = details.best
-    blocks: list[Block] = []
-    if best is not None:
-        blocks += [Prose(verdict_sentence(known)) for known in fit.estimates.values()]
-        errors = (
-            "The intervals include errors of the contours, of the registration, and of a pressure "
-            "that differs from place to place round the leg."
-        )
-        blocks += [Prose(f"{errors} {_of_fabric(details)}"), Prose(_goodness(details, best))]
-    blocks += [_searches(details), Prose(_agreement(details))]
+    if best is None:
+        why = details.problem or "the leg was not scanned in its stocking"
+        return [Prose(f"Not identified: {why}. Given: {given}.")]
+    errors = (
+        "The intervals include errors of the contours, of the registration, and of a pressure "
+        "that differs from place to place round the leg."
+    )
+    blocks: list[Block] = [
+        *(Prose(verdict_sentence(known)) for known in fit.estimates.values()),
+        Prose(f"{errors} {_of_fabric(details)}"),
+        Prose(_goodness(details, best)),
+        _solves(fit),
+    ]
     if leg.known:
         used = f"The pressures below are not of these values but of those given: {given}."
         blocks.append(Prose(used))
@@ -108,78 +111,34 @@ def _of_fabric(details: StockingDetails) -> str:
     )
 
 
-def _goodness(details: StockingDetails, best: StiffnessFit) -> str:
+def _goodness(details: StockingDetails, best: ScanFit) -> str:
     leg, misfit = details.leg, details.misfit
     assert misfit is not None
     bare = misfit.distances(leg.bare)
-    moved = ""
-    if best.rigid is not None:
-        shift = ", ".join(f"{value:.2f}" for value in best.rigid[:3])
-        turn = ", ".join(f"{value:.2f}" for value in np.degrees(best.rigid[3:]))
-        moved = (
-            f" To reach this, the fit moves the model by {shift} mm along x, y, z and turns it by {turn} "
-            "degrees about them, within the error of the registration."
-        )
+    shift = ", ".join(f"{value:.2f}" for value in best.rigid[:3])
+    turn = ", ".join(f"{value:.2f}" for value in np.degrees(best.rigid[3:]))
     return (
         f"The model's contours of skin and hull meet the scan's in {len(misfit.target.levels)} "
         f"slices to within {best.rms:.3f} mm (root mean square). Errors of the contours alone would cause "
         f"{expected_rms(leg.accuracy):.3f} mm; the bare leg differs from the scan by "
         f"{float(np.sqrt(np.mean(bare**2))):.3f} mm. The weighted misfit is "
-        f"{best.chi_square:.2f}; it is 1 if the errors have the size and roughness that are assumed.{moved}"
+        f"{best.chi_square:.2f}; it is 1 if the errors have the size and roughness that are assumed. To reach "
+        f"this, the fit moves the model by {shift} mm along x, y, z and turns it by {turn} degrees about them, within "
+        "the error of the registration."
     )
 
 
-def _searches(details: StockingDetails) -> WebTable:
-    rows = []
-    for search in details.searches:
-        start = ", ".join(f"{mpa_to_kpa(float(value)):.3g}" for value in search.start)
-        if not (search.equilibrium.state.report.complete and np.isfinite(search.rms)):
-            found = ["-", "-", "-", "-"]
-            ended = "no state found"
-        else:
-            misfit = f"{search.chi_square:.3f}" if np.isfinite(search.chi_square) else "-"
-            values = [f"{mpa_to_kpa(float(value)):.4g}" for value in search.parameters]
-            found = [*values, f"{search.rms:.3f}", misfit]
-            ended = "settled" if search.converged else "NOT SETTLED"
-        rows.append([search.method, start, *found, f"{search.solves}", ended])
-    return WebTable(
-        "Every search",
-        ["search", "from (kPa)", "muscle C10", "fat C10 (kPa)", "rms (mm)", "misfit", "solves", "ended"],
-        rows,
-    )
-
-
-def _agreement(details: StockingDetails) -> str:
-    weighted = details.weighted
-    paper = [search for search in details.searches if search.method == "nelder-mead"]
-    apart = float(np.ptp(np.log([search.parameters for search in weighted]), axis=0).max())
-    if len(weighted) == 1:
-        text = "One start was tried."
-    elif starts_agree(weighted):
-        text = f"All {len(weighted)} starts led to the same stiffness (within {100 * apart:.1g} %)"
-        settled = all(search.converged for search in weighted)
-        text += "." if settled else ", though not all had settled."
-    else:
-        text = (
-            f"The {len(weighted)} starts did not all lead to the same stiffness: they are up to "
-            f"{100 * np.expm1(apart):.2g} % apart."
-        )
-    best = details.best
-    for search in paper:
-        text += (
-            f" Nelder-Mead, the second paper's way, minimises plain distances and not weighted "
-            f"ones: it took {search.solves} solves and leaves {search.cost:.2f} of its cost at the "
-            "start (1 is the start, 0 a perfect match)."
-        )
-        if best is not None and (intervals := best.interval95) is not None:
-            named = zip(PARAMETERS, search.parameters, intervals, strict=True)
-            outside = [TISSUES[name] for name, value, (low, high) in named if not low <= value <= high]
-            text += (
-                f" Its C10 of {' and '.join(outside)} is outside the interval above."
-                if outside
-                else " Its values are within the intervals above."
-            )
-    return text
+def _solves(fit: StockingFit) -> WebTable:
+    """Return every equilibrium of the search."""
+    rows = [
+        [
+            *(f"{mpa_to_kpa(solve.values[name]):.4g}" for name in PARAMETERS),
+            f"{np.sqrt(solve.cost / fit.cost.points):.3f}" if solve.complete else "-",
+            solve.stage if solve.complete else f"no state found: {solve.reason}",
+        ]
+        for solve in fit.log.solves
+    ]
+    return WebTable("Every equilibrium", ["muscle C10 (kPa)", "fat C10 (kPa)", "rms (mm)", "asked for by"], rows)
 
 
 _SLICE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
@@ -190,7 +149,7 @@ def contour_curves(details: StockingDetails) -> list[Curves]:
     misfit, found, leg = details.misfit, details.best, details.leg
     if misfit is None or found is None:
         return []
-    fitted, bare = (_distances_by_contour(misfit, found, shape) for shape in (found.equilibrium.shape, leg.bare))
+    fitted, bare = (_distances_by_contour(misfit, found, shape) for shape in (found.shape, leg.bare))
     blocks = []
     for name in CONTOURS:
         lines = [Line("scan in the stocking", np.zeros(len(ROUND)), None, FAINT)]
@@ -218,8 +177,8 @@ def contour_curves(details: StockingDetails) -> list[Curves]:
     return blocks
 
 
-def _distances_by_contour(misfit: ContourMisfit, found: StiffnessFit, shape: LegShape) -> dict[str, FloatArray]:
-    distances = misfit.distances(shape if found.rigid is None else misfit.moved(shape, found.rigid))
+def _distances_by_contour(misfit: ContourMisfit, found: ScanFit, shape: LegShape) -> dict[str, FloatArray]:
+    distances = misfit.distances(misfit.moved(shape, found.rigid))
     shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
     parts = np.split(distances, [shapes[0][0] * shapes[0][1]])
     return {name: part.reshape(shape) for name, part, shape in zip(CONTOURS, parts, shapes, strict=True)}

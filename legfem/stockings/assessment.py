@@ -14,20 +14,33 @@ from typing import Any
 import numpy as np
 
 from legfem.common.documents import versions_of
-from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
+from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.slices import CONTOURS
-from legfem.inverse.catalogue import LawName, key_of
+from legfem.inverse.catalogue import LawName
 from legfem.inverse.elastography import disagreement
-from legfem.inverse.fit import EXACT, UNTESTED, ChannelFit, Computed, Cost, Fit, Goodness, Identity, TestFit, r_squared
+from legfem.inverse.estimates import correlations_of
+from legfem.inverse.fit import (
+    EXACT,
+    UNTESTED,
+    ChannelFit,
+    Computed,
+    Cost,
+    Fit,
+    Goodness,
+    Identity,
+    TestFit,
+    of_failed_solves,
+    of_search,
+    r_squared,
+)
 from legfem.inverse.parameter import Priors
-from legfem.inverse.problem import prior_document
 from legfem.inverse.readings import Channel, Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
 from legfem.stockings import estimates
 from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
 from legfem.stockings.leg import ComparedSensor
-from legfem.stockings.scan_fit import BOUNDS, by_name, stiffness_priors
+from legfem.stockings.scan_fit import ScanFit, by_name, stiffness_priors
 
 KIND = "stocking"
 LAW: LawName = "neo-hookean"
@@ -36,42 +49,39 @@ _CHANNELS = {"outer": "skin_displacement", "inner": "muscle_displacement"}
 _PRESSURE = "pressure_on_skin"
 
 
-def assessed(details: StockingDetails, settings: Mapping[str, Any], wall_s: float) -> StockingFit:
+def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, Any]) -> StockingFit:
     """Result of a finished run.
 
     Parameters
     ----------
     details
         What it found.
+    log
+        Course of its search.
     settings
         Of the run, units in the names.
-    wall_s
-        Its duration, s.
     """
     leg, best = details.leg, details.best
     priors = stiffness_priors(leg.elastography)
+    known = {} if best is None else estimates.stiffness_estimates(best, leg.accuracy, priors, log.converged)
     held = {f"{name}.D1": float(law.D1) for name, law in leg.tissues.items()}
     given = {} if best is not None else details.parameters
     fit = Fit(
         kind=KIND,
         subject=Identity(leg.id, leg.title, leg.origin),
         law=LAW,
-        estimates=MappingProxyType({} if best is None else estimates.stiffness_estimates(best, leg.accuracy, priors)),
-        correlations=np.zeros((0, 0)) if best is None else estimates.stiffness_correlations(best),
+        estimates=MappingProxyType(known),
+        correlations=np.zeros((0, 0)) if best is None else correlations_of(best.log_covariance),
         values=MappingProxyType({**held, **(details.parameters if best is None else by_name(best.parameters))}),
         assumed=MappingProxyType({**held, **given}),
         goodness=UNTESTED if best is None else Goodness.of(best.objective, best.residuals - len(PARAMETERS)),
         cost=_cost(best, details),
         agreement=EXACT,
         tests=() if best is None else (_scans(best, details, priors),),
-        log=_log(details, wall_s),
+        log=log,
         neo_hookean_limit=False,
         weighting="covariance",
-        settings={
-            **settings,
-            "c10_bounds_kPa": list(map(mpa_to_kpa, BOUNDS)),
-            "priors": {key_of(one.name): prior_document(one) for one in priors.parameters if one.prior},
-        },
+        settings=settings,
         versions=versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
         details=details,
         doubts=leg.doubts,
@@ -80,7 +90,7 @@ def assessed(details: StockingDetails, settings: Mapping[str, Any], wall_s: floa
     return replace(fit, warnings=stocking_notices(fit))
 
 
-def _channels(best: estimates.StiffnessFit, details: StockingDetails) -> Iterator[ChannelFit]:
+def _channels(best: ScanFit, details: StockingDetails) -> Iterator[ChannelFit]:
     """Yield the contours' movement, measured and of the model, skin first; then the sensors' pressures."""
     misfit, leg = details.misfit, details.leg
     assert misfit is not None
@@ -100,7 +110,7 @@ def _channels(best: estimates.StiffnessFit, details: StockingDetails) -> Iterato
         yield ChannelFit(Channel(_PRESSURE, "MPa", height, "height_mm", read, sd), read + sd * best.sensed)
 
 
-def _scans(best: estimates.StiffnessFit, details: StockingDetails, priors: Priors) -> TestFit:
+def _scans(best: ScanFit, details: StockingDetails, priors: Priors) -> TestFit:
     """Both scans beside the fit."""
     channels = tuple(_channels(best, details))
     departures = priors.residual(best.parameters)
@@ -108,7 +118,7 @@ def _scans(best: estimates.StiffnessFit, details: StockingDetails, priors: Prior
     return TestFit(MeasuredTest("both scans", Data(tuple(one.channel for one in channels))), channels, goodness)
 
 
-def _cost(best: estimates.StiffnessFit | None, details: StockingDetails) -> Cost:
+def _cost(best: ScanFit | None, details: StockingDetails) -> Cost:
     """Plain sum of squared distances that are left."""
     of_contours = [] if best is None else list(_channels(best, details))[: len(CONTOURS)]
     left = np.concatenate([np.zeros(0), *(one.residual for one in of_contours)])
@@ -128,24 +138,8 @@ def _cost(best: estimates.StiffnessFit | None, details: StockingDetails) -> Cost
     )
 
 
-def _log(details: StockingDetails, wall_s: float) -> SearchLog:
-    """Course of all searches; each one stands in the details."""
-    best = details.best
-    return SearchLog(
-        names=PARAMETERS,
-        solves=(),
-        generations=(),
-        cost_map=None,
-        converged=details.equilibrium.converged if best is None else best.converged,
-        seed=0,
-        wall_s=wall_s,
-        emulator_error=np.nan,
-        forward_solves=sum(search.solves for search in details.searches),
-        failed_solves=sum(not search.equilibrium.state.report.complete for search in details.searches),
-        reused_solves=0,
-        factorisations=0,
-        compromise="",
-    )
+NO_SEARCH = SearchLog(PARAMETERS, (), (), None, True, 0, 0.0, np.nan, 0, 0, 0, 0, "")
+"""Of a run in which nothing was searched for."""
 
 
 def _computed(details: StockingDetails) -> Iterator[tuple[str, Computed]]:
@@ -186,7 +180,7 @@ def stocking_notices(fit: StockingFit) -> tuple[str, ...]:
     return tuple(
         [
             *_of_the_state(details),
-            *_of_the_searches(details),
+            *_of_the_search(fit),
             *_of_the_stiffness(fit),
             *_of_the_scans(details),
             *_of_the_load(details),
@@ -224,22 +218,11 @@ def _of_the_state(details: StockingDetails) -> Iterator[str]:
         )
 
 
-def _of_the_searches(details: StockingDetails) -> Iterator[str]:
-    if not details.searches:
-        return
-    for search in details.searches:
-        name = "Nelder-Mead's search" if search.method == "nelder-mead" else "A search"
-        start = " and ".join(
-            f"{mpa_to_kpa(value):.3g} kPa in the {TISSUES[parameter]}"
-            for parameter, value in by_name(search.start).items()
-        )
-        report = search.equilibrium.state.report
-        if not report.complete:
-            yield f"{name} from {start} met a state that could not be computed ({report.reason})."
-        elif not search.converged:
-            yield f"{name} from {start} ended before it had settled."
-    if not estimates.starts_agree(details.weighted):
-        yield "The starts did not all lead to the same stiffness: the one that fits the scan best counts."
+def _of_the_search(fit: StockingFit) -> Iterator[str]:
+    if fit.details.problem:
+        yield f"No state of the leg could be compared with its scan: {fit.details.problem}."
+    yield from of_search(fit.log)
+    yield from of_failed_solves(fit.log, "an equilibrium with the stocking")
 
 
 def _of_the_stiffness(fit: StockingFit) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What the fit of a leg in its stocking has beside that of any test: the leg as worn, its pressures, the searches."""
+"""What only the fit of a leg in its stocking has: its equilibrium, pressures, and where model and scan differ."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -14,12 +14,12 @@ from legfem.inverse.fit import Fit
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.discrepancy import ModelDiscrepancy
 from legfem.stockings.equilibrium import Equilibrium, LegModel3D
-from legfem.stockings.estimates import StiffnessFit, expected_rms, starts_agree
+from legfem.stockings.estimates import expected_rms
 from legfem.stockings.fabric import StockingLoad, stocking_load
 from legfem.stockings.leg import ComparedSensor, StockingLeg
 from legfem.stockings.levels import LevelPressure, PressureAlong, pressures_at_levels
 from legfem.stockings.pressures import FatPressures, SectionPressures, TissuePressures, too_low_by
-from legfem.stockings.scan_fit import by_name
+from legfem.stockings.scan_fit import ScanFit
 
 type StockingFit = Fit[StockingDetails]
 
@@ -34,12 +34,6 @@ class StockingDetails:
         What was given, and its finite-element model.
     scan_load : StockingLoad, optional
         Load by Laplace's law on the scanned shape; None without a scan in the stocking.
-    misfit : ContourMisfit, optional
-        The contours of that scan.
-    searches : tuple of StiffnessFit
-        Weighted searches, the best first, then Nelder-Mead's if it was asked for.
-    discrepancy : ModelDiscrepancy, optional
-        Tests of what the best fit leaves; None where no equilibrium was found.
     parameters : dict of str to float
         C10 by full name that the equilibrium has, MPa: identified, or given.
     equilibrium : Equilibrium
@@ -56,14 +50,19 @@ class StockingDetails:
         Sensors beside that equilibrium.
     states : int
         Finite-element solutions.
+    misfit : ContourMisfit, optional
+        The contours of the scan in the stocking; None where nothing was compared with it.
+    best : ScanFit, optional
+        Best fit of both scans, likewise.
+    discrepancy : ModelDiscrepancy, optional
+        Tests of what that leaves, likewise.
+    problem : str
+        Why nothing could be compared with a scan in the stocking; empty where it could, or there is none.
     """
 
     leg: StockingLeg
     model: LegModel3D
     scan_load: StockingLoad | None
-    misfit: ContourMisfit | None
-    searches: tuple[StiffnessFit, ...]
-    discrepancy: ModelDiscrepancy | None
     parameters: dict[str, float]
     equilibrium: Equilibrium
     moved: Mapping[str, FloatArray] | None
@@ -72,17 +71,10 @@ class StockingDetails:
     fat: FatPressures | None
     sensors: tuple[ComparedSensor, ...]
     states: int
-
-    @property
-    def weighted(self) -> tuple[StiffnessFit, ...]:
-        """Weighted searches, the best first."""
-        return tuple(search for search in self.searches if search.method == "weighted")
-
-    @property
-    def best(self) -> StiffnessFit | None:
-        """Best weighted search, if its equilibrium was found."""
-        best = next(iter(self.weighted), None)
-        return best if best is not None and best.equilibrium.state.report.complete else None
+    misfit: ContourMisfit | None = None
+    best: ScanFit | None = None
+    discrepancy: ModelDiscrepancy | None = None
+    problem: str = ""
 
     @property
     def tetrahedra(self) -> int:
@@ -114,16 +106,15 @@ class StockingDocument:
     """What ``result.json`` has beside that of any fit; a `legfem.inverse.document.KindDocument`."""
 
     def of_fit(self, fit: StockingFit) -> dict[str, Any]:
-        """Stiffness that the pressures are of, searches, fabric, pressures, and the state as worn."""
+        """Stiffness that the pressures are of, the best fit, fabric, pressures, and the state as worn."""
         details = fit.details
-        weighted, worn = details.weighted, details.equilibrium
+        worn = details.equilibrium
         return {
             "stiffness_of_the_pressures": {
                 "given": details.leg.known,
                 **{key_of(name): {"value": mpa_to_kpa(c10), "unit": "kPa"} for name, c10 in details.parameters.items()},
             },
-            "searches": [_search(search) for search in details.searches],
-            "starts_agree": starts_agree(weighted) if weighted else None,
+            "best_fit": _best_fit(details.best),
             "contours": _contours(details),
             "mismatch": _discrepancy(details),
             "registration": _registration(details),
@@ -139,7 +130,7 @@ class StockingDocument:
                 "relative_pressure_changes": list(worn.changes),
             },
             "model": _model(details),
-            "solves": {"identification": fit.log.forward_solves, "all": details.states},
+            "solves": {"equilibria_to_identify": fit.log.forward_solves, "states": details.states},
         }
 
     def of_test(self, fit: StockingFit, number: int) -> dict[str, Any]:
@@ -151,28 +142,18 @@ class StockingDocument:
         return {"points_mm": {one.channel.name: dict(zip("xy", points.T, strict=True)) for one, points in named}}
 
 
-def _search(search: StiffnessFit) -> dict[str, Any]:
-    def both(values: FloatArray) -> dict[str, float]:
-        return {f"{key_of(name)}_kPa": mpa_to_kpa(value) for name, value in by_name(values).items()}
-
+def _best_fit(best: ScanFit | None) -> dict[str, Any] | None:
+    if best is None:
+        return None
+    tension = best.tension
     return {
-        "method": search.method,
-        "start": both(search.start),
-        "found": both(search.parameters),
-        "state_found": search.equilibrium.state.report.complete,
-        "converged": search.converged,
-        "solves": search.solves,
-        "rms_distance_mm": search.rms,
-        "cost": search.cost,
-        "cost_unit": "1 at the start" if search.method == "nelder-mead" else "mm2",
-        "weighted_misfit": search.chi_square,
-        "rigid_motion": None
-        if search.rigid is None
-        else {"shift_mm": search.rigid[:3].tolist(), "turn_rad": search.rigid[3:].tolist()},
+        "rms_distance_mm": best.rms,
+        "weighted_misfit": best.chi_square,
+        "rigid_motion": {"shift_mm": best.rigid[:3].tolist(), "turn_rad": best.rigid[3:].tolist()},
         "tension_error": None
-        if search.tension is None
-        else {"value": search.tension.value, "standard_error": search.tension.sd, "unit": "1"},
-        "log_covariance": None if search.log_covariance is None else search.log_covariance.tolist(),
+        if tension is None
+        else {"value": tension.value, "standard_error": tension.sd, "unit": "1"},
+        "log_covariance": best.log_covariance.tolist(),
     }
 
 

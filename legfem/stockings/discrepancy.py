@@ -23,9 +23,9 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.slices import CONTOURS
 from legfem.stockings.contour_distances import ContourMisfit
 from legfem.stockings.equilibrium import PARAMETERS, Equilibrium, EquilibriumSolver
-from legfem.stockings.estimates import StiffnessFit
-from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, angle_from_sector, sectors
-from legfem.stockings.scan_fit import BOUNDS, LinearisedContours, by_name
+from legfem.stockings.forward import StockingForward
+from legfem.stockings.nuisances import RIGID, SECTORS, angle_from_sector, sectors
+from legfem.stockings.scan_fit import BOUNDS, ScanComparison, ScanFit, by_name, distances_of
 
 SIGNIFICANT = 0.025
 """Family-wise level of the mechanisms, and of the places: 5 % together where nothing is wrong."""
@@ -147,25 +147,25 @@ _MOTION = slice(2, 2 + RIGID)
 _PRESSURE = slice(2 + RIGID, 2 + RIGID + SECTORS)
 
 
-def model_discrepancy(
-    solver: EquilibriumSolver, misfit: ContourMisfit, nuisances: NuisanceSlopes, best: StiffnessFit
-) -> ModelDiscrepancy:
+def model_discrepancy(forward: StockingForward, comparison: ScanComparison, best: ScanFit) -> ModelDiscrepancy:
     """Test where and why the best fit differs from the scan.
 
     Parameters
     ----------
-    solver, misfit, nuisances
+    forward, comparison
         Those of the search.
     best
-        Its best weighted fit, whose equilibrium was found.
+        Its best fit.
     """
     at = np.clip(best.parameters, *PLAUSIBLE)
-    equilibrium = solver.solve({**by_name(at), **_NULLS}, (*PARAMETERS, *_NULLS), best.equilibrium)
-    contours = LinearisedContours(solver, misfit, equilibrium)
-    stiffness = [value * contours.by_parameter(name) for name, value in by_name(at).items()]
+    values = {**by_name(at), **_NULLS}
+    outcome = forward.solve(values, (*PARAMETERS, *_NULLS))
+    misfit, nuisances = comparison.misfit, comparison.nuisances
+    distances, by = distances_of(outcome, comparison.bare, misfit)
+    stiffness = [value * by[name] for name, value in by_name(at).items()]
     slopes = np.column_stack([*stiffness, nuisances.at(at)])
     weights = np.concatenate([np.zeros(2), 1 / nuisances.sd])
-    tested = _Tested(at, equilibrium, contours.distances, slopes, weights)
+    tested = _Tested(at, forward.at(values), distances, slopes, weights)
     mechanisms = (
         MechanismSignature(
             "local-pressure",
@@ -174,9 +174,7 @@ def model_discrepancy(
             slopes[:, _PRESSURE],
         ),
         *(
-            MechanismSignature(
-                term.name, term.statement, (term.label,), contours.by_parameter(term.parameter)[:, None], term.parameter
-            )
+            MechanismSignature(term.name, term.statement, (term.label,), by[term.parameter][:, None], term.parameter)
             for term in _TERMS
         ),
         MechanismSignature(
@@ -206,7 +204,7 @@ def model_discrepancy(
     gains = {score.name: score.statistic - penalty * score.degrees for score in scores}
     alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and gains[s.name] > gains[strongest.name] - 6.0)
     chosen = next(m for m in mechanisms if m.name == strongest.name)
-    after, parameters = _refit(solver, misfit, tested, chosen)
+    after, parameters = _refit(forward.solver, misfit, tested, chosen)
     verdict = "named" if len(alike) == 1 else "ambiguous"
     return ModelDiscrepancy(verdict, alike, scores, places, best.rms, after, parameters)
 

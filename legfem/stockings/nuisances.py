@@ -93,7 +93,7 @@ class NuisanceSlopes:
     solver, misfit
         The leg, and the contours of its scan.
     sensors
-        Sensors under its stocking.
+        Sensors under its stocking; none by default.
 
     Attributes
     ----------
@@ -102,8 +102,9 @@ class NuisanceSlopes:
     """
 
     def __init__(self, solver: EquilibriumSolver, misfit: ContourMisfit, sensors: SensorArray | None = None) -> None:
-        self._solver, self._misfit, self._sensors = solver, misfit, sensors
         shape = solver.model.shape
+        self._solver, self._misfit = solver, misfit
+        self._sensors = SensorArray.on(shape, ()) if sensors is None else sensors
         near = _near(shape.levels, misfit.target.levels)
         self.errors = {
             part: outline_errors(misfit.accuracy, shape.contours[part], shape.levels, near) for part in SURFACES
@@ -141,7 +142,7 @@ class NuisanceSlopes:
         if not self._samples:
             self._rigid = self._misfit.rigid_slopes(shape)
             self._direct = self._uncoupled(shape)
-        sensed = [np.zeros(0) if self._sensors is None else self._sensors.averages(change) for change in changes]
+        sensed = [self._sensors.averages(change) for change in changes]
         self._samples.append(
             _Response(
                 np.array(parameters),
@@ -179,8 +180,6 @@ class NuisanceSlopes:
         The change of Laplace's pressure with the shape doesn't depend on the stiffness; how far the
         shape moves does.
         """
-        if self._sensors is None:
-            return np.zeros((0, len(self.sd)))
         _, skin = self._skin_response(parameters)
         sensed = np.mean([sample.sensed for sample in self._samples], axis=0)
         by_modes, by_pressure = _coupled(sensed, skin)

@@ -1,24 +1,34 @@
-r"""Comparison of a leg in its stocking with scan and sensors at one stiffness, nuisances fitted.
+r"""Both scans of a leg beside its model: distances of the contours and readings of the sensors, nuisances fitted.
 
-With :math:`w` the whitened residuals, :math:`N` their derivatives by the nuisances :math:`u` and
-:math:`P` the square root of the priors' precision, :math:`u(\theta)` minimises
+With :math:`w` the whitened distances and the sensors' differences, :math:`N` their derivatives by the nuisances
+:math:`u` and :math:`P` the square root of the priors' precision, :math:`u(\theta)` minimises
 :math:`|w + N u|^2 + |P u|^2`, and the minimum depends on the stiffness :math:`\theta` alone
 (variable projection: G. H. Golub, V. Pereyra, Inverse Problems 19 (2003) R1; derivative after
-L. Kaufman). :math:`N` changes with the stiffness, and that enters the derivative: without it noise
+L. Kaufman). What is left, :math:`w + N u` and :math:`P u`, are the readings that a search compares with zero.
+:math:`N` changes with the stiffness, and that enters the derivative: without it noise
 would draw the stiffness towards where the contours are least sensitive to the nuisances.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.geometry.motion import displaced
+from legfem.inverse.catalogue import Values
+from legfem.inverse.comparison import Comparison, Prediction
 from legfem.inverse.elastography import ShearModulus, elastography_priors
+from legfem.inverse.intervals import quantile
+from legfem.inverse.outcome import Outcome
 from legfem.inverse.parameter import Parameter, Priors
+from legfem.inverse.trial import Trial
 from legfem.stockings.contour_distances import ContourMisfit
-from legfem.stockings.equilibrium import PARAMETERS, Equilibrium, EquilibriumSolver, LinearisedCoupling, probe_step
+from legfem.stockings.equilibrium import PARAMETERS, PROBE_STEP, SURFACES
+from legfem.stockings.forward import PRESSURE
 from legfem.stockings.leg import SensorArray
 from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes
 
@@ -39,7 +49,23 @@ def by_name(parameters: FloatArray) -> dict[str, float]:
     return dict(zip(PARAMETERS, map(float, parameters), strict=True))
 
 
-@dataclass(frozen=True, eq=False)
+def shape_of(outcome: Outcome, bare: LegShape) -> LegShape:
+    """Return the shape of a leg in a state."""
+    return displaced(bare, {part: outcome.fields[part].values for part in SURFACES})
+
+
+def distances_of(outcome: Outcome, bare: LegShape, misfit: ContourMisfit) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return the distances (n,) of a state of a leg from its scan (mm), and their derivatives (n,) by parameters."""
+    fields, distances = outcome.fields, misfit.distances(shape_of(outcome, bare))
+    by = {}
+    for name, rate in fields[SKIN].sensitivities.items():
+        step = PROBE_STEP / max(float(np.abs(rate).max()), 1e-12)
+        ahead = {part: fields[part].values + step * fields[part].sensitivities[name] for part in SURFACES}
+        by[name] = (misfit.distances(displaced(bare, ahead)) - distances) / step
+    return distances, by
+
+
+@dataclass(frozen=True)
 class Tension:
     """Relative error of the fabric's tension, as fitted.
 
@@ -60,195 +86,290 @@ class Tension:
         return float(np.sqrt(self.log_covariance[2, 2]))
 
 
-class LinearisedContours:
-    """Distances (mm) of a leg in its stocking from its scan, and their derivatives in equilibrium.
+@dataclass(frozen=True, eq=False)
+class NuisanceFit:
+    """Least squares over the nuisances, at one stiffness.
 
     Parameters
     ----------
-    solver
-        Of the leg.
-    misfit
-        The scanned contours.
-    equilibrium
-        The one that the model is in.
-
-    Attributes
-    ----------
-    distances : (n,) array
-        mm.
+    differences : (m + s,) array
+        Whitened distances, then pressures at the sensors less readings over their standard deviations.
+    basis : (m + s + k, k) array
+        Derivatives of these and of the nuisances over their priors' standard deviations, by the nuisances.
     """
 
-    def __init__(self, solver: EquilibriumSolver, misfit: ContourMisfit, equilibrium: Equilibrium) -> None:
-        self._model, self._misfit, self._equilibrium = solver.model, misfit, equilibrium
-        self._coupling = LinearisedCoupling(solver, equilibrium)
-        self._rates: dict[str, FloatArray] = {}
-        self.distances = misfit.distances(equilibrium.shape)
+    differences: FloatArray
+    basis: FloatArray
 
-    def by_parameter(self, name: str) -> FloatArray:
-        """Return the distances' derivative (n,) by a parameter of the equilibrium's sensitivities."""
-        rate = self._rate(name)
-        step = probe_step(self._model, rate)
-        ahead = self._model.deformed_shape(self._equilibrium.state.unknown + step * rate)
-        return (self._misfit.distances(ahead) - self.distances) / step
+    @cached_property
+    def _factors(self) -> tuple[FloatArray, FloatArray]:
+        orthonormal, triangle = np.linalg.qr(self.basis)
+        return orthonormal, triangle
 
-    def pressure_by_parameter(self, name: str) -> FloatArray:
-        """Return the derivative of the stocking's pressure, (n_levels, n_points)."""
-        return self._coupling.pressure_rate(self._rate(name))
+    @property
+    def nuisance(self) -> FloatArray:
+        """Best nuisances (k,), see `legfem.stockings.nuisances`."""
+        orthonormal, triangle = self._factors
+        return -solve_triangular(triangle, orthonormal[: len(self.differences)].T @ self.differences)
 
-    def _rate(self, name: str) -> FloatArray:
-        if name not in self._rates:
-            self._rates[name] = self._coupling.rate(self._equilibrium.state.sensitivities[name])
-        return self._rates[name]
+    @property
+    def left(self) -> FloatArray:
+        """What is left of the differences, and the nuisances, in standard deviations, (m + s + k,)."""
+        return self.projected(self.differences)
+
+    def projected(self, values: FloatArray) -> FloatArray:
+        """Return differences or derivatives (m + s, ...) less what the nuisances explain, (m + s + k, ...)."""
+        orthonormal, count = self._factors[0], len(self.differences)
+        found = -orthonormal @ (orthonormal[:count].T @ values)
+        found[:count] += values
+        return found
 
 
 @dataclass(frozen=True, eq=False)
-class ScanComparison:
-    """Residuals of contours and sensors in one equilibrium, and their derivatives.
+class ScanComparison(Comparison):
+    """A leg's contours and sensors beside its model: readings that a right one brings to zero but for their errors.
+
+    Parameters
+    ----------
+    bare
+        The modelled leg.
+    misfit, nuisances
+        Distances from the scanned contours, and the derivatives by what isn't known.
+    sensors
+        Under the stocking; there may be none.
+    """
+
+    bare: LegShape
+    misfit: ContourMisfit
+    nuisances: NuisanceSlopes
+    sensors: SensorArray
+
+    @cached_property
+    def _white(self) -> NuisanceSlopes:
+        return self.nuisances.mapped(self.misfit.whitened)
+
+    @cached_property
+    def _size(self) -> int:
+        """Number m + s of differences."""
+        return len(self._slopes(np.full(len(PARAMETERS), BOUNDS[1])))
+
+    @cached_property
+    def measured(self) -> FloatArray:
+        """Zeros, (m + s + k,)."""
+        return np.zeros(self._size + len(self.nuisances.sd))
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Identity: the readings are in standard deviations."""
+        return np.eye(len(self))
+
+    def weighted(self, values: FloatArray) -> FloatArray:
+        """Return the values: they are in standard deviations."""
+        return values
+
+    @property
+    def if_deeper(self) -> FloatArray:
+        """Nothing is pressed deeper."""
+        return np.zeros(len(self))
+
+    @property
+    def reach(self) -> str:
+        """What a solve has to come to, in words."""
+        return "an equilibrium with the stocking"
+
+    def reached_by(self, outcome: Outcome) -> bool:
+        """Whether a state was found."""
+        return outcome.complete
+
+    @property
+    def linear_scale(self) -> FloatArray:
+        """Model values may have either sign, and are in standard deviations."""
+        return np.ones(self._size + len(PARAMETERS))
+
+    def differences(
+        self, outcome: Outcome, distances: FloatArray, by: Mapping[str, FloatArray]
+    ) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return whitened distances and sensors' differences, (m + s,), and their derivatives by parameters.
+
+        Parameters
+        ----------
+        outcome, distances, by
+            An equilibrium, and what `distances_of` gives of it.
+        """
+        pressure, sensors = outcome.fields[PRESSURE], self.sensors
+        sensed = (sensors.averages(pressure.values) - sensors.measured) / sensors.sd
+        slopes = {
+            name: np.concatenate(
+                [self.misfit.whitened(one), sensors.averages(pressure.sensitivities[name]) / sensors.sd]
+            )
+            for name, one in by.items()
+        }
+        return np.concatenate([self.misfit.whitened(distances), sensed]), slopes
+
+    def fit_nuisances(self, differences: FloatArray, parameters: FloatArray) -> NuisanceFit:
+        """Fit the nuisances to differences (m + s,) at C10 of muscle and fat (MPa)."""
+        basis = np.vstack([self._slopes(parameters), np.diag(1 / self.nuisances.sd)])
+        return NuisanceFit(differences, basis)
+
+    def unexplained(self, distances: FloatArray, nuisance: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Return distances (n,) less what rigid motions and errors of the pressure explain, mm."""
+        known = self.nuisances
+        shown = [*range(RIGID + SECTORS), *([len(nuisance) - 1] if known.of_tension else [])]
+        return np.asarray(distances + known.at(parameters)[:, shown] @ nuisance[shown])
+
+    def squares(self, trial: Trial) -> float:
+        """Return the paper's cost of a full solve: the sum of squared distances (mm2); NaN where no state was found."""
+        if trial.prediction is None:
+            return np.nan
+        fitted = self.fit_nuisances(trial.prediction.model_values[: -len(PARAMETERS)], trial.point)
+        distances = self.misfit.distances(shape_of(trial.outcome, self.bare))
+        return self.misfit.cost(self.unexplained(distances, fitted.nuisance, trial.point))
+
+    def with_nuisances(self, slopes: Mapping[str, FloatArray], fitted: NuisanceFit, values: Values) -> FloatArray:
+        """Return the derivatives (m + s, 2) by the stiffnesses (1/MPa), the nuisances held at their best."""
+        parameters, columns = np.array([values[name] for name in PARAMETERS]), []
+        for number, name in enumerate(PARAMETERS):
+            step = STEP * np.eye(len(PARAMETERS))[number]
+            ahead, behind = (self._slopes(parameters * np.exp(sign * step)) for sign in (1, -1))
+            columns.append(slopes[name] + (ahead - behind) @ fitted.nuisance / (2 * STEP * parameters[number]))
+        return np.stack(columns, axis=1)
+
+    def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
+        """Read an equilibrium; the stiffness is among the model's values, since the nuisances' effects follow it."""
+        parameters = np.array([outcome.values[name] for name in PARAMETERS])
+        differences, by = self.differences(outcome, *distances_of(outcome, self.bare, self.misfit))
+        fitted = self.fit_nuisances(differences, parameters)
+        slopes = fitted.projected(self.with_nuisances(by, fitted, outcome.values))
+        logs = np.diag(1 / parameters)
+        return Prediction(
+            fitted.left,
+            dict(zip(PARAMETERS, slopes.T, strict=True)),
+            np.concatenate([differences, np.log(parameters)]),
+            {name: np.concatenate([by[name], logs[k]]) for k, name in enumerate(PARAMETERS)},
+        )
+
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return what nuisances leave of differences (..., m + s) that are followed by the stiffnesses' logarithms."""
+        flat = model_values.reshape(-1, model_values.shape[-1])
+        count = len(PARAMETERS)
+        every = [self.fit_nuisances(one[:-count], np.exp(one[-count:])).left for one in flat]
+        return np.reshape(every, (*model_values.shape[:-1], len(self)))
+
+    def _slopes(self, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives (m + s, k) of the differences by the nuisances at C10 of muscle and fat (MPa)."""
+        sensed = self.nuisances.of_sensors(parameters) / self.sensors.sd[:, None]
+        return np.vstack([self._white.at(parameters), sensed])
+
+
+@dataclass(frozen=True, eq=False)
+class ScanFit:
+    """The best fit of both scans: what nuisances there are, and what is left.
 
     Parameters
     ----------
     parameters : (2,) array
         C10 of muscle and fat (MPa).
-    equilibrium : Equilibrium
-        State at these.
+    shape : LegShape
+        The leg in its stocking at these.
+    nuisance : (k,) array
+        Best nuisances, see `legfem.stockings.nuisances`.
     distances : (n,) array
-        Distances of the model outside the scan (mm).
-    slopes : (n, 2) array
-        Derivatives of the distances by the logarithms of the stiffnesses (mm).
-    sensors : (s,) array
-        Model's pressures less the sensors' readings, over their standard deviations.
-    sensor_slopes : (s, 2) array
-        Derivatives of these by the logarithms of the stiffnesses.
+        Distances outside the scan (mm), less what rigid motions and errors of the pressure explain.
+    sensed : (s,) array
+        Model's pressures less the sensors' readings, over their standard deviations, likewise.
+    objective : float
+        Least sum of squares, priors included.
+    residuals : int
+        Number of residuals that are no nuisances.
+    log_covariance : (2, 2) array
+        Covariance of the stiffnesses' logarithms.
+    tension : Tension, optional
+        Error of the fabric's tension; None where it is taken as given.
+    profile95 : (2, 2) array, optional
+        95 % intervals of the stiffnesses by profile likelihood (MPa).
     """
 
     parameters: FloatArray
-    equilibrium: Equilibrium
-    distances: FloatArray
-    slopes: FloatArray
-    sensors: FloatArray
-    sensor_slopes: FloatArray
-
-
-def compare_with_scan(
-    solver: EquilibriumSolver,
-    misfit: ContourMisfit,
-    parameters: FloatArray,
-    equilibrium: Equilibrium,
-    sensors: SensorArray | None = None,
-) -> ScanComparison:
-    """Compare a leg in its stocking with its scan and its sensors.
-
-    Parameters
-    ----------
-    solver, misfit
-        The leg, and the contours of its scan.
-    parameters : (2,) array
-        C10 of muscle and fat (MPa).
-    equilibrium
-        At these, with sensitivities by `PARAMETERS`; the model has to be in it.
-    sensors
-        Sensors under the stocking.
-    """
-    contours = LinearisedContours(solver, misfit, equilibrium)
-    residual: FloatArray = np.zeros(0)
-    sensor_slopes: FloatArray = np.zeros((0, len(PARAMETERS)))
-    if sensors is not None:
-        residual = (sensors.averages(equilibrium.load.pressure) - sensors.measured) / sensors.sd
-        sensed = [sensors.averages(contours.pressure_by_parameter(name)) for name in PARAMETERS]
-        sensor_slopes = np.stack(sensed, axis=1) * parameters / sensors.sd[:, None]
-    slopes = np.stack([contours.by_parameter(name) for name in PARAMETERS], axis=1) * parameters
-    return ScanComparison(parameters, equilibrium, contours.distances, slopes, residual, sensor_slopes)
-
-
-@dataclass(frozen=True, eq=False)
-class ProfiledFit:
-    """Least squares at one stiffness, over the nuisances.
-
-    Parameters
-    ----------
-    at : ScanComparison
-        What was fitted.
-    nuisance : (k,) array
-        Best nuisances, see `legfem.stockings.nuisances`.
-    moved : (n,) array
-        Distances (mm) less what rigid motions and errors of the pressure explain.
-    sensed : (s,) array
-        Model's pressures less the sensors' readings, over their standard deviations, likewise.
-    residual : (m + s + p + k,) array
-        Whitened distances, sensors, deviations from p priors of the stiffnesses, and nuisances, all
-        in standard deviations.
-    jacobian : (m + s + p + k, 2) array
-        Derivatives by the logarithms of the stiffnesses, the nuisances following.
-    tension : Tension, optional
-        Error of the fabric's tension, where that is uncertain.
-    """
-
-    at: ScanComparison
+    shape: LegShape
     nuisance: FloatArray
-    moved: FloatArray
+    distances: FloatArray
     sensed: FloatArray
-    residual: FloatArray
-    jacobian: FloatArray
+    objective: float
+    residuals: int
+    log_covariance: FloatArray
     tension: Tension | None = None
+    profile95: FloatArray | None = None
+
+    @classmethod
+    def of(cls, comparison: ScanComparison, outcome: Outcome, priors: Priors) -> "ScanFit":
+        """Fit the nuisances at an equilibrium with sensitivities by both stiffnesses.
+
+        Parameters
+        ----------
+        comparison
+            Of the leg.
+        outcome
+            The equilibrium.
+        priors
+            Priors of the stiffnesses (MPa).
+        """
+        parameters = np.array([outcome.values[name] for name in PARAMETERS])
+        distances, rates = distances_of(outcome, comparison.bare, comparison.misfit)
+        differences, by = comparison.differences(outcome, distances, rates)
+        fitted = comparison.fit_nuisances(differences, parameters)
+        slopes = comparison.with_nuisances(by, fitted, outcome.values) * parameters
+        departures, of_priors = priors.residual(parameters), priors.jacobian(parameters) * parameters
+        jacobian = np.vstack([fitted.projected(slopes), of_priors])
+        nuisances, nuisance = comparison.nuisances, fitted.nuisance
+        tension = None
+        if nuisances.of_tension:
+            empty = np.zeros((len(of_priors) + len(nuisance), 2))
+            empty[: len(of_priors)] = of_priors
+            count = len(differences)
+            basis = np.vstack([fitted.basis[:count], np.zeros((len(of_priors), len(nuisance))), fitted.basis[count:]])
+            every = np.hstack([np.vstack([slopes, empty]), basis])
+            picked = [0, 1, every.shape[1] - 1]
+            tension = Tension(float(nuisance[-1]), np.linalg.pinv(every.T @ every)[np.ix_(picked, picked)])
+        left = fitted.left
+        return cls(
+            parameters,
+            shape_of(outcome, comparison.bare),
+            nuisance,
+            comparison.unexplained(distances, nuisance, parameters),
+            left[len(differences) - len(comparison.sensors) : len(differences)],
+            float(left @ left + departures @ departures),
+            len(differences) + len(departures),
+            np.linalg.pinv(jacobian.T @ jacobian),
+            tension,
+        )
 
     @property
-    def objective(self) -> float:
-        """Least sum of squares."""
-        return float(self.residual @ self.residual)
+    def interval95(self) -> FloatArray:
+        """95 % intervals (2, 2) of the stiffnesses, MPa; 0 or infinity at an open end.
 
+        By profile likelihood if there is one, else by the curvature at the best values.
+        """
+        if self.profile95 is not None:
+            return self.profile95
+        half = quantile(0) * np.sqrt(np.diag(self.log_covariance))
+        return self.parameters[:, None] * np.exp(np.stack([-half, half], axis=1))
 
-def fit_nuisances(
-    found: ScanComparison,
-    misfit: ContourMisfit,
-    nuisances: NuisanceSlopes,
-    sensors: SensorArray | None = None,
-    priors: Priors | None = None,
-) -> ProfiledFit:
-    """Fit the nuisances at a stiffness by linear least squares.
+    @property
+    def rms(self) -> float:
+        """Root-mean-square distance from the scan, mm."""
+        return float(np.sqrt(np.mean(self.distances**2)))
 
-    Parameters
-    ----------
-    found
-        Comparison with the scan there.
-    misfit, nuisances
-        Whitening, and derivatives by the nuisances.
-    sensors
-        Sensors under the stocking.
-    priors
-        Priors of the stiffnesses (MPa); none by default.
-    """
-    parameters, priors = found.parameters, priors or stiffness_priors()
-    slopes, sd = nuisances.at(parameters), nuisances.sd
-    sensor_slopes: FloatArray = np.zeros((0, len(sd)))
-    if sensors is not None:
-        sensor_slopes = nuisances.of_sensors(parameters) / sensors.sd[:, None]
-    basis = np.vstack([misfit.whitened(slopes), sensor_slopes, np.zeros((len(priors), len(sd))), np.diag(1 / sd)])
-    orthonormal, triangle = np.linalg.qr(basis)
-    white = misfit.whitened(found.distances)
-    beside = np.concatenate([found.sensors, priors.residual(parameters)])
-    right = np.concatenate([white, beside, np.zeros(len(sd))])
-    nuisance = -solve_triangular(triangle, orthonormal.T @ right)
-    by_stiffness = found.slopes.copy()
-    for number in range(len(PARAMETERS)):
-        ahead, behind = (nuisances.at(parameters * np.exp(sign * STEP * np.eye(2)[number])) for sign in (1, -1))
-        by_stiffness[:, number] += (ahead - behind) @ nuisance / (2 * STEP)
-    rows = np.zeros((len(right), 2))
-    rows[: len(white)] = misfit.whitened(by_stiffness)
-    by_prior = priors.jacobian(parameters) * parameters
-    rows[len(white) : len(white) + len(beside)] = np.vstack([found.sensor_slopes, by_prior])
-    tension = None
-    if nuisances.of_tension:
-        every = np.hstack([rows, basis])
-        picked = [0, 1, every.shape[1] - 1]
-        tension = Tension(float(nuisance[-1]), np.linalg.pinv(every.T @ every)[np.ix_(picked, picked)])
-    residual = right + basis @ nuisance
-    shown = [*range(RIGID + SECTORS), *([len(sd) - 1] if nuisances.of_tension else [])]
-    return ProfiledFit(
-        found,
-        nuisance,
-        found.distances + slopes[:, shown] @ nuisance[shown],
-        residual[len(white) : len(white) + len(found.sensors)],
-        residual,
-        rows - orthonormal @ (orthonormal.T @ rows),
-        tension,
-    )
+    @property
+    def cost(self) -> float:
+        """The paper's cost: the sum of squared distances, mm2."""
+        return float(self.distances @ self.distances)
+
+    @property
+    def chi_square(self) -> float:
+        """Least sum of squares over `residuals`: 1 where errors are as large as assumed."""
+        return self.objective / self.residuals
+
+    @property
+    def rigid(self) -> FloatArray:
+        """Motion between the scans beyond their registration: three shifts (mm), three turns (rad)."""
+        return self.nuisance[:RIGID]

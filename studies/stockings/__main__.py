@@ -39,7 +39,6 @@ def stockings(
     ),
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("results/stockings"),
     cells: Annotated[int, typer.Option(min=10_000, help="About how many tetrahedra.")] = 15_000,
-    nelder_mead: Annotated[bool, typer.Option(help="Search as the paper does, too.")] = True,
     seed: Annotated[int, typer.Option(min=0, help="Of the scans' noise.")] = 1,
     jobs: Jobs = None,
 ) -> None:
@@ -59,7 +58,7 @@ def stockings(
             check_out_folder(legs)
             command.make(legs, seed, processes)
         elif part is Part.IDENTIFY:
-            command.identify(legs, out, StockingSettings(cells, nelder_mead), processes)
+            command.identify(legs, out, StockingSettings(cells), processes)
         elif part is Part.CLAIMS:
             command.claims(out, cells, processes)
         else:

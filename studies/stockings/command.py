@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 
@@ -31,9 +31,7 @@ def recovery_table(rows: Sequence[Recovery]) -> str:
         "planted (kPa): muscle, fat",
         "muscle (kPa), 95 %",
         "fat (kPa), 95 %",
-        "solves a start",
-        "Nelder-Mead (kPa): muscle, fat; solves",
-        "paper's cost",
+        "equilibria",
         "rms (mm)",
     )
     return markdown_table(head, [_recovery(row) for row in sorted(rows, key=lambda r: (r.kind, r.leg))])
@@ -45,10 +43,9 @@ def recovery_summary(rows: Sequence[Recovery]) -> str:
     for kind, group in groupby(sorted(rows, key=lambda r: r.kind), key=lambda r: r.kind):
         legs = list(group)
         muscle, fat = (sum(row.covered[k] for row in legs) for k in range(2))
-        agree = sum(row.starts_agree for row in legs)
         lines.append(
             f"- {kind} segmentation: {len(legs)} legs; the interval holds the planted C10 of "
-            f"muscle in {muscle} and of fat in {fat}; all starts agree within 5 % in {agree}."
+            f"muscle in {muscle} and of fat in {fat}."
         )
     return "\n".join(lines)
 
@@ -87,11 +84,6 @@ def correlation_table(rows: Sequence[Correlation]) -> str:
 
 
 def _recovery(row: Recovery) -> tuple[str, ...]:
-    simplex = "-"
-    if row.nelder_mead is not None:
-        muscle, fat = row.nelder_mead
-        simplex = f"{muscle:.2f}, {fat:.2f}; {row.nelder_mead_solves}"
-    cost = "-" if row.nelder_mead_cost is None else f"{row.nelder_mead_cost:.3f}"
     estimates = (
         f"{value:.2f} [{low:.2f}, {high:.2f}]{'' if held else ' (missed)'}"
         for value, low, high, held in zip(row.found, row.low, row.high, row.covered, strict=True)
@@ -101,9 +93,7 @@ def _recovery(row: Recovery) -> tuple[str, ...]:
         row.kind,
         f"{row.planted[0]:g}, {row.planted[1]:g}",
         *estimates,
-        ", ".join(map(str, row.solves)),
-        simplex,
-        cost,
+        str(row.solves),
         f"{row.rms_mm:.3f}",
     )
 
@@ -149,11 +139,9 @@ def identify(legs: Path, out: Path, settings: StockingSettings, jobs: int) -> No
     tasks = [(kind, leg) for kind in NOISE for leg in TRUTHS if (_folder(legs, kind, leg) / "leg.toml").is_file()]
     if not tasks:
         raise InputError("--legs", str(legs), "contains no legs", "make them with --make first")
-    # The paper's search takes many solutions: it is compared where the segmentation is perfect.
-    chosen = {kind: replace(settings, nelder_mead=settings.nelder_mead and kind == "perfect") for kind in NOISE}
     modules = ("studies.stockings.truth",)
     store = Store(out / "runs", Recovery, modules=modules, named=lambda one: "-".join(one[0]))
-    with progress_on() as progress, Workers(_identify, (legs, chosen), jobs) as workers:
+    with progress_on() as progress, Workers(_identify, (legs, settings), jobs) as workers:
         rows = finish(
             workers,
             tasks,
@@ -161,7 +149,7 @@ def identify(legs: Path, out: Path, settings: StockingSettings, jobs: int) -> No
             progress,
             "identification",
             lambda task, row: f"{task}: {row}",
-            asked=lambda task: (task, chosen[task[0]], Contents(_folder(legs, *task))),
+            asked=lambda task: (task, settings.cells, Contents(_folder(legs, *task))),
         )
     text = f"{page.recovery_summary(rows)}\n\n{page.recovery_table(rows)}\n"
     write_document(out / "recovery.json", json_types([asdict(row) for row in rows]))
@@ -217,9 +205,9 @@ def _make(context: tuple[Path, int], leg: str) -> str:
     return f"{made.equilibrium.state.report}, {time.process_time() - started:.0f} s of processor time"
 
 
-def _identify(context: tuple[Path, dict[str, StockingSettings]], task: tuple[str, str]) -> Recovery:
+def _identify(context: tuple[Path, StockingSettings], task: tuple[str, str]) -> Recovery:
     legs, settings = context
-    return recover(_folder(legs, *task), task[0], settings[task[0]])
+    return recover(_folder(legs, *task), task[0], settings)
 
 
 def _claim(cells: int, variant: Variant) -> Pressures:

@@ -18,9 +18,8 @@ from legfem.geometry.motion import RigidTransform
 from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import settings_for_cells
-from legfem.stockings.details import StockingDetails
+from legfem.stockings.details import StockingFit
 from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver, LegModel3D
-from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.loading import load_leg
@@ -129,15 +128,10 @@ class Recovery:
     found: tuple[float, float]
     low: tuple[float, float]
     high: tuple[float, float]
-    solves: tuple[int, ...]
-    """Of the weighted search, start by start."""
-    starts_agree: bool
-    """Whether all starts end within 5 % of one another."""
+    solves: int
+    """Equilibria of the search."""
     rms_mm: float
     chi_square: float
-    nelder_mead: tuple[float, float] | None
-    nelder_mead_solves: int | None
-    nelder_mead_cost: float | None
     registration_rms_mm: float
     cpu_s: float
 
@@ -151,42 +145,32 @@ class Recovery:
         """Return a line that says what was found."""
         found = ", ".join(f"{value:.3g}" for value in self.found)
         planted = ", ".join(f"{value:.3g}" for value in self.planted)
-        return f"found {found} kPa, planted {planted} kPa ({sum(self.solves)} solves)"
+        return f"found {found} kPa, planted {planted} kPa ({self.solves} equilibria)"
 
 
 def recover(folder: Path, kind: str, settings: StockingSettings) -> Recovery:
     """Identify a leg."""
     started = time.process_time()
     found = identify_in_stocking(load_leg(folder), settings, Silent())
-    return _recovery(found.details, kind, time.process_time() - started)
+    return _recovery(found, kind, time.process_time() - started)
 
 
-def _recovery(found: StockingDetails, kind: str, seconds: float) -> Recovery:
-    leg, best = found.leg, found.best
-    assert best is not None and best.interval95 is not None and leg.registration is not None
+def _recovery(fit: StockingFit, kind: str, seconds: float) -> Recovery:
+    leg, best = fit.details.leg, fit.details.best
+    assert best is not None and leg.registration is not None
     truth = TRUTHS[leg.id]
-    weighted = found.weighted
-    simplex = next((s for s in found.searches if s.method == "nelder-mead"), None)
+    muscle, fat = map(float, mpa_to_kpa(best.parameters))
     low, high = mpa_to_kpa(best.interval95).T
     return Recovery(
         leg.id,
         kind,
         (truth.deep_kPa, truth.superficial_kPa),
-        _kpa(best),
+        (muscle, fat),
         (float(low[0]), float(low[1])),
         (float(high[0]), float(high[1])),
-        tuple(search.solves for search in weighted),
-        all(abs(s.parameters / best.parameters - 1).max() < 0.05 for s in weighted),
+        fit.log.forward_solves,
         best.rms,
         best.chi_square,
-        None if simplex is None else _kpa(simplex),
-        None if simplex is None else simplex.solves,
-        None if simplex is None else simplex.cost,
         leg.registration.residual,
         seconds,
     )
-
-
-def _kpa(search: StiffnessFit) -> tuple[float, float]:
-    muscle, fat = mpa_to_kpa(search.parameters)
-    return float(muscle), float(fat)
