@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import inspect
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,7 @@ from legfem.api.loading import in_python_words
 from legfem.common.command_line import BAD_INPUT, FAILED, command_context
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, parse_toml
+from legfem.common.wording import Argument, Command, Remedy
 
 
 @pytest.mark.parametrize(
@@ -74,6 +76,15 @@ def test_a_deeply_nested_toml_is_refused(tmp_path):
     path.write_text("a = " + "[" * 100_000)
     with pytest.raises(InputError, match="nested too deeply"):
         parse_toml(path, FileTable, "a folder")
+
+
+def test_an_error_is_worded_by_each_door_and_survives_a_process():
+    remedy = Remedy("give ", Argument("site", "the back"), " to ", Command("study doe", given="a leg"), " {as it is}")
+    error = InputError(Argument("leave_out"), Argument("emulator", False), "is wrong", remedy)
+    error = pickle.loads(pickle.dumps(error.at(problem="is odd")))
+    said = "--leave-out: --no-emulator: is odd; give --site 'the back' to legfem study doe 'a leg' {as it is}"
+    assert str(error) == said
+    assert str(error.worded(lambda one: one.name)) == ("leave_out: emulator: is odd; give site to study doe {as it is}")
 
 
 def test_a_package_that_is_missing_is_one_line_that_says_how_to_get_it(capsys):

@@ -13,6 +13,7 @@ from legfem.api import loading
 from legfem.api.results import Identification
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
+from legfem.common.wording import Argument
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import LAWS, LawName, Values, check_held
@@ -85,7 +86,7 @@ class AskedParameters:
             if not isinstance(value, Real) or not (math.isfinite(value) or endless):
                 remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
                 raise loading.wrong("fix", str(name), f"{value!r} is not a value", remedy)
-            check_held("--fix", f"{name}={value:g}", str(name), float(value))
+            check_held(Argument("fix"), f"{name}={value:g}", str(name), float(value))
             if name in names:
                 raise loading.wrong("fix", name, "is to be identified as well", "leave one of them out")
         return cls(ParameterTexts(names, prior, texts, c10_bounds, c20_bounds), given, numbers)

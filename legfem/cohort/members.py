@@ -14,6 +14,7 @@ import pandas as pd
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_text
+from legfem.common.wording import Argument, Remedy
 
 type Task = Literal["identify", "diagnose", "stocking"]
 """What is done with each member: the command of that name."""
@@ -102,7 +103,9 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
     found = _folders(folder, task, layout)
     there = [path for name in TABLES if (path := folder / name).is_file()]
     if table is None and len(there) > 1:
-        raise InputError(folder, "cohort", "both cohort.csv and cohort.xlsx are there", "name one by --table")
+        raise InputError(
+            folder, "cohort", "both cohort.csv and cohort.xlsx are there", Remedy("name one by ", Argument("table"))
+        )
     table = table or next(iter(there), None)
     if table is not None:
         return _of_table(folder, table, found, FILES[task])
@@ -113,7 +116,12 @@ def find_members(folder: Path, task: Task, layout: str = "", table: Path | None 
     if not found:
         files = " or ".join(FILES[task])
         where = f"matches {layout!r} and" if layout else "below it"
-        raise InputError(folder, "cohort", f"no folder {where} contains {files}", "check the path, --layout and --do")
+        raise InputError(
+            folder,
+            "cohort",
+            f"no folder {where} contains {files}",
+            Remedy("check the path, ", Argument("layout"), " and ", Argument("do")),
+        )
     return Members(folder, tuple(Member(name, path, name) for name, path in found.items()), notes=tuple(unread))
 
 
@@ -128,7 +136,7 @@ def _folders(folder: Path, task: Task, layout: str) -> dict[str, Path]:
     try:
         places = [path for path in folder.glob(layout) if path.is_dir()] if layout else [folder, *_below(folder)]
     except (ValueError, NotImplementedError) as error:
-        raise InputError("--layout", layout, f"is not a pattern ({error})", "write it as in P*/leg-*") from None
+        raise InputError(Argument("layout"), layout, f"is not a pattern ({error})", "write it as in P*/leg-*") from None
     held = [path for path in places if any((path / file).is_file() for file in FILES[task])]
     if not layout:
         # A folder of specimens in one of specimens is one of its tests.

@@ -29,6 +29,7 @@ from legfem.cohort.statistics import COVARIATES, design_of, values_of
 from legfem.common.documents import json_types
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.common.wording import Argument
 
 type Numbers = NDArray[np.int_]
 OPEN = 5.0
@@ -206,7 +207,9 @@ def hierarchy_of(members: Sequence[Member], rows: Sequence[Row], key: str) -> tu
     kept, shown, design = design_of(table, ("group", "sex", *steps), COVARIATES, {})
     people = kept["person"].nunique()
     if people < LEAST_PEOPLE:
-        raise InputError("--population", key, f"only {people} people have one", f"a population needs {LEAST_PEOPLE}")
+        raise InputError(
+            Argument("population"), key, f"only {people} people have one", f"a population needs {LEAST_PEOPLE}"
+        )
     text = kept[["person", "side", "session", "date", "rater", "rig"]].fillna("").astype(str)
     visit = text["session"].where(text["session"] != "", text["date"])
     whose = {

@@ -19,6 +19,7 @@ import typer
 from typer.core import TyperCommand
 
 from legfem.common.errors import InputError, UnsolvedError, missing_module
+from legfem.common.wording import Argument
 
 _OPTION = "-no_signal_handler"
 
@@ -187,16 +188,21 @@ def check_out_folder(out: Path) -> None:
     around = (out.absolute(), *out.absolute().parents)
     nearest = next(folder for folder in around if folder.exists())
     if not nearest.is_dir():
-        raise InputError("--out", str(out), f"{nearest} is a file", "give a folder")
+        raise InputError(Argument("out"), str(out), f"{nearest} is a file", "give a folder")
     if any(folder.name == "recordings" and any(folder.parent.glob("*.toml")) for folder in around):
         raise InputError(
-            "--out", str(out), "lies among recordings: tables of results would be read as such", "give another folder"
+            Argument("out"),
+            str(out),
+            "lies among recordings: tables of results would be read as such",
+            "give another folder",
         )
     try:
         # What may be written isn't always what can: /proc says yes to root.
         tempfile.TemporaryFile(dir=nearest).close()
     except OSError:
-        raise InputError("--out", str(out), f"{nearest} can't be written to", "give a folder of your own") from None
+        raise InputError(
+            Argument("out"), str(out), f"{nearest} can't be written to", "give a folder of your own"
+        ) from None
 
 
 def process_count(jobs: int | None, ranks: int) -> int:
@@ -208,7 +214,7 @@ def process_count(jobs: int | None, ranks: int) -> int:
         If ``jobs`` is below 1.
     """
     if jobs is not None and jobs < 1:
-        raise InputError("--jobs", f"{jobs}", "is not a number of processes", "give 1 or more")
+        raise InputError(Argument("jobs"), f"{jobs}", "is not a number of processes", "give 1 or more")
     # A rank of mpirun can't start processes that would use MPI too.
     return 1 if ranks > 1 else jobs or usable_cores()
 

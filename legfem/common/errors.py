@@ -11,6 +11,8 @@ from numbers import Real
 from os import PathLike
 from pathlib import Path
 
+from legfem.common.wording import Argument, Door, Remedy
+
 
 class InputError(Exception):
     """Something a user gave is wrong.
@@ -19,22 +21,40 @@ class InputError(Exception):
 
     Parameters
     ----------
-    source : str or PathLike
-        File (or command-line option) at fault.
-    field : str
-        Key, column, part or row at fault.
+    source : str, PathLike or Argument
+        File or setting at fault.
+    field : str or Argument
+        Key, column, part, row or value at fault.
     problem : str
         What is wrong.
-    remedy : str
+    remedy : str or Remedy
         What the user can do about it.
     """
 
-    def __init__(self, source: str | PathLike[str], field: str, problem: str, remedy: str) -> None:
+    def __init__(
+        self, source: str | PathLike[str] | Argument, field: str | Argument, problem: str, remedy: str | Remedy
+    ) -> None:
+        super().__init__(source, field, problem, remedy)
         self.source = str(source)
-        self.field = field
+        self.field = str(field)
         self.problem = problem
-        self.remedy = remedy
-        super().__init__(self.source, field, problem, remedy)
+        self.remedy = str(remedy)
+
+    def at(
+        self,
+        source: str | PathLike[str] | Argument | None = None,
+        field: str | Argument | None = None,
+        problem: str | None = None,
+    ) -> "InputError":
+        """Return the same error of another place."""
+        old_source, old_field, old_problem, remedy = self.args
+        return InputError(source or old_source, field or old_field, problem or old_problem, remedy)
+
+    def worded(self, door: Door) -> "InputError":
+        """Return the error with arguments and commands in another door's words; the text's are the command's."""
+        source, field, problem, remedy = self.args
+        source, field = (door(one) if isinstance(one, Argument) else one for one in (source, field))
+        return InputError(source, field, problem, remedy.worded(door) if isinstance(remedy, Remedy) else remedy)
 
     def __str__(self) -> str:
         """Return ``file: field: what is wrong; remedy`` on one line."""
@@ -217,7 +237,7 @@ def doubt_lines(doubts: Iterable[Doubt]) -> list[str]:
 _OTHER_KINDS = (".xlsx", ".xls", ".ods", ".numbers", ".rtf", ".docx", ".json", ".yaml", ".yml")
 
 
-def remedy_for_missing(path: Path, otherwise: str) -> str:
+def remedy_for_missing[Otherwise: (str, Remedy)](path: Path, otherwise: Otherwise) -> str | Otherwise:
     """Return what to do about a missing file, where one beside its place has nearly its name.
 
     A name in other capitals, of a copy (``subject (1).toml``), or with another ending or one more
@@ -227,7 +247,7 @@ def remedy_for_missing(path: Path, otherwise: str) -> str:
     ----------
     path : Path
         Of what is missing.
-    otherwise : str
+    otherwise : str or Remedy
         What to do where there is no such file.
     """
     if not path.parent.is_dir():

@@ -17,21 +17,22 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from legfem.common.errors import InputError, remedy_for_missing
+from legfem.common.wording import Remedy
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-def read_text(path: Path, missing: str, remedy: str) -> str:
+def read_text(path: Path, missing: str | Remedy, remedy: str | Remedy) -> str:
     """Return a file's text, without a byte order mark.
 
     Parameters
     ----------
     path : Path
         The file; what never ends (a pipe, a device) isn't opened.
-    missing : str
+    missing : str or Remedy
         What to do if it isn't there.
-    remedy : str
+    remedy : str or Remedy
         What to do if it can't be read.
 
     Raises

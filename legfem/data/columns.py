@@ -2,7 +2,6 @@
 
 import json
 import re
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 
 from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
+from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.formats.labels import OWN, Quantity, Unit, names_quantity, unit_named
 from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet, measured_by, measures
 from legfem.data.formats.times import check_no_clock
@@ -46,7 +46,7 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
         if len(columns) != 1 or not (unit or columns[0].unit):
             names = ", ".join(f"'{c.name}'" for c in sheet.columns)
             missing = "has no unit" if columns else "is not a column of the file"
-            raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
+            raise InputError(path, Argument(quantity), f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = SourceColumn(name, unit or str(columns[0].unit))
         told = f"{quantity}: '{name}' in {channel.unit}, as you say"
         beside = [f"'{c.name}'" for c in sheet.columns if c.name != name and measures(c, "force") and not channel_of(c)]
@@ -66,7 +66,7 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
         why = f"no column is named, or has a unit, like it (of {names})"
         if alike:
             why = f"'{alike[0].unit}' of '{alike[0].name}' is not a unit of {quantity}"
-        raise InputError(path, f"recordings.{quantity}", why, f"name it with --{quantity} NAME:UNIT")
+        raise InputError(path, f"recordings.{quantity}", why, Remedy("name it with ", Argument(quantity, "NAME:UNIT")))
     named = [c for c in candidates if names_quantity(c.name, quantity)]
     able = named or candidates
     able = [c for c in able if not _COMMANDED.search(c.name)] or able
@@ -86,7 +86,7 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
             path,
             f"recordings.{quantity}",
             f"may be any of {told}, which differ",
-            f"name it with --{quantity} NAME:UNIT",
+            Remedy("name it with ", Argument(quantity, "NAME:UNIT")),
         )
     if quantity == "time":
         check_no_clock(path, chosen.name, chosen.unit, chosen.values)
@@ -100,14 +100,14 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
             path,
             f"recordings.{quantity}.unit",
             f"column '{chosen.name}' has no unit",
-            f"give it with --{quantity} '{chosen.name}:{OWN[quantity]}', if it is that",
+            Remedy("give it with ", Argument(quantity), f" '{chosen.name}:{OWN[quantity]}', if it is that"),
         )
     if unit_named(chosen.unit) is None:
         raise InputError(
             path,
             f"recordings.{quantity}.unit",
             f"'{chosen.unit}' of '{chosen.name}' is not a known unit",
-            f"give it with --{quantity} '{chosen.name}:UNIT' in multiples of {OWN[quantity]}",
+            Remedy("give it with ", Argument(quantity), f" '{chosen.name}:UNIT' in multiples of {OWN[quantity]}"),
         )
     same += f"; {len(others)} more say the same" if others else ""
     why = "name and unit" if named else "unit"
@@ -234,15 +234,17 @@ def propose(
         sheet, first = why
         if not given:
             refuse_other_table(path, sheets)
-        remedy = first.remedy if first.field.startswith("--") else remedy_for(path, sheet, given, sheets)
-        raise InputError(path, first.field, first.problem, remedy)
+        remedy = first.args[-1] if isinstance(first.args[1], Argument) else remedy_for(path, sheet, given, sheets)
+        raise InputError(path, first.args[1], first.problem, remedy)
     if len(usable) > 1:
         names = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
         raise InputError(
             path,
             "recordings.sheet",
             f"{len(usable)} tables contain recordings: {names}",
-            f"save each trial in a file of its own, or name one: {look_command(path, {'sheet': usable[0][0].name})}",
+            Remedy(
+                "save each trial in a file of its own, or name one: ", look_command(path, {"sheet": usable[0][0].name})
+            ),
         )
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
@@ -321,8 +323,11 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             path,
             "columns",
             f"contains a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
-            "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and run: "
-            f"legfem data preview {shlex.quote(str(path.parent.parent))}",
+            Remedy(
+                "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and "
+                "run: ",
+                Command("data preview", given=str(path.parent.parent)),
+            ),
         )
     formulas = next((remark for sheet in sheets for remark in sheet.remarks if NOT_CALCULATED in remark), None)
     if formulas is not None:
@@ -336,7 +341,7 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             path,
             "columns",
             f"is not a recording: none of its columns ({few}) has a name or unit of time, displacement or force",
-            f"if three of them are, name them: {look_command(path, dict.fromkeys(QUANTITIES, 'NAME:UNIT'))}",
+            Remedy("if three of them are, name them: ", look_command(path, dict.fromkeys(QUANTITIES, "NAME:UNIT"))),
         )
 
 
@@ -356,13 +361,16 @@ def _without_names(path: Path, sheet: Sheet) -> InputError:
         path,
         "columns",
         f"its {count} columns have no names{odd}",
-        "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "
-        f"places: {look_command(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True)))}",
+        Remedy(
+            "write a line of names above the numbers, such as time_s,displacement_mm,force_N, or name them by their "
+            "places: ",
+            look_command(path, dict(zip(QUANTITIES, _BY_PLACE, strict=True))),
+        ),
     )
 
 
-def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str:
-    """Return the command that would read a file, with the units that are to be confirmed or filled in."""
+def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: Sequence[Sheet]) -> str | Remedy:
+    """Return what would make legfem read a file, with the units that are to be confirmed or filled in."""
     options: dict[str, str] = {str(quantity): text for quantity, text in given.items()}
     assumed: list[str] = []
     for quantity in QUANTITIES:
@@ -370,7 +378,7 @@ def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: 
             find_column(path, sheet, quantity, given.get(quantity))
         except InputError as error:
             if error.field == ABREAST:
-                return _first_abreast(path, sheet) or error.remedy
+                return _first_abreast(path, sheet) or error.args[-1]
             named = [c for c in sheet.columns if names_quantity(c.name, quantity)]
             able = [c for c in named if measured_by(c) in (quantity, None)]
             moved = options.get("displacement", "").rpartition(":")[0]
@@ -396,7 +404,7 @@ def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: 
     if not missing:
         unknown = any(text.endswith(":UNIT") for text in options.values())
         told = "give in place of UNIT what it means" if unknown else f"if {', '.join(assumed)}"
-        return f"{told}: {look_command(path, options)}"
+        return Remedy(f"{told}: ", look_command(path, options))
     if missing == ["time"] and not any(measured_by(c) == "time" for c in sheet.columns):
         return "add a column Time (s): the number of the sample over the samples taken in a second"
     taken = {text.rpartition(":")[0] for text in options.values()}
@@ -408,7 +416,7 @@ def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: 
     if len(left) < len(missing):
         return f"record {' and '.join(missing)}, too, and export all three columns"
     among = f" (of {', '.join(map(repr, left))})"
-    return f"name {' and '.join(missing)}{among}: {look_command(path, options)}"
+    return Remedy(f"name {' and '.join(missing)}{among}: ", look_command(path, options))
 
 
 _AXIS = re.compile(r"(?<![A-Za-z])[xyzXYZ](?![a-z])|(?<=[a-z])[XYZ]$|\d+")
@@ -419,14 +427,14 @@ def _axes(name: str) -> list[str]:
     return [one.lower() for one in _AXIS.findall(name)]
 
 
-def _first_abreast(path: Path, sheet: Sheet) -> str:
-    """Return how the first of trials side by side is read; nothing where their columns have the same names."""
+def _first_abreast(path: Path, sheet: Sheet) -> Remedy | None:
+    """Return how the first of trials side by side is read; None where their columns have the same names."""
     first = {quantity: next(c for c in sheet.columns if may_be(c, quantity)) for quantity in QUANTITIES}
     names = [c.name for c in sheet.columns]
     if any(names.count(c.name) > 1 or not c.unit for c in first.values()):
-        return ""
-    told = look_command(path, {quantity: f"{c.name}:{c.unit}" for quantity, c in first.items()})
-    return f"keep one trial a file; the first is read by: {told}"
+        return None
+    look = look_command(path, {quantity: f"{c.name}:{c.unit}" for quantity, c in first.items()})
+    return Remedy("keep one trial a file; the first is read by: ", look)
 
 
 def _likely_unit(column: Column, quantity: Quantity) -> str:
@@ -438,7 +446,6 @@ def _likely_unit(column: Column, quantity: Quantity) -> str:
     return "u" + column.unit[1:] if column.unit[0] in "?\ufffd" and measured_by(column) is None else "UNIT"
 
 
-def look_command(path: Path, options: Mapping[str, str]) -> str:
-    """Return ``legfem data look`` of a file with options, as it is typed in a shell."""
-    words = ["legfem data look", shlex.quote(str(path))]
-    return " ".join([*words, *(f"--{key} {shlex.quote(value)}" for key, value in options.items())])
+def look_command(path: Path, options: Mapping[str, str]) -> Command:
+    """Return the look at a file that reads it with options."""
+    return Command("data look", tuple(Argument(key, value) for key, value in options.items()), str(path))

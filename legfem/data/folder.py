@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, checked, read_toml, trouble
+from legfem.common.wording import Argument, Remedy
 from legfem.data.recording import SourceColumn, SourceColumns
 from legfem.geometry.indenter import IndenterShape
 
@@ -215,7 +216,10 @@ class Catalogue:
         known = ", ".join(self.names)
         there = f"known subjects are {known}" if known else f"none are in {self.folder}"
         raise InputError(
-            "--subject", name, "unknown subject", f"{there}; for a folder of your own give --subject-dir PATH"
+            Argument("subject"),
+            name,
+            "unknown subject",
+            Remedy(f"{there}; for a folder of your own give ", Argument("subject_dir", "PATH")),
         )
 
     def named(self, subject: str | None, subject_dir: Path | None) -> Path:
@@ -227,11 +231,18 @@ class Catalogue:
             If both or none are given, or the subject isn't known.
         """
         if subject is not None and subject_dir is not None:
-            raise InputError("--subject", subject, "--subject-dir is given too", "give one of them")
+            raise InputError(
+                Argument("subject"), subject, f"{Argument('subject_dir')} is given too", "give one of them"
+            )
         if subject_dir is not None:
             return subject_dir
         if subject is None:
-            raise InputError("--subject", "missing", "no subject is given", "give --subject ID or --subject-dir PATH")
+            raise InputError(
+                Argument("subject"),
+                "missing",
+                "no subject is given",
+                Remedy("give ", Argument("subject", "ID"), " or ", Argument("subject_dir", "PATH")),
+            )
         return self.find(subject)
 
     def opened(self, directory: Path) -> Path:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from legfem.channels.kinds import IN_COLUMNS
 from legfem.common.errors import InputError
+from legfem.common.wording import Remedy
 from legfem.data.columns import look_command, propose
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import Column
@@ -52,7 +53,7 @@ def read_samples(path: Path, channels: SourceColumns | None = None, area: float 
         if found is not None:
             return found
         if error.field == "header" and area is None and (seen := _seen(path)):
-            remedy = f"{error.remedy}; or run {look_command(path, {})}, whose recordings.toml reads {seen}"
+            remedy = Remedy(f"{error.remedy}; or run ", look_command(path, {}), f", whose recordings.toml reads {seen}")
             raise InputError(path, error.field, error.problem, remedy) from None
         raise
 

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
+from legfem.common.wording import Argument, Command, Remedy
 from legfem.geometry.section import LegSection, across
 
 IndenterShape = Literal["cylinder", "ball", "punch"]
@@ -79,7 +80,7 @@ class Indenter:
                 source,
                 "indenter",
                 f"a section in plane strain cannot be pressed by a {self}",
-                "solve the leg in 3D: legfem identify --model 3d",
+                Remedy("solve the leg in 3D: ", Command("identify", (Argument("model", "3d"),))),
             )
 
 

@@ -82,9 +82,7 @@ def registered(bare: LegShape, compressed: LegShape, sd: float, toml: Path) -> R
     try:
         found = register_shapes(compressed, bare)
     except InputError as error:
-        raise InputError(
-            toml, "compressed", f"its bones don't fit those of [bare]: {error.problem}", error.remedy
-        ) from None
+        raise error.at(toml, "compressed", f"its bones don't fit those of [bare]: {error.problem}") from None
     if found.residual <= _REGISTERED_WITHIN:
         return found
     apart = f"after registration the two scans' bones are {found.residual:.2f} mm apart"

@@ -12,6 +12,7 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, readable_unit
+from legfem.common.wording import Argument
 from legfem.inverse.parameter import Parameter, Priors, Scale
 from legfem.inverse.readings import INSTRUMENT, READINGS
 
@@ -54,7 +55,7 @@ def known_names(nominal: Values) -> tuple[str, ...]:
     return (*nominal, *INSTRUMENT)
 
 
-def check_known(names: Collection[str], nominal: Values, source: str) -> None:
+def check_known(names: Collection[str], nominal: Values, source: Argument) -> None:
     """Check that there are parameters of these names.
 
     Raises
@@ -74,7 +75,7 @@ def check_known(names: Collection[str], nominal: Values, source: str) -> None:
             )
 
 
-def check_held(source: str, text: str, name: str, value: float) -> None:
+def check_held(source: Argument, text: str, name: str, value: float) -> None:
     """Check that a value can be held.
 
     Raises
@@ -165,7 +166,7 @@ def within_prior(parameter: Parameter) -> Parameter:
     bounds = max(low, parameter.bounds[0]), min(high, parameter.bounds[1])
     if not bounds[0] < bounds[1]:
         raise InputError(
-            "--prior",
+            Argument("prior"),
             parameter.name,
             f"lies outside the bounds of the search, {parameter.bounds[0]:g} to "
             f"{parameter.bounds[1]:g} {parameter.unit}",

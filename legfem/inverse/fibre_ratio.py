@@ -15,6 +15,7 @@ from dataclasses import replace
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.common.wording import Argument, Remedy
 from legfem.inverse.catalogue import DEEP_RATIO, RATIO
 from legfem.mechanics.terms import Fibres
 from legfem.solve.path import ForceCurve
@@ -42,10 +43,10 @@ def check_in_plane(names: Collection[str]) -> None:
     """
     if DEEP_RATIO in names:
         raise InputError(
-            "--identify",
+            Argument("identify"),
             DEEP_RATIO,
             "fibres along the leg do no work in plane strain",
-            "solve the leg in 3D: --model 3d",
+            Remedy("solve the leg in 3D: ", Argument("model", "3d")),
         )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from legfem.common.errors import InputError
 from legfem.common.units import MPA_PER_KPA, kpa_to_mpa
+from legfem.common.wording import Argument
 from legfem.inverse import catalogue
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.population import TISSUES, cohort_prior, population_prior
@@ -59,15 +60,15 @@ class ParameterTexts:
             For names, numbers or units that can't be.
         """
         names = dict.fromkeys(self.identify or (catalogue.DEEP_C10, catalogue.DEEP_C20))
-        catalogue.check_known(names, nominal, "--identify")
+        catalogue.check_known(names, nominal, Argument("identify"))
         free = {name: catalogue.parameter_of(name, nominal) for name in names}
         for text in self.priors:
             name, prior = read_prior(text, nominal)
             own = free.get(name) or replace(catalogue.parameter_of(name, nominal), role="nuisance")
             free[name] = replace(own, prior=prior)
         for option, name, least, bounds in (
-            ("--c10-bounds", catalogue.DEEP_C10, 1e-6, self.c10_bounds),
-            ("--c20-bounds", catalogue.DEEP_C20, 0.0, self.c20_bounds),
+            (Argument("c10_bounds"), catalogue.DEEP_C10, 1e-6, self.c10_bounds),
+            (Argument("c20_bounds"), catalogue.DEEP_C20, 0.0, self.c20_bounds),
         ):
             if bounds is not None and name in free:
                 free[name] = replace(free[name], bounds=_bounds(option, bounds, least))
@@ -90,7 +91,7 @@ class ParameterTexts:
         held = dict(read_value(text, nominal) for text in self.fixed)
         for name in held:
             if name in self.identify:
-                raise InputError("--fix", name, "is to be identified as well", "leave one of them out")
+                raise InputError(Argument("fix"), name, "is to be identified as well", "leave one of them out")
         return held
 
     def laws(
@@ -128,25 +129,25 @@ def read_prior(text: str, nominal: catalogue.Values) -> tuple[str, Prior]:
     """
     name, _, wanted = (part.strip() for part in text.partition("="))
     if wanted == _POPULATION:
-        catalogue.check_known([name], nominal, "--prior")
+        catalogue.check_known([name], nominal, Argument("prior"))
         if name not in TISSUES:
             raise InputError(
-                "--prior", name, "is not in the population's table", f"there is one of {' and '.join(TISSUES)}"
+                Argument("prior"), name, "is not in the population's table", f"there is one of {' and '.join(TISSUES)}"
             )
         return name, population_prior(name)
     if wanted.endswith(".json"):
-        catalogue.check_known([name], nominal, "--prior")
+        catalogue.check_known([name], nominal, Argument("prior"))
         return name, cohort_prior(name, Path(wanted))
     found = _WRITTEN.fullmatch(text)
     if found is None or found["how"] is None:
-        raise InputError("--prior", text, "can't be read", f"write {_PRIOR_EXAMPLES}")
-    name, factor = _known(found, nominal, "--prior", _PRIOR_EXAMPLES)
+        raise InputError(Argument("prior"), text, "can't be read", f"write {_PRIOR_EXAMPLES}")
+    name, factor = _known(found, nominal, Argument("prior"), _PRIOR_EXAMPLES)
     centre, width = float(found["value"]), float(found["width"])
     logarithmic = re.fullmatch(_FACTOR, found["how"]) is not None
     if logarithmic and not (width > 1 and centre > 0):
-        raise InputError("--prior", text, "is not a factor about a positive value", "give a factor over 1")
+        raise InputError(Argument("prior"), text, "is not a factor about a positive value", "give a factor over 1")
     if not logarithmic and not width > 0:
-        raise InputError("--prior", text, "has no width", "give a standard deviation over 0")
+        raise InputError(Argument("prior"), text, "has no width", "give a standard deviation over 0")
     sd = math.log(width) if logarithmic else width * factor
     return name, Prior(centre * factor, sd, "log" if logarithmic else "linear", "--prior")
 
@@ -162,10 +163,10 @@ def deep_prior(texts: Sequence[str]) -> Prior:
     (name, prior), *others = (read_prior(text, {catalogue.DEEP_C10: 1.0}) for text in texts)
     if others or name != catalogue.DEEP_C10:
         raise InputError(
-            "--prior", ", ".join(texts), "can't be taken by a diagnosis", f"give one of {catalogue.DEEP_C10}"
+            Argument("prior"), ", ".join(texts), "can't be taken by a diagnosis", f"give one of {catalogue.DEEP_C10}"
         )
     if prior.scale != "log" and not 0 < prior.sd < prior.centre:
-        raise InputError("--prior", texts[0], "reaches below zero", "give a median and a factor")
+        raise InputError(Argument("prior"), texts[0], "reaches below zero", "give a median and a factor")
     return prior
 
 
@@ -179,14 +180,14 @@ def read_value(text: str, nominal: catalogue.Values) -> tuple[str, float]:
     """
     found = _WRITTEN.fullmatch(text)
     if found is None or found["how"] is not None:
-        raise InputError("--fix", text, "can't be read", f"write {_FIX_EXAMPLE}")
-    name, factor = _known(found, nominal, "--fix", _FIX_EXAMPLE)
+        raise InputError(Argument("fix"), text, "can't be read", f"write {_FIX_EXAMPLE}")
+    name, factor = _known(found, nominal, Argument("fix"), _FIX_EXAMPLE)
     value = float(found["value"]) * factor
-    catalogue.check_held("--fix", text, name, value)
+    catalogue.check_held(Argument("fix"), text, name, value)
     return name, value
 
 
-def _known(found: re.Match[str], nominal: catalogue.Values, source: str, example: str) -> tuple[str, float]:
+def _known(found: re.Match[str], nominal: catalogue.Values, source: Argument, example: str) -> tuple[str, float]:
     """Return the name, and the factor from the unit as written to the model's."""
     name, unit = found["name"], found["unit"]
     catalogue.check_known([name], nominal, source)
@@ -200,7 +201,7 @@ def _known(found: re.Match[str], nominal: catalogue.Values, source: str, example
     return name, factor
 
 
-def _bounds(option: str, bounds: tuple[float, float], least: float) -> tuple[float, float]:
+def _bounds(option: Argument, bounds: tuple[float, float], least: float) -> tuple[float, float]:
     low, high = bounds
     if not least <= low < high < float("inf"):
         raise InputError(

@@ -14,6 +14,7 @@ from pydantic import BaseModel, PositiveFloat, ValidationError
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_text
 from legfem.common.units import kpa_to_mpa
+from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.folder import RESOURCES
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.parameter import Prior
@@ -111,7 +112,7 @@ def cohort_prior(name: str, path: Path) -> Prior:
     InputError
         If the file can't be read, or doesn't have it.
     """
-    remedy = "give the population.json that legfem cohort FOLDER --population wrote"
+    remedy = Remedy("give the population.json that ", Command("cohort", (Argument("population"),), "FOLDER"), " wrote")
     try:
         found = CohortPopulation.model_validate_json(read_text(path, remedy, remedy))
     except ValidationError:

@@ -414,7 +414,7 @@ class Search[C: Comparison]:
             raise SearchError(
                 f"too few full solves reach {self.misfit.reach} "
                 f"(the last stopped: {self.trials[-1].outcome.reason}); "
-                "use less of the recordings with --depth"
+                "use less of the recordings' depth"
             )
         return point[None]
 

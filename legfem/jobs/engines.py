@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_toml
+from legfem.common.wording import Argument, Remedy
 from legfem.jobs.pool import how_ended, interruptible, processes
 
 type EngineName = Literal["local", "mpi", "dask"]
@@ -68,7 +69,9 @@ def engine_named(name: EngineName, jobs: int, scheduler: str | None) -> Iterator
         If the engine isn't there.
     """
     if scheduler is not None and name != "dask":
-        raise InputError("--scheduler", scheduler, f"has no effect on {name}", "add --on dask")
+        raise InputError(
+            Argument("scheduler"), scheduler, f"has no effect on {name}", Remedy("add ", Argument("on", "dask"))
+        )
     if name == "mpi":
         with _ranks() as engine:
             yield engine
@@ -100,7 +103,7 @@ def _ranks() -> Iterator[Engine | None]:
 
     ranks = MPI.COMM_WORLD.size
     if ranks == 1:
-        raise InputError("--on", "mpi", "there is one rank", "begin the command with mpirun -n 4")
+        raise InputError(Argument("on"), "mpi", "there is one rank", "begin the command with mpirun -n 4")
     with MPICommExecutor(MPI.COMM_WORLD, root=0) as executor:
         if executor is None:
             yield None
@@ -116,7 +119,7 @@ def _dask(scheduler: str | None) -> Iterator[Engine]:
 
     if scheduler is None:
         remedy = "start one with: dask scheduler, workers with: dask worker ADDRESS --nthreads 1, and give its address"
-        raise InputError("--scheduler", "missing", "dask needs a scheduler", remedy)
+        raise InputError(Argument("scheduler"), "missing", "dask needs a scheduler", remedy)
     with ExitStack() as stack:
         expected, address = 0, {"scheduler_file" if scheduler.endswith(".json") else "address": scheduler}
         if scheduler.endswith(".toml"):
@@ -126,11 +129,15 @@ def _dask(scheduler: str | None) -> Iterator[Engine]:
             client = stack.enter_context(Client(**address, timeout=_PATIENCE))
         except (OSError, ValueError) as error:
             said = " ".join(str(error).split())[:120]
-            raise InputError("--scheduler", scheduler, f"doesn't answer ({said})", "check the address") from None
+            raise InputError(
+                Argument("scheduler"), scheduler, f"doesn't answer ({said})", "check the address"
+            ) from None
         threads = client.nthreads()
         if not expected and (not threads or max(threads.values()) > 1):
             problem = "has workers of several threads, in which PETSc can't run" if threads else "has no workers"
-            raise InputError("--scheduler", scheduler, problem, "start workers with dask worker ADDRESS --nthreads 1")
+            raise InputError(
+                Argument("scheduler"), scheduler, problem, "start workers with dask worker ADDRESS --nthreads 1"
+            )
         workers = expected or len(threads)
         place = f", on {workers} workers{' when their jobs begin' * bool(expected)}, shown at {client.dashboard_link}"
         yield Engine(workers, lambda: client.get_executor(pure=False), (KilledWorker,), place)
@@ -142,7 +149,7 @@ def _queued(path: Path, stack: ExitStack) -> tuple[Any, int]:
     import dask_jobqueue
 
     queues = {one.job_cls.config_name: one for one in vars(dask_jobqueue).values() if hasattr(one, "job_cls")}
-    given = read_toml(path, "--scheduler")
+    given = read_toml(path, str(Argument("scheduler")))
     known = f"give one of [{'], ['.join(sorted(filter(None, queues)))}] with jobs, cores, memory and walltime"
     name, table = next(iter(given.items()), ("", {}))
     if len(given) != 1 or name not in queues or not isinstance(table, dict):

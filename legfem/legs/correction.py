@@ -41,6 +41,7 @@ from scipy.interpolate import RegularGridInterpolator
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.common.wording import Argument, Command, Remedy
 from legfem.solve.path import ForceCurve
 
 SCHEMA = 1
@@ -206,7 +207,10 @@ def read_correction(path: Path) -> TabulatedCorrection:
         content = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(
-            path, "--correction", f"can't be read ({error})", "give a file that legfem study correction wrote, or none"
+            path,
+            Argument("correction"),
+            f"can't be read ({error})",
+            Remedy("give a file that ", Command("study correction"), " wrote, or none"),
         ) from None
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise InputError(path, "kind", f"is not {KIND}", "give a file that legfem.study correction wrote")

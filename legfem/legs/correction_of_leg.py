@@ -33,6 +33,7 @@ from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.folder import RESOURCES
 from legfem.geometry.section import depth_to_bone, girth
 from legfem.inverse.elastography import FibreRatio
@@ -145,7 +146,7 @@ def read_leg_corrections(path: Path) -> LegCorrections:
     InputError
         If there is none, or it is not a whole table.
     """
-    remedy = "give a file that legfem study correction --legs wrote"
+    remedy = Remedy("give a file that ", Command("study correction", (Argument("legs"),)), " wrote")
     try:
         content = json.loads(path.read_text())
         if content.get("kind") != LEGS_KIND or content.get("schema") != SCHEMA:

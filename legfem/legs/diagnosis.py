@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
+from legfem.common.wording import Argument
 from legfem.data import Instrument
 from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, deep_stiffness
@@ -259,7 +260,9 @@ def accuracy_of(subject: Subject) -> Accuracy:
     measured = elastography_priors(subject.elastography)
     if (prior := subject.stiffness_prior) is not None:
         if DEEP_C10 in measured:
-            raise InputError("--prior", DEEP_C10, "was measured by shear waves, in subject.toml", "leave one out")
+            raise InputError(
+                Argument("prior"), DEEP_C10, "was measured by shear waves, in subject.toml", "leave one out"
+            )
         measured[DEEP_C10] = prior
     return replace(known, measured=measured, effects=subject.measured)
 

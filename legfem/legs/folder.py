@@ -12,6 +12,7 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.common.wording import Argument
 from legfem.data import Instrument, Recording, write_recording
 from legfem.data.folder import RESOURCES
 from legfem.geometry.contours import write_contours
@@ -123,7 +124,7 @@ def write_subject_folder(
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     except OSError as error:
         raise InputError(
-            "--out", str(out), f"can't be written ({error})", "give a folder that you may write to"
+            Argument("out"), str(out), f"can't be written ({error})", "give a folder that you may write to"
         ) from None
     try:
         (scratch / "recordings").mkdir()
@@ -172,7 +173,7 @@ def subject_text(
 def check_new_folder(out: Path) -> None:
     """Raise InputError if a folder exists and isn't empty."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError("--out", str(out), "exists already", "give a new folder or remove it")
+        raise InputError(Argument("out"), str(out), "exists already", "give a new folder or remove it")
 
 
 def _check_loads(folder: Path) -> None:

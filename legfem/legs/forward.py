@@ -11,6 +11,7 @@ import numpy as np
 
 from legfem.channels import Sight
 from legfem.common.errors import InputError
+from legfem.common.wording import Argument, Remedy
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
 from legfem.inverse import catalogue
@@ -176,8 +177,8 @@ def law_of(
     given = default_parameters(nominal) if parameters is None else parameters
     held = dict(fixed or {})
     given = _with_what_is_known(given, subject, nominal)
-    catalogue.check_known([one.name for one in given], nominal, "--identify")
-    catalogue.check_known(list(held), nominal, "--fix")
+    catalogue.check_known([one.name for one in given], nominal, Argument("identify"))
+    catalogue.check_known(list(held), nominal, Argument("fix"))
     without = _OF_POLYNOMIAL_ONLY if name == "neo-hookean" else ()
     free = tuple(
         catalogue.within_prior(one)
@@ -185,7 +186,7 @@ def law_of(
         if one.role != "fixed" and one.name not in (*without, *held)
     )
     if not free:
-        raise InputError("--identify", name, "nothing is left to identify", "name a parameter")
+        raise InputError(Argument("identify"), name, "nothing is left to identify", "name a parameter")
     deep = subject.tissues["deep"]
     if name == "neo-hookean":
         own = {catalogue.DEEP_C10: deep.C10, catalogue.DEEP_C20: 0.0, catalogue.DEEP_D2: math.inf}
@@ -198,10 +199,10 @@ def law_of(
             continue
         if value is None:
             raise InputError(
-                "--identify",
+                Argument("identify"),
                 key,
                 f"is neither identified nor given for the {name} law",
-                f"add --identify {key}, or --fix '{key}=VALUE kPa'",
+                Remedy("add ", Argument("identify", key), ", or ", Argument("fix", f"{key}=VALUE kPa")),
             )
         held[key] = value
     return catalogue.IdentifiedLaw(name, free, held, nominal)

@@ -27,6 +27,7 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.common.wording import Argument, Remedy
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName, deep_stiffness
 from legfem.inverse.comparison import JointComparison
@@ -302,18 +303,18 @@ def check_joint(leg: SitedLeg, settings: IdentificationSettings, correction: str
         If it can't.
     """
     name = leg.sites[0].site
-    one = "leave it out" + (f", or identify one of the sites: --site {name}" if name else "")
+    by_itself = (", or identify one of the sites: ", Argument("site", name)) if name else ()
     what = f"{len(leg.sites)} sites" if name else "the leg in 3D"
     for option, given, why in (
-        ("--no-emulator", not settings.emulator, "is for one site in plane strain"),
-        ("--weighting", settings.weighting == "paper", "paper weighs no site's errors against another's"),
+        (Argument("emulator", False), not settings.emulator, "is for one site in plane strain"),
+        (Argument("weighting"), settings.weighting == "paper", "paper weighs no site's errors against another's"),
     ):
         if given:
-            raise InputError(option, what, why, one)
+            raise InputError(option, what, why, Remedy("leave it out", *by_itself))
     if not in_3d:
         return
     if correction not in (AUTO, NONE):
-        raise InputError("--correction", correction, "nothing is left to correct in 3D", "leave it out")
+        raise InputError(Argument("correction"), correction, "nothing is left to correct in 3D", "leave it out")
     for site in leg.sites:
         check_has_ends(site)
 

@@ -51,8 +51,7 @@ def _site(directory: Path, name: str) -> Subject:
         return load_subject(directory, site=name)
     except InputError as error:
         told = f"site {name}, "
-        field = error.field if error.field.startswith(told) else told + error.field
-        raise InputError(error.source, field, error.problem, error.remedy) from None
+        raise error.at(field=error.field if error.field.startswith(told) else told + error.field) from None
 
 
 def load_subject(

@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
+from legfem.common.wording import Argument
 from legfem.data import LoadingCurve
 from legfem.experiments.indentation import OnStep
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
@@ -278,7 +279,7 @@ def check_has_ends(subject: Subject) -> None:
     """
     if subject.plane_strain:
         raise InputError(
-            "--model",
+            Argument("model"),
             "3d",
             "the recordings are simulated in plane strain, without ends",
             "leave it out, or give plane_strain = false in [recordings] if they have ends",

@@ -10,6 +10,7 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.common.wording import Argument, Remedy
 from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
 from legfem.inverse.fit import ChannelFit, Fit, Identity, TestFit, versions
@@ -261,7 +262,7 @@ def weighting_of(law: IdentifiedLaw, asked: Weighting | None, channels: bool = F
     """
     if channels and asked == "paper":
         raise InputError(
-            "--weighting",
+            Argument("weighting"),
             "paper",
             "has no errors by which newtons and millimetres could be weighed against each other",
             "leave it out, or take the channels out of the recordings",
@@ -270,7 +271,7 @@ def weighting_of(law: IdentifiedLaw, asked: Weighting | None, channels: bool = F
         return asked or "paper"
     if asked == "paper":
         raise InputError(
-            "--weighting",
+            Argument("weighting"),
             "paper",
             "has no errors that a prior could be weighed against",
             "leave it out, or give covariance",
@@ -288,26 +289,28 @@ def split_instrument(
     InputError
         If a number of the instrument is to be identified or held: each site has its own.
     """
-    remedy = (
-        "each site has its own: let it err by --prior, as in 'instrument.gain=1±0.01', or "
-        "identify a site by itself with --site"
+    remedy = Remedy(
+        "each site has its own: let it err by ",
+        Argument("prior"),
+        ", as in 'instrument.gain=1±0.01', or identify a site by itself with ",
+        Argument("site"),
     )
     for name in fixed:
         if name in INSTRUMENT:
-            raise InputError("--fix", name, "is not one for all sites", remedy)
+            raise InputError(Argument("fix"), name, "is not one for all sites", remedy)
     own = {}
     for one in parameters or ():
         if one.name not in INSTRUMENT:
             continue
         if one.role != "nuisance" or one.prior is None:
-            raise InputError("--identify", one.name, "is not one for all sites", remedy)
+            raise InputError(Argument("identify"), one.name, "is not one for all sites", remedy)
         null, prior = INSTRUMENT[one.name].null, one.prior
         if not np.isclose(prior.centre, null):
             raise InputError(
-                "--prior",
+                Argument("prior"),
                 one.name,
                 f"is not about {null:g}",
-                "correct the recordings, or identify a site by itself with --site",
+                Remedy("correct the recordings, or identify a site by itself with ", Argument("site")),
             )
         own[one.name] = prior.sd
     if parameters is None:

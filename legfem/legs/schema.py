@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from legfem.common import input_files
 from legfem.common.errors import InputError
+from legfem.common.wording import Argument, Command, Remedy
 from legfem.data.channel_reader import ChannelsEntry
 from legfem.data.folder import RESOURCES, AccuracyEntry, Catalogue, InstrumentEntry, RecordingsEntry, with_lab
 from legfem.geometry.indenter import IndenterShape
@@ -334,7 +335,7 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
     sites = {entry.name: entry for entry in _sites(toml, content)}
     if not sites:
         if site:
-            raise InputError("--site", site, f"{toml} has no [[site]]", "leave it out")
+            raise InputError(Argument("site"), site, f"{toml} has no [[site]]", "leave it out")
         return SubjectEntry(input_files.checked(toml, content, SubjectFile), RECORDINGS)
     names = ", ".join(sites)
     if not site:
@@ -342,10 +343,10 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
             toml,
             "site",
             f"the leg has {len(sites)} ({names}), and here one is taken by itself",
-            f"give --site {next(iter(sites))}; legfem identify fits them together",
+            Remedy("give ", Argument("site", next(iter(sites))), "; ", Command("identify"), " fits them together"),
         )
     if site not in sites:
-        raise InputError("--site", site, "is not a site of the leg", f"give one of {names}")
+        raise InputError(Argument("site"), site, "is not a site of the leg", f"give one of {names}")
     return _entry(toml, content, sites[site])
 
 
@@ -391,8 +392,7 @@ def _entry(toml: Path, content: Mapping[str, Any], site: SiteEntry) -> SubjectEn
     try:
         given = input_files.checked(toml, own, SubjectFile)
     except InputError as error:
-        field = f"site {site.name}, {error.field}"
-        raise InputError(error.source, field, error.problem, error.remedy) from None
+        raise error.at(field=f"site {site.name}, {error.field}") from None
     return SubjectEntry(given, site.folder, site.name)
 
 

@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.common.wording import Argument
 from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
@@ -245,7 +246,10 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
         return curve
     if not depth >= LEG.depth:
         raise InputError(
-            "--depth", f"{depth:g} mm", "is too shallow to identify a stiffness from", f"give at least {LEG.depth:g} mm"
+            Argument("depth"),
+            f"{depth:g} mm",
+            "is too shallow to identify a stiffness from",
+            f"give at least {LEG.depth:g} mm",
         )
     n = int((curve.displacement <= depth + 1e-9).sum())
     return replace(

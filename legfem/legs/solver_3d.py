@@ -115,8 +115,7 @@ class LegSolver:
         if not outcome.complete:
             raise SearchError(
                 f"the leg in 3D stops at {outcome.curve.depth:.1f} mm of "
-                f"{self.models.depth:g} mm ({outcome.reason}); use less of the recordings with "
-                "--depth"
+                f"{self.models.depth:g} mm ({outcome.reason}); use less of the recordings' depth"
             )
         return outcome
 

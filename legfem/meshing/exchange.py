@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.common.wording import Argument
 from legfem.meshing.section import BONE, HULL, SKIN
 from legfem.meshing.structured import END, MIRROR_X, MIRROR_Z
 
@@ -258,7 +259,7 @@ def format_of(path: Path) -> Callable[[NamedMesh, Path], None]:
     """
     if path.suffix not in _FORMATS:
         raise InputError(
-            "--out",
+            Argument("out"),
             str(path),
             f"there is no format {path.suffix or 'without an ending'}",
             f"give a file that ends in {', '.join(_FORMATS)}",

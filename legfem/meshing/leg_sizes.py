@@ -14,6 +14,7 @@ from shapely import Polygon, contains_xy, prepare
 
 from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
+from legfem.common.wording import Argument
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, perimeter
 from legfem.geometry.leg_surface import PartSurface
 
@@ -202,7 +203,7 @@ def settings_for_cells(shape: LegShape, cells: int) -> SolidMeshSettings:
     least, most = (cells * math.exp(excess(end)) for end in (low, high))
     if not least <= cells <= most:
         raise InputError(
-            "--cells",
+            Argument("cells"),
             f"{cells}",
             f"this leg cannot be meshed with {cells} tetrahedra",
             f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}",

@@ -9,6 +9,7 @@ import numpy as np
 
 from legfem.common.errors import InputError, doubt_lines
 from legfem.common.progress import Progress
+from legfem.common.wording import Argument
 from legfem.data import Instrument
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
@@ -125,7 +126,9 @@ def diagnose_specimens(
     every = folder.specimens
     for name in names:
         if name not in every:
-            raise InputError("--specimen", name, "is not a specimen of the folder", f"give one of {', '.join(every)}")
+            raise InputError(
+                Argument("specimen"), name, "is not a specimen of the folder", f"give one of {', '.join(every)}"
+            )
     for name in names or every:
         started = time.perf_counter()
         title = folder.title if len(every) == 1 else f"{folder.title}: {name}"

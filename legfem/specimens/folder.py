@@ -10,6 +10,7 @@ from legfem.channels.kinds.layer_thickness import between_of, refused
 from legfem.common.errors import Doubt, InputError
 from legfem.common.input_files import FileTable
 from legfem.common.units import kpa_to_mpa
+from legfem.common.wording import Argument
 from legfem.data import Instrument, Segmentation, among_repeats
 from legfem.data.channel_reader import with_channels
 from legfem.data.formats import read_sheets
@@ -106,13 +107,13 @@ class SpecimenFolder:
         if not found:
             known = sorted({text for one in self.recordings for text in (one.name, one.specimen, one.test) if text})
             raise InputError(
-                "--leave-out",
+                Argument("leave_out"),
                 name,
                 "is neither a recording nor a specimen of the folder",
                 f"give one of {', '.join(known)}",
             )
         if len(found) == len(self.recordings):
-            raise InputError("--leave-out", name, "leaves nothing to fit", "name fewer")
+            raise InputError(Argument("leave_out"), name, "leaves nothing to fit", "name fewer")
         return found
 
 
@@ -357,7 +358,7 @@ def _sizes(toml: Path, given: SpecimenFile, number: int | None) -> Sizes:
         where = "" if entry is None else f"specimen {entry.name}, "
         raise InputError(toml, f"{where}{key}", problem, remedy) from None
     except InputError as error:
-        raise InputError(toml, error.field, error.problem, error.remedy) from None
+        raise error.at(toml) from None
 
 
 def tissue_asked_for(folder: SpecimenFolder) -> SpecimenTissue:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
+from legfem.common.wording import Argument, Remedy
 from legfem.inverse import catalogue
 from legfem.inverse.fibre_ratio import USUAL_RATIO, ratio_of
 from legfem.inverse.parameter import Parameter, Prior
@@ -186,17 +187,19 @@ def request_of_texts(texts: ParameterTexts, tissues: Sequence[SpecimenTissue]) -
     if any(given.values()):
         if catalogue.DEEP_C10 not in known:
             raise InputError(
-                "--c10-bounds",
+                Argument("c10_bounds"),
                 ", ".join(one.name for one in tissues),
                 "are layers",
-                "leave it out, or say by --prior LAYER.C10 what is known",
+                Remedy("leave it out, or say by ", Argument("prior", "LAYER.C10"), " what is known"),
             )
         checked = {one.name: one.bounds for one in replace(texts, identify=()).parameters(known)}
         bounds = {name: checked[name] for name, limits in given.items() if limits is not None}
     held = texts.held(known)
     for name, value in held.items():
         if catalogue.is_ratio(name) and value < catalogue.RATIO_BOUNDS[0]:
-            raise InputError("--fix", name, f"{value:g} is less along the fibres than across", "give at least 1")
+            raise InputError(
+                Argument("fix"), name, f"{value:g} is less along the fibres than across", "give at least 1"
+            )
     return ParameterRequest(tuple(texts.identify), dict(read_prior(text, known) for text in texts.priors), bounds, held)
 
 
@@ -247,8 +250,8 @@ def identified_law(
     tissues = [one.of_law(name) for one in tissues]
     known = known_values(tissues, c10)
     every = {f"{one.name}.{key}" for one in tissues for keys in _FREE.values() for key in keys}
-    catalogue.check_known([n for n in (*asked.names, *asked.priors) if n not in every], known, "--identify")
-    catalogue.check_known([n for n in asked.fixed if n not in every], known, "--fix")
+    catalogue.check_known([n for n in (*asked.names, *asked.priors) if n not in every], known, Argument("identify"))
+    catalogue.check_known([n for n in asked.fixed if n not in every], known, Argument("fix"))
     names = asked.names or free_names(tissues, relaxes)
     wanted = dict.fromkeys((*names, *asked.priors))
     nuisances = set(asked.priors) - set(names)
@@ -266,7 +269,7 @@ def identified_law(
         )
         free.append(catalogue.within_prior(parameter))
     if not free:
-        raise InputError("--identify", name, "nothing is left to identify", "name a parameter")
+        raise InputError(Argument("identify"), name, "nothing is left to identify", "name a parameter")
     tied = {f"{one.name}.D1" for one in tissues} - set(asked.fixed)
     held = {
         key: value

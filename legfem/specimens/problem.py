@@ -14,6 +14,7 @@ from scipy.special import stdtrit
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.common.wording import Argument
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
@@ -333,7 +334,7 @@ def _fit_once(
     """Fit laws to all recordings but those that are left out, whether or not tests agree."""
     held = {one for name in leave_out for one in folder.named(name)}
     if len(held) == len(folder.recordings):
-        raise InputError("--leave-out", ", ".join(leave_out), "leave nothing to fit", "name fewer")
+        raise InputError(Argument("leave_out"), ", ".join(leave_out), "leave nothing to fit", "name fewer")
     for name in laws:
         free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.relaxes, asked)
         if seeks_ratio(free.names):

@@ -72,7 +72,7 @@ def _read_within(path: Path, name: str, content: bytes) -> list[Sheet]:
                 raise InputError(inner, "file", "contains another archive", "unpack it")
             return read_sheets(inner)
         except InputError as error:
-            raise InputError(path, f"{inner.name}, {error.field}", error.problem, error.remedy) from None
+            raise error.at(path, f"{inner.name}, {error.field}") from None
 
 
 _UNPACK: dict[str, type[gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile]] = {

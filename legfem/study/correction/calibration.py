@@ -20,6 +20,7 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.wording import Argument, Remedy
 from legfem.jobs.pool import Workers
 from legfem.legs.correction import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.legs.correction_of_leg import LegCorrections
@@ -152,7 +153,7 @@ def _ratios(
                 f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm (leg of {case.leg.length:g} mm, "
                 f"radius {case.leg.radius:g} mm, {case.leg.depth_to_bone:.1f} mm to the bone, "
                 f"C10 {case.material.C10_kPa:g} kPa)",
-                "calibrate to a smaller --depth, or with a finer mesh",
+                Remedy("calibrate to a smaller ", Argument("depth"), ", or with a finer mesh"),
             )
     return [smooth_ratio(outcome.spatial, outcome.plane, displacement) for outcome in outcomes]
 

@@ -11,6 +11,7 @@ from legfem.common.documents import Cells, column_cells, json_types, write_atomi
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.common.wording import Argument
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.search import SearchError
 from legfem.legs.correction import DEFINITION, TabulatedCorrection
@@ -126,7 +127,7 @@ def _solved(subject: Subject, models: LegModels, stiffness: tuple[float, float],
 
 
 def _too_deep(why: str) -> InputError:
-    return InputError("correction", "--depth", why, "press less deep, or a stiffer tissue")
+    return InputError("correction", Argument("depth"), why, "press less deep, or a stiffer tissue")
 
 
 def _cells(found: LegBesideTable) -> Cells:
