@@ -185,24 +185,18 @@ def check_out_folder(out: Path) -> None:
         If a file is in the way, the nearest folder that exists can't be written to, or results would lie among
         recordings.
     """
-    around = (out.absolute(), *out.absolute().parents)
+    asked, around = Argument("out"), (out.absolute(), *out.absolute().parents)
     nearest = next(folder for folder in around if folder.exists())
     if not nearest.is_dir():
-        raise InputError(Argument("out"), str(out), f"{nearest} is a file", "give a folder")
+        raise InputError(asked, str(out), f"{nearest} is a file", "give a folder")
     if any(folder.name == "recordings" and any(folder.parent.glob("*.toml")) for folder in around):
-        raise InputError(
-            Argument("out"),
-            str(out),
-            "lies among recordings: tables of results would be read as such",
-            "give another folder",
-        )
+        problem = "lies among recordings: tables of results would be read as such"
+        raise InputError(asked, str(out), problem, "give another folder")
     try:
         # What may be written isn't always what can: /proc says yes to root.
         tempfile.TemporaryFile(dir=nearest).close()
     except OSError:
-        raise InputError(
-            Argument("out"), str(out), f"{nearest} can't be written to", "give a folder of your own"
-        ) from None
+        raise InputError(asked, str(out), f"{nearest} can't be written to", "give a folder of your own") from None
 
 
 def process_count(jobs: int | None, ranks: int) -> int:

@@ -237,7 +237,7 @@ def doubt_lines(doubts: Iterable[Doubt]) -> list[str]:
 _OTHER_KINDS = (".xlsx", ".xls", ".ods", ".numbers", ".rtf", ".docx", ".json", ".yaml", ".yml")
 
 
-def remedy_for_missing[Otherwise: (str, Remedy)](path: Path, otherwise: Otherwise) -> str | Otherwise:
+def remedy_for_missing[Otherwise](path: Path, otherwise: Otherwise) -> str | Otherwise:
     """Return what to do about a missing file, where one beside its place has nearly its name.
 
     A name in other capitals, of a copy (``subject (1).toml``), or with another ending or one more

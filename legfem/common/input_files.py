@@ -322,7 +322,8 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
         case "float_type" | "finite_number":
             return f"{given!r} is not a finite number", "write a number without quotes"
         case "literal_error":
-            near = difflib.get_close_matches(str(given), _choices(context), n=1)
+            choices = [word.strip("' ") for word in str(context["expected"]).replace(" or ", ",").split(",")]
+            near = difflib.get_close_matches(str(given), choices, n=1)
             return f"unknown value {given!r}", (f"did you mean '{near[0]}'?" if near else f"use {context['expected']}")
         case "string_pattern_mismatch" if context["pattern"].startswith("^[^"):
             return f"{given!r} contains a line's end or another control character", "remove it"
@@ -331,7 +332,8 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
                 "begin with a letter or digit, and use these, dots, dashes, underscores and spaces"
             )
         case "string_type" | "string_too_short":
-            return f"{_shown(given)} is not text", f'write it in quotes: {keys[-1]} = "..."'
+            shown = str(given) if isinstance(given, date | time) else repr(given)
+            return f"{shown} is not text", f'write it in quotes: {keys[-1]} = "..."'
         case "bool_type":
             return f"{given!r} is neither true nor false", f"write {keys[-1]} = true or {keys[-1]} = false"
         case "list_type":
@@ -342,14 +344,6 @@ def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], sche
             return f"{given!r} has the wrong length", "write [x, y]"
         case _:
             return f"{error['msg']} (given {given!r})", "correct it"
-
-
-def _shown(given: object) -> str:
-    return str(given) if isinstance(given, date | time) else repr(given)
-
-
-def _choices(context: dict[str, Any]) -> list[str]:
-    return [word.strip("' ") for word in str(context["expected"]).replace(" or ", ",").split(",")]
 
 
 def _known_keys(keys: list[str], schema: type[BaseModel]) -> list[str]:

@@ -157,19 +157,9 @@ def _by_themselves(branches: Sequence[Branch], contacts: Sequence[Contact], inst
         c.displacement_error if c.in_air else float(np.hypot(c.displacement_error, c.estimate - c.displacement))
         for c in contacts
     ]
-    return Aligned(
-        tuple(branches),
-        float(np.mean(errors)),
-        instrument.displacement_sd,
-        _zero(contacts, instrument),
-        from_air=len(contacts) == 1 and contacts[0].in_air,
-    )
-
-
-def _zero(contacts: Sequence[Contact], instrument: Instrument) -> float:
-    """Return how well a trial's zero is known, N."""
-    errors = [c.baseline_error if c.in_air else instrument.force_sd for c in contacts]
-    return float(np.sqrt(np.mean(np.square(errors))))
+    zeros = [c.baseline_error if c.in_air else instrument.force_sd for c in contacts]
+    zero_sd, from_air = float(np.sqrt(np.mean(np.square(zeros)))), len(contacts) == 1 and contacts[0].in_air
+    return Aligned(tuple(branches), float(np.mean(errors)), instrument.displacement_sd, zero_sd, from_air)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, NotNegative, Positive, Text, read_table, trouble
 from legfem.common.units import FloatArray
 from legfem.data.formats import read_sheets
-from legfem.data.formats.labels import Quantity, unit_named
-from legfem.data.formats.sheet import Column, measures
+from legfem.data.formats.labels import Quantity
 from legfem.data.recording import RecordedChannel, Recording, backwards, channel_of, not_increasing
 from legfem.geometry.indenter import Site
 
@@ -202,7 +201,7 @@ def with_channels(
         if not recordings:
             continue
         if entry.file is None:
-            recordings = [_stated(one, kind, accuracy) for one in recordings]
+            recordings = [_stated(one, key, accuracy) for one in recordings]
             if not any(channel.name == key for one in recordings for channel in one.channels):
                 raise InputError(
                     toml,
@@ -252,8 +251,9 @@ def frames_in(path: Path) -> list[FramesFile[Any]]:
     return [one for one in OF_FRAMES.values() if header == ("time_s", *one.columns)]
 
 
-def _stated(recording: Recording, kind: ChannelKind, accuracy: ChannelAccuracy) -> Recording:
-    stated = (replace(one, accuracy=accuracy) if one.name == kind.name else one for one in recording.channels)
+def _stated(recording: Recording, name: str, accuracy: ChannelAccuracy) -> Recording:
+    """Return a recording whose channel of a name has a stated accuracy."""
+    stated = (replace(one, accuracy=accuracy) if one.name == name else one for one in recording.channels)
     return replace(recording, channels=tuple(stated))
 
 
@@ -350,9 +350,9 @@ def _of_instrument(path: Path, kind: ChannelKind, column: str | None, own: Input
     except InputError:
         raise own from None
     columns = [one for sheet in sheets for one in sheet.columns]
-    timed = [c for c in columns if measures(c, "time")]
+    timed = [c for c in columns if c.quantity == "time"]
     quantity: Quantity = "force" if kind.is_force else "displacement"
-    able = [c for c in columns if measures(c, quantity) and c not in timed]
+    able = [c for c in columns if c.quantity == quantity and c not in timed]
     named = [c for c in able if c.name == column] if column else [c for c in able if channel_of(c) == kind]
     if not column and not named:
         named = [c for c in able if channel_of(c) is None]
@@ -365,10 +365,4 @@ def _of_instrument(path: Path, kind: ChannelKind, column: str | None, own: Input
             f"none, or more than one, of the columns {there} can be it",
             f"give time_s,{kind.column}, or name the column under [channels.{kind.name}]",
         )
-    time, values = (c.values * factor for c in (timed[0], named[0]) for factor in (_factor(c),))
-    return time, values
-
-
-def _factor(column: Column) -> float:
-    unit = unit_named(column.unit or "")
-    return 1.0 if unit is None else unit.factor
+    return timed[0].values * timed[0].factor, named[0].values * named[0].factor

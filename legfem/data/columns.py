@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from legfem.channels.kinds import CHANNELS
 from legfem.common.errors import InputError
 from legfem.common.wording import Argument, Command, Remedy
-from legfem.data.formats.labels import OWN, Quantity, Unit, names_quantity, unit_named
-from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet, measured_by, measures
+from legfem.data.formats.labels import OWN, Quantity, names_quantity, unit_named
+from legfem.data.formats.sheet import FEWEST_ROWS, NAMELESS, NOT_CALCULATED, Column, Sheet
 from legfem.data.formats.times import check_no_clock
 from legfem.data.recording import QUANTITIES, Recording, SourceColumn, SourceColumns, channel_of, recording_of
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
@@ -49,7 +49,9 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
             raise InputError(path, Argument(quantity), f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = SourceColumn(name, unit or str(columns[0].unit))
         told = f"{quantity}: '{name}' in {channel.unit}, as you say"
-        beside = [f"'{c.name}'" for c in sheet.columns if c.name != name and measures(c, "force") and not channel_of(c)]
+        beside = [
+            f"'{c.name}'" for c in sheet.columns if c.name != name and c.quantity == "force" and not channel_of(c)
+        ]
         if quantity == "force" and beside:
             told += (
                 f"; not read: {', '.join(beside)}. Forces across the travel and along the leg are read from columns "
@@ -61,12 +63,13 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     candidates = [c for c in able if channel_of(c) is None]
     candidates = candidates or [c for c in able if channel_of(c) == CHANNELS["axial_force"]]
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
+    name_it = Remedy("name it with ", Argument(quantity, "NAME:UNIT"))
     if not candidates:
         alike = [c for c in sheet.columns if names_quantity(c.name, quantity)]
         why = f"no column is named, or has a unit, like it (of {names})"
         if alike:
             why = f"'{alike[0].unit}' of '{alike[0].name}' is not a unit of {quantity}"
-        raise InputError(path, f"recordings.{quantity}", why, Remedy("name it with ", Argument(quantity, "NAME:UNIT")))
+        raise InputError(path, f"recordings.{quantity}", why, name_it)
     named = [c for c in candidates if names_quantity(c.name, quantity)]
     able = named or candidates
     able = [c for c in able if not _COMMANDED.search(c.name)] or able
@@ -75,19 +78,10 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     differing = [c.name for c in others if not _same_signal(c, chosen)]
     told = ", ".join(f"'{n}'" for n in (chosen.name, *differing))
     if differing and _side_by_side(sheet):
-        raise InputError(
-            path,
-            ABREAST,
-            f"{len(differing) + 1} trials stand side by side: {told}",
-            "save each trial in a file of its own",
-        )
+        problem = f"{len(differing) + 1} trials stand side by side: {told}"
+        raise InputError(path, ABREAST, problem, "save each trial in a file of its own")
     if differing:
-        raise InputError(
-            path,
-            f"recordings.{quantity}",
-            f"may be any of {told}, which differ",
-            Remedy("name it with ", Argument(quantity, "NAME:UNIT")),
-        )
+        raise InputError(path, f"recordings.{quantity}", f"may be any of {told}, which differ", name_it)
     if quantity == "time":
         check_no_clock(path, chosen.name, chosen.unit, chosen.values)
     still = "doesn't increase" if quantity == "time" else "doesn't change"
@@ -95,20 +89,14 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     if not chosen.unit and quantity == "time" and (of_time := _unit_of_time(chosen)):
         unit, reason = of_time
         return SourceColumn(chosen.name, unit), f"time: '{chosen.name}' in {unit}, since {reason}{same}"
-    if not chosen.unit:
-        raise InputError(
-            path,
-            f"recordings.{quantity}.unit",
-            f"column '{chosen.name}' has no unit",
-            Remedy("give it with ", Argument(quantity), f" '{chosen.name}:{OWN[quantity]}', if it is that"),
-        )
-    if unit_named(chosen.unit) is None:
-        raise InputError(
-            path,
-            f"recordings.{quantity}.unit",
-            f"'{chosen.unit}' of '{chosen.name}' is not a known unit",
-            Remedy("give it with ", Argument(quantity), f" '{chosen.name}:UNIT' in multiples of {OWN[quantity]}"),
-        )
+    if not chosen.unit or chosen.known_unit is None:
+        problem = f"'{chosen.unit}' of '{chosen.name}' is not a known unit"
+        how = f" '{chosen.name}:UNIT' in multiples of {OWN[quantity]}"
+        if not chosen.unit:
+            problem = f"column '{chosen.name}' has no unit"
+            how = f" '{chosen.name}:{OWN[quantity]}', if it is that"
+        remedy = Remedy("give it with ", Argument(quantity), how)
+        raise InputError(path, f"recordings.{quantity}.unit", problem, remedy)
     same += f"; {len(others)} more say the same" if others else ""
     why = "name and unit" if named else "unit"
     passed = [c.name for c in candidates if c not in able]
@@ -124,7 +112,7 @@ _NUMBER = re.compile(r"[#\s_:.-]*\d+[:\s]*")
 
 def _side_by_side(sheet: Sheet) -> bool:
     """Tell whether displacement and force have as many columns each of one name, or of one but for a number."""
-    names = [(_NUMBER.sub("", c.name), unit_named(c.unit or "")) for c in sheet.columns]
+    names = [(_NUMBER.sub("", c.name), c.known_unit) for c in sheet.columns]
     counts = [
         max((names.count(name) for c, name in zip(sheet.columns, names, strict=True) if may_be(c, quantity)), default=0)
         for quantity in QUANTITIES
@@ -163,15 +151,12 @@ def _unit_of_time(column: Column) -> tuple[str, str] | None:
 
 def may_be(column: Column, quantity: Quantity) -> bool:
     """Tell whether a column may be a quantity, by its unit; by its name where that says nothing."""
-    unit: Unit | None = unit_named(column.unit) if column.unit else None
-    if unit is not None:
-        return unit.quantity == quantity
-    return names_quantity(column.name, quantity)
+    return names_quantity(column.name, quantity) if column.known_unit is None else column.quantity == quantity
 
 
 def _same_signal(a: Column, b: Column) -> bool:
     """Tell whether one signal is the other but for sign, unit and zero; one that is twice as large isn't."""
-    one, other = (c.values * (unit_named(c.unit or "") or Unit(None, 1.0)).factor for c in (a, b))
+    one, other = (c.values * c.factor for c in (a, b))
     if np.ptp(one) == 0 or np.ptp(other) == 0:
         return bool(np.ptp(one) == np.ptp(other) == 0)
     alike = abs(np.corrcoef(one, other)[0, 1]) > 1 - 1e-6
@@ -238,27 +223,15 @@ def propose(
         raise InputError(path, first.args[1], first.problem, remedy)
     if len(usable) > 1:
         names = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
-        raise InputError(
-            path,
-            "recordings.sheet",
-            f"{len(usable)} tables contain recordings: {names}",
-            Remedy(
-                "save each trial in a file of its own, or name one: ", look_command(path, {"sheet": usable[0][0].name})
-            ),
-        )
+        look = look_command(path, {"sheet": usable[0][0].name})
+        remedy = Remedy("save each trial in a file of its own, or name one: ", look)
+        raise InputError(path, "recordings.sheet", f"{len(usable)} tables contain recordings: {names}", remedy)
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
-    reasons = [*sheet.remarks, *(reason for _, reason in found)]
     plain = SourceColumns(time, displacement, force, sheet.name if len(sheets) > 1 else named)
-    recording = recording_of(path, sheets, plain)
-    d_sign, f_sign, reason = _directions(path, recording)
-    channels = SourceColumns(
-        time,
-        SourceColumn(displacement.column, displacement.unit, d_sign),
-        SourceColumn(force.column, force.unit, f_sign),
-        plain.sheet,
-    )
-    return Proposal(channels, (*reasons, reason))
+    d_sign, f_sign, reason = _directions(path, recording_of(path, sheets, plain))
+    signed = replace(plain, displacement=replace(displacement, sign=d_sign), force=replace(force, sign=f_sign))
+    return Proposal(signed, (*sheet.remarks, *(reason for _, reason in found), reason))
 
 
 def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
@@ -284,14 +257,8 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
     f_sign = int(np.sign(together)) * d_sign
     moves = f"the displacement changes by {away[turned - 1]:+.3g} mm"
     reads = f"the force by {change[:turned][np.argmax(np.abs(change[:turned]))]:+.3g} N"
-    return (
-        d_sign,
-        f_sign,
-        (
-            f"directions: {moves} and {reads}; both must grow during loading, so the sign of displacement is "
-            f"{d_sign:+d} and that of force {f_sign:+d}"
-        ),
-    )
+    why = f"directions: {moves} and {reads}; both must grow during loading, so the sign of displacement is {d_sign:+d} "
+    return d_sign, f_sign, f"{why}and that of force {f_sign:+d}"
 
 
 def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
@@ -317,14 +284,14 @@ def refuse_other_table(path: Path, sheets: Sequence[Sheet]) -> None:
             f"contains strain ('{strained[0].name}') and stress ('{strained[1].name}') over time and no force",
             "export displacement in mm and force in N, which are strain times length and stress times area",
         )
-    pressures = [c for c in columns if measures(c, "pressure")]
+    pressures = [c for c in columns if c.quantity == "pressure"]
     if pressures and has["time"] and has["displacement"] and not has["force"]:
         raise InputError(
             path,
             "columns",
             f"contains a pressure ('{pressures[0].name}' in {pressures[0].unit}) and no force",
             Remedy(
-                "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and "
+                "of a suction cup describe the test in specimen.toml, in the table [suction], beside recordings/, and ",
                 "run: ",
                 Command("data preview", given=str(path.parent.parent)),
             ),
@@ -380,12 +347,12 @@ def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: 
             if error.field == ABREAST:
                 return _first_abreast(path, sheet) or error.args[-1]
             named = [c for c in sheet.columns if names_quantity(c.name, quantity)]
-            able = [c for c in named if measured_by(c) in (quantity, None)]
+            able = [c for c in named if c.quantity in (quantity, None)]
             moved = options.get("displacement", "").rpartition(":")[0]
             along = [c for c in able if moved and _axes(c.name) == _axes(moved)]
             # Of several axes the one that is moved along, or pressed along, changes most.
             column = max(along or able, key=lambda c: float(np.ptp(c.values)), default=None)
-            stated = unit_named(column.unit) if column is not None and column.unit else None
+            stated = None if column is None else column.known_unit
             if column is None:
                 options[quantity] = "NAME:UNIT"
             elif stated is not None and stated.quantity is None:
@@ -405,14 +372,10 @@ def remedy_for(path: Path, sheet: Sheet, given: Mapping[Quantity, str], sheets: 
         unknown = any(text.endswith(":UNIT") for text in options.values())
         told = "give in place of UNIT what it means" if unknown else f"if {', '.join(assumed)}"
         return Remedy(f"{told}: ", look_command(path, options))
-    if missing == ["time"] and not any(measured_by(c) == "time" for c in sheet.columns):
+    if missing == ["time"] and not any(c.quantity == "time" for c in sheet.columns):
         return "add a column Time (s): the number of the sample over the samples taken in a second"
     taken = {text.rpartition(":")[0] for text in options.values()}
-    left = [
-        c.name
-        for c in sheet.columns
-        if c.name not in taken and (unit_named(c.unit or "") is None or measured_by(c) in missing)
-    ]
+    left = [c.name for c in sheet.columns if c.name not in taken and (c.known_unit is None or c.quantity in missing)]
     if len(left) < len(missing):
         return f"record {' and '.join(missing)}, too, and export all three columns"
     among = f" (of {', '.join(map(repr, left))})"
@@ -441,9 +404,9 @@ def _likely_unit(column: Column, quantity: Quantity) -> str:
     """Return the unit that a column is said to be in, perhaps by a sign that an encoding lost; else legfem's own."""
     if not column.unit:
         return OWN[quantity]
-    if measured_by(column) == quantity:
+    if column.quantity == quantity:
         return column.unit
-    return "u" + column.unit[1:] if column.unit[0] in "?\ufffd" and measured_by(column) is None else "UNIT"
+    return "u" + column.unit[1:] if column.unit[0] in "?\ufffd" and column.quantity is None else "UNIT"
 
 
 def look_command(path: Path, options: Mapping[str, str]) -> Command:

@@ -169,16 +169,16 @@ def fit_onset(d: FloatArray, force: FloatArray, instrument: Instrument, scales: 
     displacement_sd = instrument.displacement_sd
     noise = _scatter(force, instrument)[1]
     rough = _rough_contact(d, force, noise)
-    start = float(d[0])
     near = _near(d, force, rough, instrument, scales)
     if near is None:
-        return _at_start(d, force, start, noise, displacement_sd)
+        return _at_start(d, force, noise, displacement_sd)
     found = _onset([near], rough, scales)
     best, error, gain = found.place, found.error, found.gain
     air = near.x < best
-    significant = best - start > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
+    significant = best - float(d[0]) > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
     if not significant:
-        return replace(_at_start(d, force, start, noise, displacement_sd, best, error), gain=gain)
+        at_start = _at_start(d, force, noise, displacement_sd)
+        return replace(at_start, displacement_error=error, estimate=best, gain=gain)
     within = _within(d, rough, scales)
     in_air = within & (d < best - 2 * error)
     if in_air.sum() < 4:
@@ -298,24 +298,16 @@ def _freedom(near: Sequence[_Near]) -> int:
     return max(sum(len(one.x) - 1 for one in near) - 3, 1)
 
 
-def _at_start(
-    d: FloatArray,
-    force: FloatArray,
-    start: float,
-    noise: float,
-    displacement_sd: float,
-    estimate: float | None = None,
-    error: float | None = None,
-) -> Contact:
-    few = max(1, min(5, len(force)))
+def _at_start(d: FloatArray, force: FloatArray, noise: float, displacement_sd: float) -> Contact:
+    start, few = float(d[0]), max(1, min(5, len(force)))
     loaded = float(np.mean(force[:few])) > 5.0 * noise
     away = abs(start) > max(3.0 * displacement_sd / np.sqrt(few), displacement_sd)
     return Contact(
         displacement=start if away and not loaded else 0.0,
         baseline=0.0,
-        displacement_error=displacement_sd / np.sqrt(few) if error is None else error,
+        displacement_error=displacement_sd / np.sqrt(few),
         baseline_error=np.inf,
-        estimate=start if estimate is None else estimate,
+        estimate=start,
         in_air=False,
     )
 

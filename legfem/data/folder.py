@@ -215,12 +215,8 @@ class Catalogue:
             return self.folder / name
         known = ", ".join(self.names)
         there = f"known subjects are {known}" if known else f"none are in {self.folder}"
-        raise InputError(
-            Argument("subject"),
-            name,
-            "unknown subject",
-            Remedy(f"{there}; for a folder of your own give ", Argument("subject_dir", "PATH")),
-        )
+        remedy = Remedy(f"{there}; for a folder of your own give ", Argument("subject_dir", "PATH"))
+        raise InputError(Argument("subject"), name, "unknown subject", remedy)
 
     def named(self, subject: str | None, subject_dir: Path | None) -> Path:
         """Return the folder that a command's --subject or --subject-dir names.
@@ -237,12 +233,8 @@ class Catalogue:
         if subject_dir is not None:
             return subject_dir
         if subject is None:
-            raise InputError(
-                Argument("subject"),
-                "missing",
-                "no subject is given",
-                Remedy("give ", Argument("subject", "ID"), " or ", Argument("subject_dir", "PATH")),
-            )
+            remedy = Remedy("give ", Argument("subject", "ID"), " or ", Argument("subject_dir", "PATH"))
+            raise InputError(Argument("subject"), "missing", "no subject is given", remedy)
         return self.find(subject)
 
     def opened(self, directory: Path) -> Path:

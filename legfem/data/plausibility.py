@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from legfem.common.errors import Doubt, InputError, PhysicalRange
 from legfem.common.units import FloatArray
 from legfem.data.contact import LEG
-from legfem.data.phases import HOLD, LOADING
+from legfem.data.phases import HOLD, LOADING, runs_of
 from legfem.data.ranges import SPEED
 from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation
@@ -116,7 +115,7 @@ def loading_doubts(
     source: str, time: FloatArray, displacement: FloatArray, force: FloatArray, least_level: float = 0.0
 ) -> Iterator[Doubt]:
     """Yield what is unlikely in a loading (n,); ``least_level`` is the share of its way that may be level."""
-    if _counts_samples(time):
+    if len(time) > _MANY_ROWS and np.allclose(np.diff(time), 1.0, 0.0, 1e-6):
         yield Doubt(
             source,
             "time_s",
@@ -274,7 +273,7 @@ def _drift_doubts(trial: Segmentation) -> Iterator[Doubt]:
         if left > max(_OFFSET * rise, least) or left < -max(_STUCK * rise, least):
             rate = left / float(np.median(time[back]) - np.median(time[first]) if first.any() else time[-1] - time[0])
             problem = f"reads {left:+.3g} N more back where it began than at first ({rate:+.2g} N/s)"
-    for before, (a, b) in zip(trial.parts, _spans(trial)[1:], strict=False):
+    for before, (a, b) in zip(trial.parts, runs_of(trial.labels)[1:], strict=False):
         few = max(1, (b - a) // 5)
         gained = float(np.median(force[b - few : b]) - np.median(force[a : a + few]))
         held = trial.labels[a] == HOLD and before.phase == LOADING
@@ -289,16 +288,6 @@ def _drift_doubts(trial: Segmentation) -> Iterator[Doubt]:
         )
 
 
-def _spans(trial: Segmentation) -> list[tuple[int, int]]:
-    edges = [0, *(int(k) + 1 for k in np.flatnonzero(trial.labels[1:] != trial.labels[:-1])), len(trial.labels)]
-    return list(pairwise(edges))
-
-
-def _counts_samples(time: FloatArray) -> bool:
-    """Return whether times (n,) of a loading seem to be the rows' number."""
-    return len(time) > _MANY_ROWS and np.allclose(np.diff(time), 1.0, 0.0, 1e-6)
-
-
 def cut_off(displacement: FloatArray, force: FloatArray) -> float:
     """Return the way (mm) of a loading in which the force was cut off; 0 where it wasn't.
 
@@ -307,16 +296,10 @@ def cut_off(displacement: FloatArray, force: FloatArray) -> float:
     displacement, force
         (n,), mm and N, of a loading.
     """
-    exactly = _exactly_level(displacement, force)
+    top = force >= force.max()
+    exactly = max(float(displacement[end - 1] - displacement[start]) for start, end in runs_of(top) if top[start])
     few = _LEVEL_EXACTLY * float(np.ptp(displacement))
     return max(exactly if exactly > few else 0.0, _level_at_end(displacement, force))
-
-
-def _exactly_level(displacement: FloatArray, force: FloatArray) -> float:
-    """Return the longest way (mm) in which the force stays at its greatest value exactly."""
-    top = np.append(force >= force.max(), False)
-    edges = np.flatnonzero(np.diff(top.astype(int), prepend=0)).reshape(-1, 2)
-    return max(float(displacement[end - 1] - displacement[start]) for start, end in edges)
 
 
 def _level_at_end(displacement: FloatArray, force: FloatArray) -> float:

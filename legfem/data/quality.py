@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data.phases import LOADING
+from legfem.data.phases import LOADING, runs_of
 from legfem.data.plausibility import cut_off
-from legfem.data.recording import Recording
 from legfem.data.segmentation import Segmentation
 
 # Of the force's range; a load cell of 500 N with 16 bit reads a leg's 10 N in steps of 0.15 %.
@@ -60,13 +58,13 @@ def quality_of(trial: Segmentation) -> Quality:
     near = median_filter(steps, _NEIGHBOURS, mode="nearest")
     dropped = int(np.sum(np.maximum(np.round(steps / near) - 1, 0)))
     span = float(np.ptp(recording.force))
-    saturated = max(
-        _at_rail(recording.force, 1.0),
-        _at_rail(recording.force, -1.0),
-        _level_at_end(trial.smooth[in_loading], recording.force[in_loading]),
-    )
+    d, force = trial.smooth[in_loading], recording.force[in_loading]
+    cut = cut_off(d, force) if len(force) else 0.0
+    level = int(np.count_nonzero(d >= d[-1] - cut)) if cut else 0
+    saturated = max(_at_rail(recording.force, 1.0), _at_rail(recording.force, -1.0), level)
     found = (_smallest_step(recording.force), _smallest_step(recording.displacement))
-    drops = _drops(recording, in_loading, force_noise)
+    sudden = np.diff(recording.force) < -max(_DROP_SHARE * span, 8.0 * force_noise)
+    drops = tuple(recording.time[1:][sudden & in_loading[1:] & in_loading[:-1]].tolist())
     loading = int(np.count_nonzero(in_loading))
     judged: list[tuple[str, str]] = []
 
@@ -122,26 +120,12 @@ def _at_rail(force: FloatArray, sign: float) -> int:
     """Return the longest run of samples at exactly the greatest force (times a sign)."""
     values = sign * force
     top = values >= values.max()
-    edges = np.flatnonzero(np.diff(top.astype(int), prepend=0, append=0)).reshape(-1, 2)
-    longest = int(max(b - a for a, b in edges))
+    start, end = max((run for run in runs_of(top) if top[run[0]]), key=lambda run: run[1] - run[0])
+    longest = end - start
     # At rest a noiseless cell reads one value too; a limit cuts off what rises.
-    start = int(edges[np.argmax(edges[:, 1] - edges[:, 0])][0])
     before = values[max(0, start - longest) : start]
     rises = len(before) > 2 and values[start] - before[0] > 0.02 * float(np.ptp(values))
     return longest if rises else 0
-
-
-def _level_at_end(displacement: FloatArray, force: FloatArray) -> int:
-    """Return the samples at the end of a loading in which the force rises no more."""
-    way = cut_off(displacement, force) if len(force) else 0.0
-    return int(np.count_nonzero(displacement >= displacement[-1] - way)) if way else 0
-
-
-def _drops(recording: Recording, loading: NDArray[np.bool_], noise: float) -> tuple[float, ...]:
-    change = np.diff(recording.force)
-    least = max(_DROP_SHARE * float(np.ptp(recording.force)), 8.0 * noise)
-    sudden = np.flatnonzero((change < -least) & loading[1:] & loading[:-1])
-    return tuple(float(t) for t in recording.time[sudden + 1])
 
 
 def check_trial(trial: Segmentation) -> None:

@@ -14,8 +14,8 @@ from legfem.channels.kinds import CHANNELS, IN_COLUMNS
 from legfem.common.errors import InputError
 from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray, frozen_array
-from legfem.data.formats.labels import OWN, Quantity, Unit, unit_named
-from legfem.data.formats.sheet import Column, Sheet, measures
+from legfem.data.formats.labels import OWN, Quantity, unit_named
+from legfem.data.formats.sheet import Column, Sheet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -183,12 +183,11 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
         If a sheet, column or unit isn't there, or time doesn't increase.
     """
     sheet = _sheet_named(path, sheets, channels.sheet)
-    values = {q: _converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES}
-    values["time"] = since_start(values["time"])
-    if _first_is_doubled(values["time"]):
-        values = {q: v[1:] for q, v in values.items()}
-    time = values["time"]
-    _check_sizes(path, values.values())
+    values = [_converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES]
+    if _first_is_doubled(values[0]):
+        values = [one[1:] for one in values]
+    time, displacement, force = since_start(values[0]), *values[1:]
+    _check_sizes(path, (time, displacement, force))
     rows = not_increasing(time)
     if rows:
         raise InputError(
@@ -199,9 +198,14 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
         )
     used = {getattr(channels, q).column for q in QUANTITIES}
     left = tuple(column for column in sheet.columns if column.name not in used)
-    beside = tuple(_dense(left, kind, values["time"]) for kind in IN_COLUMNS if _columns_of(left, kind))
+    seen = {kind.name: column for column in reversed(left) if (kind := channel_of(column))}
+    channels_there = ((kind, seen[kind.name]) for kind in IN_COLUMNS if kind.name in seen)
+    beside = (
+        RecordedChannel(kind.name, time, column.factor * column.values[-len(time) :], kind.usual)
+        for kind, column in channels_there
+    )
     pulled = any(_OF_PULLS.search(getattr(channels, q).column) for q in QUANTITIES)
-    return Recording(time, values["displacement"], values["force"], path.stem, path, beside, pulled=pulled)
+    return Recording(time, displacement, force, path.stem, path, tuple(beside), pulled=pulled)
 
 
 _OF_PULLS = re.compile(r"tensile|(?<!ex)tension|\bzug|traction|tracción|trazione", re.IGNORECASE)
@@ -230,15 +234,14 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColu
         )
     columns = [c for c in sheet.columns if c.name == channel.column]
     # Of two that are called alike one is in volts, perhaps, or both are one signal.
-    columns = [c for c in columns if unit_named(c.unit or "") == unit] or columns
+    columns = [c for c in columns if c.known_unit == unit] or columns
     if len(columns) != 1 and not (columns and all(np.array_equal(c.values, columns[0].values) for c in columns)):
         names = ", ".join(f"'{c.name}'" for c in sheet.columns)
         many = f"{len(columns)} columns '{channel.column}'" if columns else "there is no column "
         raise InputError(
             path, f"{field}.column", many if columns else f"{many}'{channel.column}'", f"give one of {names}"
         )
-    stated = unit_named(columns[0].unit) if columns[0].unit else None
-    if stated is not None and stated != unit:
+    if columns[0].known_unit not in (None, unit):
         raise InputError(
             path,
             f"{field}.unit",
@@ -281,17 +284,7 @@ def channel_of(column: Column) -> ChannelKind | None:
     """Return the channel beside the force that a column is by its name and unit, as ``Fat thickness (cm)``; or None."""
     name = column.name.lower()
     named = (kind for kind in IN_COLUMNS if all(word in name for word in kind.name.split("_")))
-    return next((kind for kind in named if measures(column, "force" if kind.is_force else "displacement")), None)
-
-
-def _columns_of(columns: Sequence[Column], kind: ChannelKind) -> list[Column]:
-    return [column for column in columns if channel_of(column) == kind]
-
-
-def _dense(columns: Sequence[Column], kind: ChannelKind, time: FloatArray) -> RecordedChannel:
-    column = _columns_of(columns, kind)[0]
-    factor = (unit_named(column.unit or "") or Unit(None, 1.0)).factor
-    return RecordedChannel(kind.name, time, factor * column.values[-len(time) :], kind.usual)
+    return next((kind for kind in named if column.quantity == ("force" if kind.is_force else "displacement")), None)
 
 
 HEADER = ("time_s", "displacement_mm", "force_N")
@@ -303,8 +296,7 @@ OWN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacemen
 
 def read_own(path: Path) -> Recording | None:
     """Return what legfem's own CSV with further channels holds, whose cells may be empty; None for any other file."""
-    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8-sig", "replace") if path.is_file() else ""
-    if not first.startswith(",".join(HEADER)) or not _channel_columns(path):
+    if not _first_line(path).startswith(",".join(HEADER)) or not _channel_columns(path):
         return None
     return read_own_table(path, None)
 
@@ -317,16 +309,14 @@ def read_own_table(path: Path, area: float | None) -> Recording:
     InputError
         If it is none, or time doesn't increase.
     """
-    column, factor = HEADER[2], 1.0
-    if area is not None:
-        column, factor = _pressure_column(path)
-        factor *= area
+    column, factor = (HEADER[2], 1.0) if area is None else _pressure_column(path, area)
     further = _channel_columns(path)
     table = read_table(path, (*HEADER[:2], column, *further), sparse=tuple(further))
     if _first_is_doubled(table["time_s"].to_numpy(dtype=np.float64)):
         table = table.iloc[1:]
-    time = since_start(table["time_s"].to_numpy(dtype=np.float64))
-    _check_sizes(path, (time, *(table[name].to_numpy(dtype=np.float64) for name in (HEADER[1], column))))
+    time, displacement, force = (table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column))
+    time = since_start(time)
+    _check_sizes(path, (time, displacement, force))
     rows = not_increasing(time)
     if rows:
         raise InputError(
@@ -335,21 +325,18 @@ def read_own_table(path: Path, area: float | None) -> Recording:
             f"{backwards(time, rows[0])})",
             "sort the rows by time, remove repeated ones, and save each trial in a file of its own",
         )
-    return Recording(
-        time=time,
-        displacement=table["displacement_mm"].to_numpy(dtype=np.float64),
-        force=factor * table[column].to_numpy(dtype=np.float64),
-        trial=path.stem,
-        source=path,
-        channels=tuple(_sparse(kind, time, table[name]) for name, kind in further.items()),
-    )
+    channels = tuple(_sparse(kind, time, table[name]) for name, kind in further.items())
+    return Recording(time, displacement, factor * force, path.stem, path, channels)
+
+
+def _first_line(path: Path) -> str:
+    return path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8-sig", "replace") if path.is_file() else ""
 
 
 def _channel_columns(path: Path) -> dict[str, ChannelKind]:
     """Return the columns of further channels in a table's first line."""
-    first = path.read_bytes()[:4000].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
     known = {kind.column: kind for kind in IN_COLUMNS}
-    return {name: known[name] for cell in first.split(",") if (name := cell.strip()) in known}
+    return {name: known[name] for cell in _first_line(path).split(",") if (name := cell.strip()) in known}
 
 
 def _sparse(kind: ChannelKind, time: FloatArray, values: "pd.Series[float]") -> RecordedChannel:
@@ -357,12 +344,11 @@ def _sparse(kind: ChannelKind, time: FloatArray, values: "pd.Series[float]") -> 
     return RecordedChannel(kind.name, time[read], values.to_numpy()[read], kind.usual)
 
 
-def _pressure_column(path: Path) -> tuple[str, float]:
-    """Return the name of the column of pressures, and the factor to MPa."""
+def _pressure_column(path: Path, area: float) -> tuple[str, float]:
+    """Return the name of the column of pressures, and what makes forces on an area (mm2) of them."""
     factors = {"kPa": MPA_PER_KPA, "mbar": 0.1 * MPA_PER_KPA, "mmHg": MPA_PER_MMHG}
-    first = path.read_bytes()[:200].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
-    unit = next((unit for unit in factors if f"pressure_{unit}" in first), "kPa")
-    return f"pressure_{unit}", factors[unit]
+    unit = next((unit for unit in factors if f"pressure_{unit}" in _first_line(path)), "kPa")
+    return f"pressure_{unit}", factors[unit] * area
 
 
 def write_recording(recording: Recording, path: Path) -> None:

@@ -13,8 +13,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats import Column, Sheet, read_sheets
-from legfem.data.formats.labels import OWN, names_quantity, unit_named
-from legfem.data.formats.sheet import measured_by, measures
+from legfem.data.formats.labels import OWN, unit_named
 
 _STRETCH = r"stretch|lambda|^λ|élongation"
 _STRAIN = r"strain|dehnung|^eps(ilon)?|^ε|shear|^gamma|^γ"
@@ -59,16 +58,16 @@ def stretch_and_stress(sheet: Sheet, timed: bool = False) -> tuple[Column, Colum
         c
         for c in sheet.columns
         if re.search(f"{_STRETCH}|{_STRAIN}", c.name, re.IGNORECASE)
-        and not measured_by(c)
+        and not c.quantity
         and not re.search("stress", c.name, re.IGNORECASE)
     ]
     stress = [
         c
         for c in sheet.columns
-        if measures(c, "pressure") or (re.search(_STRESS, c.name, re.IGNORECASE) and not measured_by(c))
+        if c.quantity == "pressure" or (re.search(_STRESS, c.name, re.IGNORECASE) and not c.quantity)
     ]
     stress = [c for c in stress if c not in stretch]
-    has_time = any(measures(c, "time") or names_quantity(c.name, "time") for c in sheet.columns)
+    has_time = any(c.is_time for c in sheet.columns)
     return (stretch[0], stress[0]) if stretch and stress and has_time == timed else None
 
 
@@ -79,7 +78,7 @@ def table_line(stretch: Column, stress: Column) -> tuple[str, str]:
     percent = stretch.unit == "%"
     is_true = re.search(_TRUE, stress.name, re.IGNORECASE) and not re.search(_NOMINAL, stress.name, re.IGNORECASE)
     measure = "true" if is_true else "nominal"
-    unit = stress.unit if stress.unit and measured_by(stress) == "pressure" else OWN["pressure"]
+    unit = stress.unit if stress.unit and stress.quantity == "pressure" else OWN["pressure"]
     words = {"nominal": "engineering stress, force over the undeformed area", "true": "true stress"}
     of = " in %" if percent else ""
     confirm = f"if '{stretch.name}' is a {key}{of} and '{stress.name}' {words[measure]} in {unit}"
@@ -124,7 +123,7 @@ def read_stress_table(path: Path, columns: StressTable) -> tuple[FloatArray, Flo
             f"'{columns.unit}' is not a unit of stress",
             f"give kPa, MPa, Pa, psi or bar, as in: {line}",
         )
-    if measured_by(stress) == "pressure" and unit_named(stress.unit or "") != unit:
+    if stress.quantity == "pressure" and stress.known_unit != unit:
         _, line = table_line(strain, stress)
         problem = f"'{columns.unit}', but the file says '{stress.unit}'"
         raise InputError(path, "recordings.table.unit", problem, f"correct one of them, as in: {line}")

@@ -163,7 +163,7 @@ class CylinderInPose(IndenterInPose[Cylinder]):
         """Signed distance from its surface."""
         if self.axis[2] == 1.0:
             return self.given.shape(3)
-        return _turned(self.given, self.axis)
+        return TurnedCylinder(self.given.radius, self.given.length / 2, self.given.edge_radius, *map(float, self.axis))
 
     @property
     def reach(self) -> float:
@@ -249,11 +249,6 @@ def in_pose(given: Indenting, pose: Pose) -> IndenterInPose[Any]:
     if isinstance(given, Punch):
         return PunchInPose(given, pose)
     return CylinderInPose(given, pose)
-
-
-def _turned(size: Cylinder, axis: FloatArray) -> TurnedCylinder:
-    x, y, z = map(float, axis)
-    return TurnedCylinder(size.radius, size.length / 2, size.edge_radius, x, y, z)
 
 
 def _over(value: FloatArray, limit: float) -> FloatArray:

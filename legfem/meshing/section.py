@@ -89,7 +89,9 @@ class MeshMotion:
         if self.outline == "skin":
             share = np.where(inside, 0.0, _share(to_fascia, to_skin))
         else:
-            share = np.where(inside, _share(to_bones, _beyond(to_fascia, section)), _share(to_skin, to_fascia))
+            # The layer moves as one.
+            beyond = np.maximum(to_fascia - section.fascia_thickness, 0.0)
+            share = np.where(inside, _share(to_bones, beyond), _share(to_skin, to_fascia))
         arc, normal = _arc_and_normal(skin, points, touch)
         hat = np.maximum(0.0, 1.0 - np.abs(arc - self.arc) / self.width)
         return (self.size * share * hat)[:, None] * normal
@@ -97,11 +99,6 @@ class MeshMotion:
 
 def _share(other: FloatArray, own: FloatArray) -> FloatArray:
     return np.asarray(other / np.maximum(own + other, 1e-12))
-
-
-def _beyond(to_fascia: FloatArray, section: LegSection) -> FloatArray:
-    """Return the distance from the fascia's inner face: the layer moves as one."""
-    return np.maximum(to_fascia - section.fascia_thickness, 0.0)
 
 
 def _arc_and_normal(skin: shapely.LinearRing, points: FloatArray, touch: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -90,18 +90,12 @@ class ForceCurve:
         where the left side needs no derivative of the curve, and the right side shows a mean of the
         second derivative: its weights integrate to 1 and vanish at the window's ends.
         """
-        nodes, weights = _gauss_points(64)
+        nodes, weights = np.polynomial.legendre.leggauss(64)
         force = self(start + (end - start) * (nodes + 1) / 2)
         # F projects on the second Legendre polynomial with 5/2 times this integral, and the second
         # derivative of that polynomial over a window of length b - a is 3 (2 / (b - a))^2.
         projection = 2.5 * float(np.sum(weights * force * (1.5 * nodes**2 - 0.5)))
         return 12.0 * projection / (end - start) ** 2
-
-
-@cache
-def _gauss_points(number: int) -> tuple[FloatArray, FloatArray]:
-    """Return nodes and weights of Gauss' quadrature on (-1, 1)."""
-    return np.polynomial.legendre.leggauss(number)
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ def read_tdms(path: Path) -> list[Sheet]:
         columns = [_column(c.name, _unit_of(c), _numbers(c)) for c in channels]
         steps = {float(c.properties.get("wf_increment", 0.0)) for c in channels} - {0.0}
         remarks: tuple[str, ...] = ()
-        if len(steps) == 1 and columns and not any(_is_time(c) for c in columns):
+        if len(steps) == 1 and columns and not any("time" in c.name.lower() or c.unit == "s" for c in columns):
             step = steps.pop()
             columns.insert(0, _clock(step, len(columns[0].values)))
             remarks = (f"the time is counted in the waveforms' wf_increment of {step:g} s",)
@@ -128,10 +128,6 @@ def _column(label: str, unit: object, values: FloatArray) -> Column:
     return Column(name, one_unit(named, str(unit) if unit else None), values)
 
 
-def _is_time(column: Column) -> bool:
-    return "time" in column.name.lower() or column.unit == "s"
-
-
 def _clock(step: float, count: int) -> Column:
     return Column("time", "s", step * np.arange(count))
 
@@ -173,7 +169,7 @@ def read_hdf5(path: Path) -> list[Sheet]:
     with h5py.File(path) as file:
         _check_datasets(path, file)
         groups: list[Any] = [file]
-        file.visititems(lambda _, item: groups.append(item) if _is_group(item) else None)
+        file.visititems(lambda _, item: groups.append(item) if isinstance(item, h5py.Group) else None)
         for group in groups:
             arrays: Arrays = {}
             for name, item in group.items():
@@ -219,10 +215,6 @@ def _check_datasets(path: Path, file: h5py.File) -> None:
     sizes: list[int] = []
     file.visititems(lambda _, item: sizes.append(item.nbytes) if isinstance(item, h5py.Dataset) else None)
     check_size(path, sum(sizes))
-
-
-def _is_group(item: object) -> bool:
-    return isinstance(item, h5py.Group)
 
 
 def _sheets_of(path: Path, name: str, content: Mapping[str, Any]) -> list[Sheet]:

@@ -187,15 +187,11 @@ def _with_whole_cells(lines: Sequence[str]) -> list[str]:
     while k < len(lines):
         taken = 1
         if lines[k].count('"') % 2:
-            ends = (n for n in range(2, _MOST_LINES_OF_A_CELL + 1) if not _quotes(lines[k : k + n]) % 2)
+            ends = (n for n in range(2, _MOST_LINES_OF_A_CELL + 1) if not "".join(lines[k : k + n]).count('"') % 2)
             taken = next(ends, 1)
         whole += [" ".join(lines[k : k + taken]), *[""] * (taken - 1)]
         k += taken
     return whole
-
-
-def _quotes(lines: Sequence[str]) -> int:
-    return sum(line.count('"') for line in lines)
 
 
 def _decoded(path: Path) -> tuple[str, str, int]:

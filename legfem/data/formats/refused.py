@@ -176,7 +176,7 @@ def _of_office(path: Path, begin: bytes) -> tuple[str, str] | None:
         content = path.read_bytes()
         if "EncryptedPackage".encode("utf-16-le") in content:
             return "a workbook with a password", "save it without one"
-        return ("a Word document", "save the table in it as CSV") if _named(content, "WordDocument") else None
+        return _IN_ARCHIVES["word/document.xml"] if "WordDocument".encode("utf-16-le") in content else None
     if not begin.startswith(b"PK\x03\x04"):
         return None
     try:
@@ -190,7 +190,3 @@ def _of_office(path: Path, begin: bytes) -> tuple[str, str] | None:
     if names and all(name.endswith(".npy") for name in names):
         return "an archive of NumPy's arrays", "save them as CSV with a line of names above the numbers"
     return next((told for name, told in _IN_ARCHIVES.items() if name in names), None)
-
-
-def _named(content: bytes, stream: str) -> bool:
-    return stream.encode("utf-16-le") in content

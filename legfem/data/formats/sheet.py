@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.data.formats.headings import Cell, cell_at, names_something, only_block, text_of, titles_and_units, width_of
-from legfem.data.formats.labels import FORCE_OF, WORDS, Quantity, name_and_unit, names_quantity, one_unit, unit_named
+from legfem.data.formats.labels import (
+    FORCE_OF,
+    WORDS,
+    Quantity,
+    Unit,
+    name_and_unit,
+    names_quantity,
+    one_unit,
+    unit_named,
+)
 from legfem.data.formats.times import BY_RATE, CLOCK, times_by_rate, with_clock
 
 FEWEST_ROWS = 8
@@ -52,6 +61,26 @@ class Column:
         unit = FORCE_OF.get((self.unit or "").strip(" ()[].").lower())
         if unit is not None and names_quantity(self.name, "force"):
             object.__setattr__(self, "unit", unit)
+
+    @property
+    def known_unit(self) -> Unit | None:
+        """The unit, where it is a known one."""
+        return unit_named(self.unit or "")
+
+    @property
+    def quantity(self) -> Quantity | None:
+        """What the unit measures."""
+        return None if self.known_unit is None else self.known_unit.quantity
+
+    @property
+    def factor(self) -> float:
+        """What a value is multiplied by to be in legfem's unit; 1 where the unit isn't known."""
+        return 1.0 if self.known_unit is None else self.known_unit.factor
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it is a time by its unit or its name."""
+        return self.quantity == "time" or names_quantity(self.name, "time")
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +194,7 @@ def sheet_of_rows(
         unit = "s" if c == clock else one_unit(unit, units[k] if units else None)
         unit = unit or _unit_behind(rows, samples, c)
         found.append(Column(column, unit, values[:, k]))
-    if not any(measures(c, "time") or names_quantity(c.name, "time") for c in found):
+    if not any(c.is_time for c in found):
         counted = with_clock(path, rows, range(start, end), width)
         if counted is not None:
             remark = "the time is counted from a clock's times"
@@ -236,7 +265,7 @@ def _check_abreast(path: Path, titles: Sequence[str]) -> None:
 def _repeating(columns: Sequence[Column]) -> NDArray[np.bool_]:
     """Return which rows have the time, and all else, of the one before; none of a table without a time."""
     values = np.stack([c.values for c in columns])
-    timed = any(measures(c, "time") or names_quantity(c.name, "time") for c in columns)
+    timed = any(c.is_time for c in columns)
     again = np.zeros(values.shape[1], dtype=bool)
     again[1:] = timed & (values[:, 1:] == values[:, :-1]).all(axis=0)
     return again
@@ -270,7 +299,7 @@ def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]
     """Check that no quantity is in a column of text alone."""
     for quantity, words in _OF_TEXTS.items():
         texts = [title for title in passed if re.search(words, title, re.IGNORECASE)]
-        numbers = [c for c in found if names_quantity(c.name, quantity) or measures(c, quantity)]
+        numbers = [c for c in found if names_quantity(c.name, quantity) or c.quantity == quantity]
         if texts and not numbers:
             cell = passed[texts[0]]
             if _PLAIN.fullmatch(cell):
@@ -278,18 +307,6 @@ def _check_passed(path: Path, passed: Mapping[str, str], found: Sequence[Column]
                 raise InputError(path, f"column '{texts[0]}'", problem, "export all columns at one rate")
             problem, remedy = why_no_number(cell) or (f"contains '{cell[:40]}'", "export it as numbers")
             raise InputError(path, f"column '{texts[0]}'", problem, remedy)
-
-
-def measured_by(column: Column) -> Quantity | None:
-    """Return the quantity that a column's unit measures."""
-    unit = unit_named(column.unit) if column.unit else None
-    return None if unit is None else unit.quantity
-
-
-def measures(column: Column, quantity: Quantity) -> bool:
-    """Tell whether a column's unit is one of a quantity."""
-    unit = unit_named(column.unit) if column.unit else None
-    return unit is not None and unit.quantity == quantity
 
 
 def _first_of_numbers(rows: Sequence[Sequence[Cell]], kept: Sequence[int], columns: Sequence[int]) -> int | None:

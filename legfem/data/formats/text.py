@@ -48,7 +48,9 @@ def read_text(path: Path) -> list[Sheet]:
     if delimiter == " ":
         # Words of another number than the columns name none of them: one of theirs would be its neighbour's.
         width = len(parted[_middle_of(lines.texts)])
-        parted = [next((r for r in (row, _behind_brackets(row)) if len(r) == width), [" ".join(row)]) for row in parted]
+        # Where a long name leaves one space of a wide gap, the gaps behind units part names too.
+        ways = ((row, [one for word in row for one in _BEHIND_A_BRACKET.split(word)]) for row in parted)
+        parted = [next((row for row in both if len(row) == width), [" ".join(both[0])]) for both in ways]
     _check_whole_thousands(path, parted[lines.first :], lines.first, decimal)
     _part_names(lines, parted, delimiter)
     remarks = [
@@ -294,11 +296,6 @@ def _words(line: str) -> list[str]:
     """Part a line of names with units in brackets at wide gaps; at all gaps but those before a bracket without any."""
     wide = re.split(r"\s{2,}|\t", line.strip())
     return wide if len(wide) > 1 else _BETWEEN_WORDS.split(line.strip())
-
-
-def _behind_brackets(words: Sequence[str]) -> list[str]:
-    """Part names at the gaps behind their units too, as where a long name leaves one space of a wide gap."""
-    return [one for word in words for one in _BEHIND_A_BRACKET.split(word)]
 
 
 def _cell(text: str, decimal: str) -> Cell:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.documents import write_atomically, write_document
+from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import IdealisedLegIndentation
@@ -86,7 +86,9 @@ def _run(
     progress.stage("cylinders of other lengths", len(LENGTHS))
     coarse = coarsened(given.reference, given.coarse)
     # The coarse mesh doesn't carry the longest one to 25 mm.
-    others = _of_other_cylinders(coarsened(given.reference, given.between))
+    between = coarsened(given.reference, given.between)
+    fitting = [length for length in LENGTHS if length < between.leg.length]
+    others = {f"{one:g}": replace(between, cylinder=replace(between.cylinder, length=one)) for one in fitting}
     lengths = _vary(others, kept, jobs, progress, comm)
     if asked.fields:
         written = write_leg_fields(given.reference, out, comm)
@@ -108,15 +110,9 @@ def _run(
     if asked.trends:
         for name, curves in studied.items():
             print(f"P against the {name}\n{table(*trend_cells(name, curves))}\n")
-        displacement = _grid(coarse.depth)
-        write_document(
-            out / "trends.json",
-            {
-                "schema": 1,
-                "displacement_mm": displacement.tolist(),
-                "P": {name: {k: _listed(v) for k, v in c.items()} for name, c in studied.items()},
-            },
-        )
+        curves_of = {name: {k: np.round(v, 5) for k, v in curves.items()} for name, curves in studied.items()}
+        document = {"schema": 1, "displacement_mm": _grid(coarse.depth), "P": curves_of}
+        write_document(out / "trends.json", json_types(document))
         print(f"figure: {draw_trends(found.correction.name, studied, out)[0]}")
     return found, lengths
 
@@ -129,11 +125,6 @@ def write_leg_fields(case: CorrectionCase, out: Path, comm: MPI.Intracomm = MPI.
 
 
 LENGTHS = (30.0, 50.0, 70.0)
-
-
-def _of_other_cylinders(case: CorrectionCase) -> dict[str, CorrectionCase]:
-    fitting = [length for length in LENGTHS if length < case.leg.length]
-    return {f"{length:g}": replace(case, cylinder=replace(case.cylinder, length=length)) for length in fitting}
 
 
 def _trend_cases(coarse: CorrectionCase) -> dict[str, dict[str, CorrectionCase]]:
@@ -176,7 +167,3 @@ def _curve(outcome: CaseOutcome, depth: float) -> FloatArray:
 
 def _grid(depth: float) -> FloatArray:
     return np.linspace(0, depth, round(2 * depth) + 1)
-
-
-def _listed(values: FloatArray) -> list[float | None]:
-    return [None if np.isnan(value) else round(float(value), 5) for value in values]

@@ -13,7 +13,6 @@ import pandas as pd
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.common.units import FloatArray
 from legfem.data.folder import RESOURCES
 from legfem.jobs.pool import Workers, leading
 from legfem.jobs.store import Store
@@ -29,7 +28,7 @@ from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.study.doe.design import Definition, in_words, read_definition
 from legfem.study.doe.figures import draw_response
 from legfem.study.doe.runs import Outlook, PlaneStrainSimulator, Record, Request, Simulator, Workshop, as_csv, simulate
-from legfem.study.doe.study import MetricAnalysis, StudyResult, simulations_of, study
+from legfem.study.doe.study import StudyResult, simulations_of, study
 from legfem.study.doe.surface import Counting, term_label
 from legfem.study.doe.tables import (
     information_blocks,
@@ -298,7 +297,10 @@ def _effects(result: StudyResult) -> list[web.Block]:
 def _curves(result: StudyResult) -> Curves:
     depth = result.definition.depth
     grid = np.linspace(0.0, depth, _POINTS)
-    every = np.array([_on(grid, r.displacement, r.force_per_length) for r in result.records])
+    every = np.full((len(result.records), _POINTS), np.nan)
+    for row, record in zip(every, result.records, strict=True):
+        if len(record.displacement):
+            row[:] = np.interp(grid, record.displacement, record.force_per_length, right=np.nan)
     centre, corners = every[-1], every[:-1]
     lines = [Line("centre of the ranges", centre, None, DATA_COLOUR)]
     if result.analyses:
@@ -322,12 +324,6 @@ def _curves(result: StudyResult) -> Curves:
         "",
         lines,
     )
-
-
-def _on(grid: FloatArray, at: FloatArray, values: FloatArray) -> FloatArray:
-    if len(at) == 0:
-        return np.full(len(grid), np.nan)
-    return np.interp(grid, at, values, right=np.nan)
 
 
 def _surface(result: StudyResult) -> list[web.Block]:
@@ -358,14 +354,12 @@ def _surface(result: StudyResult) -> list[web.Block]:
             ],
             ["coefficient of the coded factors", *(a.metric.label for a in result.analyses)],
             [
-                [term_label(test.term, factors), *(_coefficient(a, k) for a in result.analyses)]
-                for k, test in enumerate(result.analyses[0].tests)
+                [
+                    term_label(tests[0].term, factors),
+                    *(f"{test.value:+.2e} (t {test.t:+.1f}){'*' if test.significant else ''}" for test in tests),
+                ]
+                for tests in zip(*(analysis.tests for analysis in result.analyses), strict=True)
             ],
             (numbers[first], numbers[second]),
         )
     ]
-
-
-def _coefficient(analysis: MetricAnalysis, number: int) -> str:
-    test = analysis.tests[number]
-    return f"{test.value:+.2e} (t {test.t:+.1f}){'*' if test.significant else ''}"

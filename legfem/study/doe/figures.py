@@ -68,8 +68,10 @@ def _bars(axes: Axes, analyses: list[MetricAnalysis], factors: tuple[Factor, ...
         return
     chosen = [k for k, t in enumerate(analyses[0].tests) if k > 0 and t.is_interaction == interactions]
     height = 0.8 / len(analyses)
+    windows = sorted({(a.metric.start, a.metric.end) for a in analyses})
     for stage, analysis in enumerate(analyses):
-        colour = STAGE_COLOURS[_stage(analysis, analyses)]
+        window = windows.index((analysis.metric.start, analysis.metric.end))
+        colour = STAGE_COLOURS[window % len(STAGE_COLOURS)]
         for row, k in enumerate(chosen):
             test = analysis.tests[k]
             at = row + (stage - (len(analyses) - 1) / 2) * height
@@ -94,8 +96,3 @@ def _bars(axes: Axes, analyses: list[MetricAnalysis], factors: tuple[Factor, ...
     axes.margins(x=0.12)
     axes.ticklabel_format(axis="x", scilimits=(-2, 2))
     axes.set_xlabel(f"coefficient ({analyses[0].metric.typeset_unit})")
-
-
-def _stage(analysis: MetricAnalysis, analyses: list[MetricAnalysis]) -> int:
-    starts = sorted({(a.metric.start, a.metric.end) for a in analyses})
-    return starts.index((analysis.metric.start, analysis.metric.end)) % len(STAGE_COLOURS)
