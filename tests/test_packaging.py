@@ -14,6 +14,7 @@ import petsc4py
 import pytest
 
 from legfem.common.documents import package_version
+from legfem.common.errors import EXTRAS
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -72,17 +73,19 @@ def test_conda_has_the_same_packages() -> None:
 
 
 def test_pyproject_depends_on_the_same_packages() -> None:
-    extras = {bare(p) for name in ("test", "dev") for p in PROJECT["optional-dependencies"][name]}
-    extras -= {"legfem"}
+    extras = {name: {bare(p) for p in packages} for name, packages in PROJECT["optional-dependencies"].items()}
+    tools = (extras["test"] | extras["dev"]) - {"legfem"}
     from_pypi = {bare(p) for p in PYPI}
     runtime = {pypi_name(p) for p in DEBIAN if p.startswith("python3-") and p not in NOT_RUNTIME}
-    assert {bare(p) for p in PROJECT["dependencies"]} == runtime | (from_pypi - extras)
-    assert extras == (from_pypi & extras) | {"pytest"}
+    features = set().union(*(extras[name] for name in EXTRAS))
+    assert {bare(p) for p in PROJECT["dependencies"]} | features == runtime | (from_pypi - tools)
+    assert tools == (from_pypi & tools) | {"pytest"}
 
 
 def test_versions_required_agree() -> None:
     bounds: dict[str, set[str]] = {}
-    for package in [*PYPI, *PROJECT["dependencies"], *conda_packages()]:
+    extras = [package for name in EXTRAS for package in PROJECT["optional-dependencies"][name]]
+    for package in [*PYPI, *PROJECT["dependencies"], *extras, *conda_packages()]:
         bound = package[len(bare(package)) :]
         if bound.startswith(">="):
             bounds.setdefault(bare(package), set()).add(bound)

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.power import TTestIndPower
 
 from legfem.cohort.agreement import ICC_FORM, Agreement, Fitted, Limits, MixedModel, agreement, limits
 from legfem.cohort.members import Member
 from legfem.cohort.rows import Row, cohort_model, measured
 from legfem.common.documents import json_types
+from legfem.common.p_values import holm
 from legfem.common.units import FloatArray
 
 FACTORS = ("group", "side", "session", "rater", "rig", "sex")
@@ -107,7 +107,7 @@ def statistics(members: Sequence[Member], rows: Sequence[Row]) -> Statistics:
     names = dict.fromkeys(name for one in found for name in one.measures)
     made = [one for name in names if (one := _analysed(members, kept, name, reasons)) is not None]
     groups = [effect.p_value for one in made for effect in one.effects if effect.of_group]
-    adjusted = iter(multipletests(groups, method="holm")[1] if groups else ())
+    adjusted = iter(holm(groups))
 
     def with_adjusted(effect: Effect) -> Effect:
         return replace(effect, adjusted=float(next(adjusted))) if effect.of_group else effect

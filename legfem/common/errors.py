@@ -69,6 +69,17 @@ class UnsolvedError(Exception):
     """
 
 
+EXTRAS = {
+    "app": ("the app in a browser window", ("nicegui", "tomlkit", "uvicorn")),
+    "cluster": ("work on dask's workers", ("bokeh", "dask", "dask_jobqueue", "distributed")),
+    "cohort": ("a cohort", ("jax", "numpyro", "statsmodels")),
+    "files": ("a file of this kind", ("h5py", "lvm_read", "meshio", "nptdms", "pymatreader", "xlrd")),
+    "imaging": ("a scan", ("highdicom", "nibabel", "SimpleITK")),
+    "study": ("a design of experiments", ("pyDOE3", "SALib", "statsmodels")),
+}
+"""What needs more than legfem's own dependencies, and the modules, by pyproject.toml's extra that brings them."""
+
+
 def missing_module(error: ModuleNotFoundError) -> str:
     """Return the line that says how to get a package that isn't installed; raises what is legfem's own fault.
 
@@ -80,11 +91,13 @@ def missing_module(error: ModuleNotFoundError) -> str:
     package = (error.name or "").partition(".")[0]
     if package in ("", "legfem", "studies"):
         raise error
+    in_checkout = "in a checkout, begin the command with scripts/in-env, which installs all that it needs"
+    for extra, (feature, modules) in EXTRAS.items():
+        if package in modules:
+            need = f"{feature} needs {package}, which isn't installed for {sys.executable}"
+            return f"{need}: pip install 'legfem[{extra}]'; {in_checkout}"
     what = "DOLFINx, which solves the finite elements," if package in ("dolfinx", "ufl", "basix", "ffcx") else package
-    return (
-        f"{what} isn't installed for {sys.executable}: in a checkout, begin the command with scripts/in-env, which "
-        "installs all that it needs; else see docs/install.md"
-    )
+    return f"{what} isn't installed for {sys.executable}: {in_checkout}; else see docs/install.md"
 
 
 @contextmanager

@@ -19,7 +19,6 @@ from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, not_closed, read_shape, shape_of_outlines, shape_of_volume
 from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry, existing
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
-from legfem.imaging.volume_file import read_volume
 
 _STEP = 0.25  # mm along the leg
 
@@ -103,6 +102,8 @@ class LegSource:
             file = path(entry.scan)
             meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
             series = None if entry.series is None else path(entry.series)
+            from legfem.imaging.volume_file import read_volume
+
             return cls(str(file), volume=read_volume(file, meaning, series))
         if entry.contours is not None:
             file = path(entry.contours)

@@ -17,8 +17,8 @@ from typing import Literal
 
 import numpy as np
 from scipy.stats import chi2
-from statsmodels.stats.multitest import multipletests
 
+from legfem.common.p_values import holm
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.slices import CONTOURS
 from legfem.stockings.contour_distances import ContourMisfit
@@ -221,7 +221,7 @@ def _scores(
         named = zip(mechanism.labels, zip(map(float, strengths), map(float, errors), strict=True), strict=True)
         found.append((mechanism, statistic, int(rank), dict(named)))
     raw = [float(chi2.sf(statistic, rank)) for _, statistic, rank, _ in found]
-    corrected = multipletests(raw, method="holm")[1]
+    corrected = holm(raw)
     scores = [
         MechanismScore(mechanism.name, mechanism.statement, statistic, rank, float(p), strengths)
         for (mechanism, statistic, rank, strengths), p in zip(found, corrected, strict=True)
@@ -245,7 +245,7 @@ def _places(
                 tests.append(("outer" if name == "outer" else "inner", span, sector, box.ravel()))
     boxes = projected(np.stack([box for *_, box in tests], axis=1))
     scores = (left @ boxes) ** 2 / np.sum(boxes**2, axis=0)
-    corrected = multipletests(chi2.sf(scores, 1), method="holm")[1]
+    corrected = holm(chi2.sf(scores, 1))
     found = [
         DiscrepantPlace(
             name,

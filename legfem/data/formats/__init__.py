@@ -145,6 +145,8 @@ def read_sheets(path: Path) -> list[Sheet]:
     reader = _reader_of(path)
     try:
         sheets = (reader or read_text)(path)
+    except ModuleNotFoundError:
+        raise
     except (InputError, MemoryError):
         if reader is None and ending:
             raise _no_kind(path) from None

@@ -5,13 +5,13 @@ here rows are read one by one. Source: OASIS, *OpenDocument v1.3, part 3*, secti
 """
 
 import re
+import sys
 import zipfile
 from collections.abc import Iterable, Sequence
 from datetime import timedelta
 from pathlib import Path
 from xml.etree import ElementTree
 
-import xlrd
 from openpyxl.reader.excel import ExcelReader
 
 from legfem.common.errors import InputError
@@ -51,9 +51,15 @@ def read_workbook(path: Path) -> list[Sheet]:
 
 def read_old_workbook(path: Path) -> list[Sheet]:
     """Read the tables of a workbook as Excel wrote them up to 2003."""
-    with xlrd.open_workbook(path, on_demand=True) as book:
+    import xlrd
+
+    def value(cell: xlrd.sheet.Cell, datemode: int) -> object:
+        return xlrd.xldate_as_datetime(cell.value, datemode) if cell.ctype == xlrd.XL_CELL_DATE else cell.value
+
+    # By default it would write to what was sys.stdout when it was imported.
+    with xlrd.open_workbook(path, logfile=sys.stdout, on_demand=True) as book:
         pages = [
-            (page.name, [[_old_cell(cell, book.datemode) for cell in page.row(k)] for k in range(page.nrows)])
+            (page.name, [[value(cell, book.datemode) for cell in page.row(k)] for k in range(page.nrows)])
             for page in book.sheets()
         ]
     return _tables(path, pages)
@@ -142,10 +148,6 @@ def _table(path: Path, name: str, rows: list[list[Cell]], remarks: tuple[str, ..
     words = "points" if mark == "." else "commas"
     remark = f"numbers are text with decimal {words}: every number can be read this way"
     return sheet_of_rows(path, name, [[_number(c, mark) for c in row] for row in rows], (*remarks, remark))
-
-
-def _old_cell(cell: xlrd.sheet.Cell, datemode: int) -> object:
-    return xlrd.xldate_as_datetime(cell.value, datemode) if cell.ctype == xlrd.XL_CELL_DATE else cell.value
 
 
 def _cell(value: object) -> Cell:
