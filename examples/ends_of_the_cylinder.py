@@ -10,7 +10,7 @@ in 3D; nothing is solved here.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from legfem.legs.correction import read_correction
+from legfem.inverse.correction import read_correction
 from legfem.legs.correction_of_leg import LEGS, REFERENCE, read_leg_corrections
 
 reference = read_correction(REFERENCE)

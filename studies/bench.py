@@ -20,8 +20,8 @@ from rich.table import Table
 from legfem.common.command_line import command_context, leave_to_first_rank
 from legfem.common.progress import Silent
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.inverse.correction import read_correction
 from legfem.inverse.library_build import build_library
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import STIFFENING, Diagnoser, shown_mechanisms
 from legfem.legs.finite_element_models import LegVariants, solved_responses

@@ -18,7 +18,7 @@ from rich.table import Table
 from legfem.common.command_line import study_context
 from legfem.common.documents import write_document
 from legfem.common.progress import Progress, progress_on
-from legfem.legs.correction import smooth_ratio
+from legfem.inverse.correction import smooth_ratio
 from legfem.study.correction.calibration import run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, new_app

@@ -22,9 +22,9 @@ from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
 from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
-from legfem.legs.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from legfem.legs.schema import SUBJECTS
+from legfem.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
+from legfem.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from legfem.solve.protocol import Protocol
 
 SOUGHT = tuple(

@@ -12,13 +12,13 @@ from making import write_subject
 
 from legfem.common.progress import Silent
 from legfem.data import Instrument, Recording
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.fit import Fit
 from legfem.inverse.outcome import FullSolver, JointForward, Outcome
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.problem import fit_with
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.jobs.store import Store
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.details import LegDetails
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject

@@ -36,13 +36,13 @@ from legfem.geometry.indenter import Site
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.trial import SearchLog
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.details import Confirmation, LegState, PressedLeg, SpatialEvidence, seen
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject

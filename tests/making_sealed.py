@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legfem.legs.correction import read_correction
+from legfem.inverse.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS

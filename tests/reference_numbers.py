@@ -31,6 +31,7 @@ OLD_NAMES = {
     "legfem.legs.loading": "legfem.legs.subject",
     "legfem.legs.subject": "legfem.subject",
     "legfem.legs.correction_of_leg": "legfem.identify.correction",
+    "legfem.inverse.correction": "legfem.legs.correction",
     "legfem.legs.correction": "legfem.correction",
     "legfem.study.correction.cases": "legfem.study.correction_cases",
 }
@@ -101,7 +102,7 @@ def identified() -> Entries:
 
 def corrections() -> Entries:
     """P(d) of the tables at three stiffnesses, and of one coarse idealised leg."""
-    choice, tabulated = module("legfem.legs.correction_of_leg"), module("legfem.legs.correction")
+    choice, tabulated = module("legfem.legs.correction_of_leg"), module("legfem.inverse.correction")
     at = np.linspace(0.0, 25.0, 11)
     stiffness = np.array([0.3, 1.0, 5.0]), np.array([0.0, 1.0, 10.0])
     found: Entries = {}

@@ -14,7 +14,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.linearised import LinearisedProblem
 from legfem.inverse.map_fit import REFITS, base_about_solution, fit, refitted_about_solutions
 from legfem.inverse.predictor import Responses
-from legfem.legs.mechanisms import mechanism_named
+from legfem.mechanisms import mechanism_named
 
 SUPPORT = mechanism_named("support-compliance")
 

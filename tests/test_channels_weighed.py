@@ -26,8 +26,8 @@ from legfem.inverse.map_fit import fit
 from legfem.inverse.observations import Observations, blank_observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.legs.schema import SUBJECTS
+from legfem.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.report.curves import Curves
 from legfem.report.further_channels import (
     channel_arrows,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from legfem.common.errors import InputError
-from legfem.legs.mechanisms import mechanisms
+from legfem.mechanisms import mechanisms
 from studies.concealed.cases import SealedCase, make_cases
 from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
 from studies.concealed.making import read_sealed, write_sealed

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.experiments.leg_3d import IdealisedLegSettings
-from legfem.legs.correction import TabulatedCorrection, read_correction, smooth_ratio
+from legfem.inverse.correction import TabulatedCorrection, read_correction, smooth_ratio
 from legfem.legs.correction_of_leg import find_correction
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve

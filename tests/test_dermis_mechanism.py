@@ -15,8 +15,8 @@ from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import CHANGES_AT, rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
-from legfem.legs.mechanisms import Solution, mechanism_named
 from legfem.mechanics.terms.membranes import Dermis
+from legfem.mechanisms import Solution, mechanism_named
 
 DEPTH, STIFFNESS = 6.0, 0.08
 SOFT = (0.8e-3, 0.9e-3)

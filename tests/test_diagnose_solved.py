@@ -12,6 +12,7 @@ from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
 from legfem.inverse.body_models import Stopped
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.correction import read_correction
 from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.emulator import GridSpline
 from legfem.inverse.library_build import build_library
@@ -20,15 +21,14 @@ from legfem.inverse.mechanism import null_of
 from legfem.inverse.observations import observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import PLAIN, NotKeptError, SolvedResponses
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import ruled_out_of, shown_mechanisms
 from legfem.legs.finite_element_models import LegVariants
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import mechanism_named
-from legfem.legs.mechanisms.rig import EndEffects
 from legfem.legs.nuisances import displaced_geometries
 from legfem.legs.schema import SUBJECTS
+from legfem.mechanisms import mechanism_named
+from legfem.mechanisms.rig import EndEffects
 from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0

@@ -15,9 +15,9 @@ from making_identification import AnalyticLeg, identify, pressed_leg
 
 from legfem.common.errors import InputError
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, parameter_of
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.elastography import FibreRatio, ShearModulus, elastography_priors
 from legfem.inverse.parameter import Prior
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.diagnosis import accuracy_of
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import DRAWN

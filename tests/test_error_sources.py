@@ -7,9 +7,9 @@ import pytest
 from making_identification import identify, pressed_leg
 
 from legfem.inverse.comparison import total_of
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.estimates import main_source, reasons, shares_of_error
 from legfem.inverse.intervals import Estimated
-from legfem.legs.correction import TabulatedCorrection
 from legfem.report.kinds.leg import leg_page
 from legfem.specimens.course import relaxation_parameters
 

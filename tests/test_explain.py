@@ -20,8 +20,8 @@ from legfem.inverse.laplace import contact_posterior, gain_of_widths
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.linearised import LinearisedFit, LinearisedProblem
 from legfem.inverse.map_fit import fit
-from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
+from legfem.mechanisms import mechanism_named
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from legfem.inverse.map_fit import fit
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.verdict import explained_share, limits_of, residual_intervals
-from legfem.legs.mechanisms import mechanism_named
+from legfem.mechanisms import mechanism_named
 
 
 def explanation(like: Explanation, mean: float, sd: float, probability: float) -> Explanation:

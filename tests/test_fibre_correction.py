@@ -12,20 +12,13 @@ from making_diagnosis import observations, ramps
 from making_identification import DEPTH, identify, pressed_leg
 from making_results import law_document
 
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.elastography import FibreRatio
-from legfem.legs.correction import TabulatedCorrection
-from legfem.legs.correction_of_leg import (
-    FIBRES,
-    FibreTable,
-    choose_correction,
-    correction_of,
-    read_fibres,
-    why_without_fibres,
-    with_fibres,
-)
+from legfem.inverse.fibre_correction import FIBRES, FibreTable, read_fibres, with_fibres
+from legfem.legs.correction_of_leg import choose_correction, correction_of, why_without_fibres
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.solver_3d import fibre_errors
+from legfem.mechanisms import mechanism_named
 from legfem.report.kinds.leg import leg_page
 from legfem.report.render import plain_page
 from legfem.solve.path import ForceCurve

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from making_diagnosed import diagnosed
 
-from legfem.legs.correction import read_correction
-from legfem.legs.correction_of_leg import REFERENCE, read_fibres
+from legfem.inverse.correction import read_correction
+from legfem.inverse.fibre_correction import read_fibres
+from legfem.legs.correction_of_leg import REFERENCE
 from legfem.solve.path import ForceCurve
 from studies.fibres.concealed import CASES, HEADER, cells, score
 from studies.fibres.table import AT_RATIO, base_case, fibrous, smooth_log, varied

@@ -12,9 +12,9 @@ from test_leg_film import COARSE
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.elastography import FibreRatio
+from legfem.inverse.fibre_correction import FIBRES
 from legfem.inverse.outcome import JointForward, solve_test
 from legfem.jobs.pool import Workers
-from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels
 from legfem.legs.solver_3d import fibre_errors

@@ -17,10 +17,10 @@ from legfem.experiments.bodies import PunchOnLayer, UniaxialSpecimen
 from legfem.experiments.plane_strain import LateralCylinder
 from legfem.inverse.body_models import Stopped
 from legfem.inverse.parse_parameters import ParameterTexts
-from legfem.legs.mechanisms import Solution
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
+from legfem.mechanisms import Solution
 from legfem.meshing.structured import MeridianMeshSettings
 from legfem.report.results import write_report
 from legfem.solve.protocol import Protocol

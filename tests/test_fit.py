@@ -19,7 +19,7 @@ from legfem.inverse.mechanism import strength
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.predictive import folds_of, held_out
 from legfem.inverse.predictor import onset_name
-from legfem.legs.mechanisms import Mechanism, mechanism_named
+from legfem.mechanisms import Mechanism, mechanism_named
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from legfem.inverse.form import ShareOfPart, shares_by_part
 from legfem.inverse.map_fit import fit
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.mechanisms import mechanism_named
+from legfem.mechanisms import mechanism_named
 from legfem.report.diagnosis_curves import statement_name
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import verdict_sentence

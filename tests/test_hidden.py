@@ -25,6 +25,7 @@ from legfem.inverse.averaging import _beside_unseen, unseen_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.evidence import Evidence, possible_discrepancies
 from legfem.inverse.explanation import Explanation
+from legfem.inverse.fibre_correction import read_fibres
 from legfem.inverse.hidden import profile_of
 from legfem.inverse.laplace import laplace_posterior
 from legfem.inverse.map_fit import fit
@@ -33,10 +34,9 @@ from legfem.inverse.mechanism import Occurrence, Unseen
 from legfem.inverse.parameter import Prior
 from legfem.inverse.posterior import Mixture
 from legfem.inverse.verdict import TRUSTED, shift_of
-from legfem.legs.correction_of_leg import read_fibres
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
-from legfem.legs.mechanisms import OCCURRENCES, mechanism_named
-from legfem.legs.mechanisms.time_dependence import carried
+from legfem.mechanisms import OCCURRENCES, mechanism_named
+from legfem.mechanisms.time_dependence import carried
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import hidden_sentence
 

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.experiments.indenter_pose import Cylinder
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
-from legfem.legs.correction import smooth_ratio
+from legfem.inverse.correction import smooth_ratio
 from legfem.mechanics.indenters import FiniteCylinder
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import BONE, SKIN

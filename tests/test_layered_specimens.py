@@ -23,7 +23,7 @@ from legfem.experiments.bodies import BallOnLayer, PunchOnLayer
 from legfem.inverse.body_models import Stopped
 from legfem.inverse.parse_parameters import ParameterTexts
 from legfem.inverse.readings import READINGS
-from legfem.legs.mechanisms import Solution
+from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from legfem.specimens.channels import beside_of, readings_of
 from legfem.specimens.comparison import comparison_of

@@ -12,7 +12,7 @@ from making import TOML, write_subject
 
 from legfem.common.errors import InputError
 from legfem.geometry.section import depth_to_bone
-from legfem.legs.correction import TabulatedCorrection
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import (
     LegCorrections,
     choose_correction,

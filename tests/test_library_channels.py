@@ -17,7 +17,7 @@ from legfem.inverse.mechanism import Stiffness, Values
 from legfem.inverse.observations import blank_observations
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import SolvedResponses
-from legfem.legs.mechanisms import TissueMechanism, mechanism_named
+from legfem.mechanisms import TissueMechanism, mechanism_named
 from legfem.meshing.section import MeshMotion
 from legfem.solve.protocol import Protocol
 

@@ -9,7 +9,7 @@ from making_diagnosis import TRUTH, problem_of, ramps, two_rates
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import prior_of
 from legfem.inverse.predictor import Predictor
-from legfem.legs.mechanisms import mechanism_named
+from legfem.mechanisms import mechanism_named
 
 
 @pytest.mark.parametrize("recordings", [ramps(), two_rates()], ids=["ramps", "two rates"])

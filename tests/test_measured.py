@@ -23,10 +23,10 @@ from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import null_of, prior_of
 from legfem.legs.diagnosis import accuracy_of, measured_strength, measured_strengths
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import mechanism_named, mechanisms
 from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import MeasuredEffect
+from legfem.mechanisms import mechanism_named, mechanisms
 from legfem.report.diagnosis_headline import headline
 from legfem.report.diagnosis_sentences import next_experiments
 

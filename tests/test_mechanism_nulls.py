@@ -12,16 +12,16 @@ import pytest
 from making_diagnosis import TRUTH, observations, ramps, two_rates
 from scipy.stats import norm
 
+from legfem import mechanisms as registered
 from legfem.common import registry
+from legfem.inverse.correction import read_correction
 from legfem.inverse.mechanism import null_of, prior_of, strength
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.predictor import onset_name
-from legfem.legs import mechanisms as registered
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import with_correction
-from legfem.legs.mechanisms import Mechanism, TissueMechanism, mechanism_named, mechanisms
-from legfem.legs.mechanisms.time_dependence import TIMES_S, spectrum
+from legfem.mechanisms import Mechanism, TissueMechanism, mechanism_named, mechanisms
+from legfem.mechanisms.time_dependence import TIMES_S, spectrum
 
 EVERY = with_correction(mechanisms(), read_correction(REFERENCE))
 

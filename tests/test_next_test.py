@@ -10,8 +10,8 @@ from making_sealed import square_truths
 
 from legfem.geometry.indenter import Site
 from legfem.inverse.plan import DirectReadings
-from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.plan import designs
+from legfem.mechanisms import mechanism_named
 from legfem.solve.protocol import Protocol
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases, sealed_leg
 from studies.concealed.truth import Truths

@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.correction import read_correction
 from legfem.inverse.explain import explain
 from legfem.inverse.library import NuisanceChanges
 from legfem.inverse.library_build import smoothed
 from legfem.inverse.linearised import Cause, variance_degrees
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import accuracy_of
 from legfem.legs.loading import load_subject

@@ -7,11 +7,11 @@ import pytest
 from making_diagnosis import INSTRUMENT, pressed
 
 from legfem.data import Recording, segment_all
+from legfem.inverse.correction import read_correction
 from legfem.inverse.observations import Observations, observe
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import with_correction
-from legfem.legs.mechanisms import mechanisms
+from legfem.mechanisms import mechanisms
 from legfem.solve.protocol import Protocol
 
 

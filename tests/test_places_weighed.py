@@ -26,8 +26,8 @@ from legfem.inverse.errors import error_model
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.predictor import Predictor
-from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.legs.subject import LegAccuracy, Subject
+from legfem.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.report.further_channels import channel_chapter
 from legfem.report.instrument_file import draw_look
 from legfem.report.kinds.leg import leg_page

@@ -22,9 +22,9 @@ from legfem.inverse.observations import Observations, blank_observations
 from legfem.inverse.plan import Design, evaluate_design, prior_candidates
 from legfem.inverse.predictor import Predictor
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
+from legfem.mechanisms import Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.solve.protocol import Protocol
 
 

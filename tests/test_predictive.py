@@ -16,7 +16,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.explain import explain
 from legfem.inverse.explanation import Explained
 from legfem.inverse.predictive import checks_by_phase
-from legfem.legs.mechanisms import mechanism_named
+from legfem.mechanisms import mechanism_named
 from legfem.report.diagnosis_numbers import occurrence_cells, phase_cells
 from legfem.report.diagnosis_sentences import kin_sentence
 

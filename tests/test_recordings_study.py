@@ -12,7 +12,7 @@ from making import SHARED
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording, segment_all
 from legfem.inverse.observations import observe
-from legfem.legs.mechanisms.time_dependence import TIMES_S, TissueRelaxation, spectrum
+from legfem.mechanisms.time_dependence import TIMES_S, TissueRelaxation, spectrum
 from legfem.specimens.folder import load_specimen
 from studies.recordings.__main__ import full_name, write_specimen_folders
 from studies.recordings.curves import DEEPEST, STIFFENING_SHARES, THICKNESSES, ElasticCurves, LayerCurves, layer_curves

@@ -9,7 +9,7 @@ from scipy.stats import kstest
 
 from legfem.inverse import location
 from legfem.inverse.location import score_tests
-from legfem.legs.mechanisms import mechanism_named
+from legfem.mechanisms import mechanism_named
 
 SOUGHT = [mechanism_named(name) for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")]
 

@@ -15,10 +15,10 @@ from legfem.commands.diagnose import app as diagnose_app
 from legfem.commands.identify import app as identify_app
 from legfem.common.errors import InputError
 from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.fit import Goodness
 from legfem.inverse.parameter import Prior
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.identification import fit_leg
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.site_test import measured_curve

@@ -21,7 +21,7 @@ from studies.lab import recording as lab
 def test_the_memory_is_that_of_branches_walked_step_by_step() -> None:
     time, d = ramp(3.0, 6.0, hold=20.0)
     branch = branch_ratios(np.array([[2.0, 4.0, 0.05]]))[0]
-    from legfem.legs.mechanisms.time_dependence import TIMES_S
+    from legfem.mechanisms.time_dependence import TIMES_S
 
     elastic = d**1.5
     walked = relaxing(elastic, time, list(zip(branch, TIMES_S, strict=True)))

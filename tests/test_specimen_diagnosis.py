@@ -18,8 +18,8 @@ from legfem.data.recording import RecordedChannel
 from legfem.experiments.bodies import BallOnLayer, CylinderBetweenPlates, CylinderOnBlock, UniaxialSpecimen
 from legfem.inverse.body_models import BodyModels, Stopped
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.legs.mechanisms import Solution
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
+from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import load_specimen

@@ -12,7 +12,7 @@ import pytest
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
-from legfem.legs.correction import read_correction
+from legfem.inverse.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.stockings.identification import StockingSettings

@@ -17,8 +17,8 @@ from legfem.inverse.explain import explain
 from legfem.inverse.laplace import WIDTHS, contact_posterior, gain_of_widths, integrate_strength
 from legfem.inverse.map_fit import fit
 from legfem.inverse.mechanism import strength
-from legfem.legs.mechanisms import mechanism_named
-from legfem.legs.mechanisms.rig import ForceDrift
+from legfem.mechanisms import mechanism_named
+from legfem.mechanisms.rig import ForceDrift
 
 NAME = "prestress.tension"
 _DRAWS = 40

@@ -17,7 +17,7 @@ from legfem.inverse.library_tasks import CHANGES_AT, rounded
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.responses import SolvedResponses
 from legfem.legs.finite_element_models import LegVariants
-from legfem.legs.mechanisms import mechanism_named
+from legfem.mechanisms import mechanism_named
 from legfem.solve.protocol import Protocol
 
 DEPTH = 6.0

@@ -8,7 +8,7 @@ from making_diagnosis import SOUGHT, problem_of, two_rates
 
 from legfem.data.phases import LOADING
 from legfem.inverse.explain import explain
-from legfem.legs.mechanisms import mechanism_named, moments, shortest_programme
+from legfem.mechanisms import mechanism_named, moments, shortest_programme
 
 
 def test_searches_begin_in_a_loading_however_long_the_hold_after_it():

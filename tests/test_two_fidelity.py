@@ -16,11 +16,11 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording
+from legfem.inverse.correction import TabulatedCorrection, confirmed_correction
 from legfem.inverse.elastography import FibreRatio
 from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.search import SearchError
 from legfem.inverse.settings import SearchRequest
-from legfem.legs.correction import TabulatedCorrection, confirmed_correction
 from legfem.legs.details import CLOSE
 from legfem.legs.identification import MOST_SOLVES, fit_leg
 from legfem.legs.loading import load_subject

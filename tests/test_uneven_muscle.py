@@ -12,8 +12,8 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import rounded
 from legfem.inverse.responses import PLAIN, SolvedResponses
-from legfem.legs.mechanisms import Solution, mechanism_named
 from legfem.mechanics.terms.muscle import StiffLump, UnevenStiffness
+from legfem.mechanisms import Solution, mechanism_named
 
 DEPTH = 6.0
 MUSCLE = (0.8e-3, 0.9e-3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from legfem.inverse.explain import PRIOR_PAIR, PRIOR_SINGLE, ExplanationPriors
-from legfem.legs.mechanisms import mechanism_named, mechanisms
+from legfem.mechanisms import mechanism_named, mechanisms
 
 
 def test_priors_of_a_kind_add_up_whatever_is_expected():

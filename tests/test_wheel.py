@@ -22,9 +22,9 @@ from pathlib import Path
 
 import legfem
 from legfem.legs.correction_of_leg import LEGS as SIZES, REFERENCE
-from legfem.legs.correction_of_leg import read_fibres
+from legfem.inverse.fibre_correction import read_fibres
 from legfem.legs.correction_of_leg import read_leg_corrections
-from legfem.legs.correction import read_correction
+from legfem.inverse.correction import read_correction
 from legfem.imaging.volume_file import read_volume
 from legfem.stockings.loading import LEGS
 from legfem.stockings.loading import parse_leg_file

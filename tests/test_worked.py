@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from legfem.data import segment_all
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.correction import read_correction
 from legfem.inverse.observations import observe
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.mechanisms import Solution
+from legfem.mechanisms import Solution
 from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
 from legfem.study.correction.cases import CorrectionCase

@@ -14,11 +14,11 @@ from legfem.common.documents import write_document
 from legfem.common.errors import Doubt, InputError, log_doubts
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa
+from legfem.inverse.correction import read_correction
 from legfem.inverse.fit import Fit
 from legfem.inverse.parse_parameters import deep_prior
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import library_folder

@@ -71,7 +71,7 @@ class SpatialEvidence:
     rough_solves: int
     """By larger elements, which measured errors."""
     errors: Mapping[str, float]
-    """Greatest error of P from `legfem.legs.correction.FIRST_RATIO` on, by its cause."""
+    """Greatest error of P from `legfem.inverse.correction.FIRST_RATIO` on, by its cause."""
     table_P: FloatArray | None
     """What the table of idealised legs says here, (n,); None without one."""
     pressed: "PressedLeg | None" = None

@@ -12,6 +12,7 @@ from legfem.common.wording import Argument
 from legfem.data import Instrument
 from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, deep_stiffness
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.elastography import elastography_priors
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
@@ -22,15 +23,14 @@ from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import LawName, Predictor, values_of
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis, diagnose
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.finite_element_models import solved_responses
-from legfem.legs.mechanisms import OCCURRENCES, Mechanism, mechanisms
-from legfem.legs.mechanisms.muscle import MuscleFibres
-from legfem.legs.mechanisms.rig import EndEffects
 from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
 from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.mechanisms import OCCURRENCES, Mechanism, mechanisms
+from legfem.mechanisms.muscle import MuscleFibres
+from legfem.mechanisms.rig import EndEffects
 
 
 def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> tuple[MeasuredStrength, ...]:

@@ -19,12 +19,12 @@ from legfem.geometry.motion import without_layer
 from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import SolvedResponses
-from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.legs.nuisances import MATERIAL_LOG_SD, displaced_geometries
 from legfem.legs.placement import SpatialLeg
 from legfem.legs.subject import Subject, TissueParameters
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import Term
+from legfem.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ solves in 3D alone: of several sites, and of one where fibres are asked for, or 
 the leg, so that there is no section to go on.
 
 The search goes on the model in plane strain times a correction. The leg is solved in 3D at the
-optimum, the correction is made anew from that (`legfem.legs.correction`), and the search is
+optimum, the correction is made anew from that (`legfem.inverse.correction`), and the search is
 repeated, until neither the force that the correction predicted nor the optimum moves. What is left
 is the correction's error, which the intervals carry: that of its last prediction, of the mesh, of
 how much of the leg is modelled, and of first contact.
@@ -31,6 +31,7 @@ from legfem.common.wording import Argument, Remedy
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, LawName, deep_stiffness
 from legfem.inverse.comparison import JointComparison
+from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.inverse.fibre_ratio import check_in_plane
 from legfem.inverse.fit import Fit
 from legfem.inverse.outcome import Forward, FullSolver, JointForward, solve_test
@@ -38,7 +39,6 @@ from legfem.inverse.problem import fit, fit_with
 from legfem.inverse.searches import Searches
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.jobs.pool import Workers
-from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction
 from legfem.legs.details import CLOSE, Confirmation, LegDetails, PressedLeg, SpatialEvidence
 from legfem.legs.finite_element_models import tissues_of

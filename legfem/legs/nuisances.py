@@ -25,7 +25,7 @@ from legfem.inverse.parameter import Prior
 from legfem.legs.subject import TYPICAL_ACCURACY, MeasuredEffect, Subject
 
 if TYPE_CHECKING:
-    from legfem.legs.correction import TabulatedCorrection
+    from legfem.inverse.correction import TabulatedCorrection
 
 CONTOUR_SD_MM = 0.5
 """Of a segmented outline (MRI of 1 mm pixels: inter-observer distances of 0.3 to 0.8 mm)."""

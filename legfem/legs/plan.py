@@ -33,9 +33,9 @@ from legfem.inverse.trial_noise import Noise
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, ruled_out_of, shown_mechanisms
-from legfem.legs.mechanisms import Mechanism
 from legfem.legs.nuisances import nuisance_effects
 from legfem.legs.subject import Subject
+from legfem.mechanisms import Mechanism
 from legfem.solve.protocol import Protocol
 
 USUAL_GAIN_SD = 0.01

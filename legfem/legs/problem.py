@@ -13,6 +13,7 @@ from legfem.common.units import FloatArray
 from legfem.common.wording import Argument, Remedy
 from legfem.inverse.catalogue import DEEP_D2, IdentifiedLaw, LawName, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.fit import ChannelFit, Fit, Identity, TestFit, versions
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMERICAL_LENGTH_MM, WEAKLY_WITHIN, quantile
 from legfem.inverse.outcome import Forward, JointForward
@@ -22,7 +23,6 @@ from legfem.inverse.readings import INSTRUMENT
 from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest, free_of_model
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import Correction
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward, laws_of

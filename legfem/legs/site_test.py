@@ -15,11 +15,12 @@ from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, deep_stiffness
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
 from legfem.inverse.errors import numerical_covariance
+from legfem.inverse.fibre_correction import FIBRES
 from legfem.inverse.fit import TestFit
 from legfem.inverse.loading_channels import BesideForce, LoadingChannel, image_errors
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.readings import GAIN, INSTRUMENT, OFFSET, ZERO, Channel, Data, Reading
-from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
+from legfem.legs.correction_of_leg import Correction, correction_factor
 from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 from legfem.solve.path import ForceCurve
 

@@ -16,15 +16,15 @@ from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, IdentifiedLaw, Values
 from legfem.inverse.comparison import JointComparison
+from legfem.inverse.correction import FIRST_RATIO, TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.inverse.elastography import FibreRatio
+from legfem.inverse.fibre_correction import FIBRES
 from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
 from legfem.inverse.search import SearchError
 from legfem.inverse.searches import Found
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
-from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.details import SpatialSites
 from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.legs.site_test import OF_MODEL
@@ -140,7 +140,7 @@ def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement
     c10
         Across the fibres, MPa.
     displacement
-        (n,), mm. Before `legfem.legs.correction.FIRST_RATIO` it is level.
+        (n,), mm. Before `legfem.inverse.correction.FIRST_RATIO` it is level.
     """
     at = np.maximum(displacement, min(FIRST_RATIO, curve.depth))
     by = {name: curve.sensitivity(name, at) for name in FIBRE_PARAMETERS}

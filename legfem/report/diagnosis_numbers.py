@@ -9,8 +9,8 @@ from legfem.inverse.explanation import Explanation
 from legfem.inverse.mechanism import null_of
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share
-from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.mechanisms import mechanism_named
 from legfem.report import diagnosis_curves
 from legfem.report.diagnosis_document import Recorded
 from legfem.report.estimates import wave_rows

@@ -7,7 +7,7 @@ Relaxation is quasi-linear, of the whole specimen:
 with the elastic force :math:`F_e` of the same motion (Y. C. Fung, Biomechanics (1993), section
 7.6). Exact where all of the specimen is strained alike, and at small strain under an indenter whose
 contact grows (E. H. Lee, J. R. M. Radok, J. Appl. Mech. 27 (1960) 438-444). The branches are those
-of `legfem.legs.mechanisms.time_dependence`.
+of `legfem.mechanisms.time_dependence`.
 
 Tissue may relax the faster the more it is strained, which two rates of loading show (a slower one
 would take up that no spectrum is quite log-normal). Its clock then
@@ -35,7 +35,7 @@ from legfem.data.plausibility import standing_force
 from legfem.data.smoothing import sample_noise, without_outliers
 from legfem.data.stress_tables import roughness
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.mechanisms.time_dependence import SPECTRUM, TIMES_S, spectrum
+from legfem.mechanisms.time_dependence import SPECTRUM, TIMES_S, spectrum
 
 STATIONS = 40
 """Of a loading: one for so large a share of its way, and of its time."""

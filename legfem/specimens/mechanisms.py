@@ -14,8 +14,8 @@ from legfem.data.folder import RESOURCES
 from legfem.inverse.mechanism import factor, prior_of, strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
-from legfem.legs.mechanisms.rig import ContactSlip, SupportCompliance
+from legfem.mechanisms import Mechanism, TissueMechanism, Values, mechanisms
+from legfem.mechanisms.rig import ContactSlip, SupportCompliance
 from legfem.specimens.sizes import Sizes, bare, kind_in, layers_of, slipping
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.responses import PLAIN
-from legfem.legs.mechanisms import Solution, TissueMechanism, mechanisms
-from legfem.legs.mechanisms.time_dependence import TIMES_S
 from legfem.legs.nuisances import SIZE
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
+from legfem.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.mechanisms.time_dependence import TIMES_S
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.specimens.course import borne

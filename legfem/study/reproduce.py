@@ -9,10 +9,10 @@ from legfem.common.documents import Cells, markdown_table, row_cells, write_atom
 from legfem.common.progress import progress_on
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
 from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import correction_of, size_of
 from legfem.legs.details import LegDetails, LegDocument
 from legfem.legs.identification import fit_leg

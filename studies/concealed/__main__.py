@@ -12,7 +12,7 @@ from legfem.common.command_line import study_context
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
-from legfem.legs.correction import read_correction
+from legfem.inverse.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import library_folder

@@ -17,10 +17,10 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.data import Recording, segment
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.observations import Observations
 from legfem.inverse.stations import read_at
 from legfem.jobs.pool import Workers
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.subject import Subject
 from studies.concealed.cases import SealedCase, sealed_leg

@@ -18,12 +18,12 @@ from scipy.interpolate import CubicSpline
 from legfem.channels import Sight
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inverse.body_models import Stopped
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.jobs.store import Store
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.finite_element_models import LegVariants
-from legfem.legs.mechanisms import Solution, TissueMechanism, mechanism_named
 from legfem.legs.subject import Subject
 from legfem.mechanics.contact import ContactSettings
+from legfem.mechanisms import Solution, TissueMechanism, mechanism_named
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase

@@ -10,7 +10,7 @@ import numpy as np
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import IdealisedLegSettings
-from legfem.legs.correction import smooth_ratio
+from legfem.inverse.correction import smooth_ratio
 from legfem.meshing.structured import LegMeshSettings
 from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
 

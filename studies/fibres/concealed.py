@@ -18,15 +18,15 @@ from legfem.common.progress import Progress, Silent
 from legfem.data import segment_all
 from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.correction import read_correction
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.store import Store
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import diagnose_body, with_correction
-from legfem.legs.mechanisms import OCCURRENCES
-from legfem.legs.mechanisms.muscle import MuscleFibres
-from legfem.legs.mechanisms.rig import EndEffects
+from legfem.mechanisms import OCCURRENCES
+from legfem.mechanisms.muscle import MuscleFibres
+from legfem.mechanisms.rig import EndEffects
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material

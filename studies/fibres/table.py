@@ -18,8 +18,8 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import IdealisedLegSettings
-from legfem.legs.correction import FIRST_RATIO, mesh_error
-from legfem.legs.correction_of_leg import FibreTable
+from legfem.inverse.correction import FIRST_RATIO, mesh_error
+from legfem.inverse.fibre_correction import FibreTable
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import leg_of_size, run_cases, stiffened

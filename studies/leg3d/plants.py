@@ -13,10 +13,10 @@ import numpy as np
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.fit import Fit
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import correction_of
 from legfem.legs.details import LegDetails
 from legfem.legs.identification import as_leg, fit_leg

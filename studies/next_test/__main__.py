@@ -14,9 +14,9 @@ from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
+from legfem.inverse.correction import read_correction
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import library_folder

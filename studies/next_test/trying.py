@@ -20,9 +20,9 @@ from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, diagnose_body, ruled_out_of
 from legfem.legs.finite_element_models import solved_responses
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import Mechanism
 from legfem.legs.plan import plan_after
 from legfem.legs.subject import MeasuredEffect, Subject
+from legfem.mechanisms import Mechanism
 from legfem.solve.protocol import Protocol
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase, SealedLeg, sealed_leg
 from studies.concealed.making import read_sealed, write_case

@@ -22,10 +22,10 @@ from legfem.inverse.map_fit import fit, fit_base
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise
-from legfem.legs.mechanisms import Mechanism
-from legfem.legs.mechanisms.muscle import StrainStiffening
-from legfem.legs.mechanisms.rig import ContactOnset, ForceDrift
-from legfem.legs.mechanisms.time_dependence import TissueRelaxation
+from legfem.mechanisms import Mechanism
+from legfem.mechanisms.muscle import StrainStiffening
+from legfem.mechanisms.rig import ContactOnset, ForceDrift
+from legfem.mechanisms.time_dependence import TissueRelaxation
 from legfem.specimens.mechanisms import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest

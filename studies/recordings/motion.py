@@ -18,8 +18,8 @@ from legfem.inverse.body_models import Columns
 from legfem.inverse.mechanism import strength
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter
-from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
-from legfem.legs.mechanisms.time_dependence import TIMES_S, TissueRelaxation
+from legfem.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
+from legfem.mechanisms.time_dependence import TIMES_S, TissueRelaxation
 from studies.recordings.curves import ElasticCurves
 
 _BACK_SHARE = 0.02

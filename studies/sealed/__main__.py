@@ -10,9 +10,9 @@ from legfem.common.command_line import study_context
 from legfem.common.documents import json_types
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
+from legfem.inverse.correction import read_correction
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
-from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.finite_element_models import library_folder
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, Seed, new_app, write_results

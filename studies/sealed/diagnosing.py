@@ -12,13 +12,13 @@ from legfem.common.progress import Progress, Silent
 from legfem.common.units import mpa_to_kpa
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import middle_of
 from legfem.inverse.mechanism import Mechanism, TissueMechanism
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.diagnosis import (
     STIFFENING,
@@ -30,8 +30,8 @@ from legfem.legs.diagnosis import (
     with_correction,
 )
 from legfem.legs.finite_element_models import solved_responses
-from legfem.legs.mechanisms import OCCURRENCES, mechanisms
 from legfem.legs.subject import Subject
+from legfem.mechanisms import OCCURRENCES, mechanisms
 from legfem.report.diagnosis_headline import headline
 from studies.concealed.cases import DEPTH_MM, SealedCase, sealed_leg
 from studies.concealed.truth import Truths

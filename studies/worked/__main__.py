@@ -14,7 +14,7 @@ from rich.table import Table
 from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.legs.correction import read_correction
+from legfem.inverse.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.finite_element_models import library_folder
 from studies.command_line import DONE_IS_KEPT, Jobs, Library, Out, new_app

@@ -16,17 +16,17 @@ from legfem.data import Recording, segment_all
 from legfem.data.recording import Origin, write_recording
 from legfem.experiments.leg_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.inverse.body_models import Displaced, Stopped
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.mechanism import Solution
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import SolvedResponses
 from legfem.jobs.store import Store, code_fingerprint
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms, with_correction
-from legfem.legs.mechanisms import Mechanism, TissueMechanism
-from legfem.legs.mechanisms.muscle import Compressibility, StrainStiffening
 from legfem.legs.nuisances import MATERIAL_LOG_SD
+from legfem.mechanisms import Mechanism, TissueMechanism
+from legfem.mechanisms.muscle import Compressibility, StrainStiffening
 from legfem.meshing.structured import LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol

@@ -11,13 +11,13 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.body_models import Stopped
-from legfem.legs.correction import TabulatedCorrection
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import Solution
 from legfem.legs.schema import SUBJECTS
+from legfem.mechanisms import Solution
 from legfem.solve.protocol import Protocol
 from studies.concealed.cases import DEPTH_MM, FAST, HOLD_S, SLOW, TRIALS, ProtocolName, with_deep_law
 from studies.concealed.truth import TRUTH_SETTINGS

@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from legfem.experiments.leg_3d import IdealisedLegSettings
-from legfem.legs.correction import smooth_ratio
+from legfem.inverse.correction import smooth_ratio
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.linear import LinearSettings
 from legfem.study.correction.cases import CorrectionCase, solve_case

@@ -33,10 +33,10 @@ from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.finite_element_models import LegVariants, tissues_of
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import TissueMechanism, mechanism_named
 from legfem.legs.nuisances import Accuracy, nuisance_effects
 from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
+from legfem.mechanisms import TissueMechanism, mechanism_named
 from legfem.solve.protocol import Protocol
 from studies.lab.recording import flicker
 from studies.other_code.plane_leg import OtherCase, OtherCode

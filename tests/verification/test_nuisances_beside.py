@@ -18,9 +18,9 @@ from legfem.inverse.mechanism import Solution, TissueMechanism
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.legs.finite_element_models import COARSER, LegVariants, tissues_of
 from legfem.legs.loading import load_subject
-from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.nuisances import AIM_SD_MM, displaced_geometries
 from legfem.legs.schema import SUBJECTS
+from legfem.mechanisms import mechanism_named
 from studies.other_code.plane_leg import OtherCase, OtherCode
 
 pytestmark = pytest.mark.slow

@@ -21,8 +21,8 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.common.wording import Argument, Remedy
+from legfem.inverse.correction import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.jobs.pool import Workers
-from legfem.legs.correction import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.legs.correction_of_leg import LegCorrections
 from legfem.meshing.structured import IdealisedLeg
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material, remembered_case
@@ -39,7 +39,7 @@ class Calibration:
     reference
         The leg, the material of the paper and the fine mesh.
     c10_kPa, stiffening
-        The table's axes; see `legfem.legs.correction`.
+        The table's axes; see `legfem.inverse.correction`.
     coarse
         Size of the fine mesh's elements over that of the coarse one's.
     between
@@ -205,7 +205,7 @@ class LegTable:
     depth
         From the skin to the bone, over the radius.
     c10_kPa, stiffening
-        Of the materials; see `legfem.legs.correction`.
+        Of the materials; see `legfem.inverse.correction`.
     checked_radius, checked_depth, checked_c10_kPa, checked_stiffening
         Of the leg that lies between the table's points.
     fat, fascia

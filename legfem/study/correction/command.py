@@ -11,7 +11,7 @@ from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import IdealisedLegIndentation
 from legfem.fem.fields import fields_of
-from legfem.legs.correction import smooth_ratio
+from legfem.inverse.correction import smooth_ratio
 from legfem.report.folder import write_fields
 from legfem.report.page import PAGE, command_line
 from legfem.report.render import rendered, table

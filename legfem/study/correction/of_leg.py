@@ -13,8 +13,8 @@ from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.common.wording import Argument
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.correction import DEFINITION, TabulatedCorrection
 from legfem.inverse.search import SearchError
-from legfem.legs.correction import DEFINITION, TabulatedCorrection
 from legfem.legs.correction_of_leg import correction_of
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_subject

@@ -7,7 +7,7 @@ import numpy as np
 
 from legfem.common.documents import Cells, column_cells, row_cells
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.legs.correction import DEFINITION, smooth_ratio
+from legfem.inverse.correction import DEFINITION, smooth_ratio
 from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line, curves_figure
 from legfem.report.style import save

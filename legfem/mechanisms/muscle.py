@@ -13,6 +13,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import across, first_crossing
 from legfem.inverse.elastography import HIGHEST_RATIO
+from legfem.inverse.fibre_correction import read_fibres
 from legfem.inverse.mechanism import (
     IndentedLeg,
     Mechanism,
@@ -25,8 +26,7 @@ from legfem.inverse.mechanism import (
 )
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.correction_of_leg import read_fibres
-from legfem.legs.mechanisms import AWAY, moments, passing
+from legfem.mechanisms import AWAY, moments, passing
 
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic

@@ -8,6 +8,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.section import BONES
+from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.mechanism import (
     IndentedLeg,
     Mechanism,
@@ -20,8 +21,7 @@ from legfem.inverse.mechanism import (
 )
 from legfem.inverse.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.correction import TabulatedCorrection
-from legfem.legs.mechanisms import AWAY, moments, passing
+from legfem.mechanisms import AWAY, moments, passing
 
 if TYPE_CHECKING:
     from legfem.mechanics.contact import TangentialName

@@ -1,4 +1,4 @@
-"""What a leg's model may leave out, a file for each part of the leg or rig, and mechanisms of other packages.
+"""What a model may leave out, a file for each part of the body or rig, and mechanisms of other packages.
 
 A module of this folder gives what it defines. Another package gives mechanisms under the entry point group
 "legfem.mechanisms": each entry is a subclass of `Mechanism` (or a function that returns one).
