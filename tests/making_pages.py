@@ -39,6 +39,7 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
+from legfem.inverse.notice import Notice
 from legfem.inverse.plan import DesignValue
 from legfem.inverse.trial import SearchLog
 from legfem.jobs.pool import Workers
@@ -63,7 +64,7 @@ from legfem.report.render import rendered
 from legfem.report.specimen_page import specimen_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.solve.path import ForceCurve
-from legfem.specimens.details import SpecimenDetails
+from legfem.specimens.details import SpecimenDetails, SpecimenNotice
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import LeftOut
@@ -215,7 +216,7 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
             neo_hookean_limit=False,
             weighting="covariance",
             settings={},
-            warnings=("a warning",),
+            notices=(Notice.of(SpecimenNotice.NOT_MODELLED, name="torn"),),
             versions={"legfem": "1"},
             details=SpecimenDetails(given, (LeftOut("torn", "it <never> touched"),), 0.02, {}, 0.0, NO_MISFIT, ""),
         )

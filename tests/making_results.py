@@ -16,10 +16,12 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.document import fit_document
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import EXACT, ChannelFit, Cost, Fit, Goodness, Identity, TestFit
+from legfem.inverse.notice import Notice
 from legfem.inverse.trial import CostMap, FullSolve, Generation, SearchLog
 from legfem.legs.details import AppliedCorrection, LegDetails, LegDocument, SpatialEvidence
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
+from legfem.legs.notices import LegNotice
 from legfem.legs.site_test import SiteTest
 from legfem.legs.subject import Subject
 
@@ -131,7 +133,7 @@ def result(
         ),
         "weighting": "paper",
         "neo_hookean_limit": False,
-        "warnings": ("the fascia's Poisson ratio is negative",),
+        "notices": (Notice.of(LegNotice.NEGATIVE_POISSON_RATIO, tissue="fascia", ratio=-0.14),),
         "settings": {"grid_step_mm": 0.25},
         "versions": {"legfem": "0.1.0"},
         "details": LegDetails(leg, {}, (correction,), spatial),

@@ -23,6 +23,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import DRAWN
 from legfem.legs.plausibility import doubts_about
 from legfem.report.diagnosis import waves_say
+from legfem.report.notices import sentences_of
 
 ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')
@@ -123,7 +124,7 @@ def test_elastography_narrows_what_the_ends_leave_open(tmp_path):
     assert both.value == pytest.approx(expected, rel=0.02)
     assert both.standard_error == pytest.approx((first + second) ** -0.5, rel=0.06)
     assert found.weighting == "covariance" and found.log.converged
-    assert not any("Elastography finds" in text for text in found.warnings)
+    assert not any("Elastography finds" in text for text in sentences_of([found]))
     assert both.error_shares["priors"] > 0.4
 
 
@@ -140,7 +141,7 @@ def test_what_is_asked_on_the_command_line_rules_over_the_folder(tmp_path):
 def test_a_disagreement_is_told(tmp_path, c10, said):
     subject = waved(pressed_leg(tmp_path, 1.0, 0.0, seed=3), c10, 0.12)
     (found,) = identify(subject, correction=corrected(0.1), laws=("neo-hookean",))
-    (told,) = [text for text in found.warnings if said in text]
+    (told,) = [text for text in sentences_of([found]) if said in text]
     # The fat in series makes the force rise by 0.86 of C10's rise.
     apart = abs(c10 - 1.0) / math.hypot(0.12, 0.1 / 0.86)
     assert float(told.partition(" by ")[2].split()[0]) == pytest.approx(apart, rel=0.15)

@@ -20,6 +20,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.solver_3d import fibre_errors
 from legfem.mechanisms import mechanism_named
 from legfem.report.kinds.leg import leg_page
+from legfem.report.notices import sentences_of
 from legfem.report.render import plain_page
 from legfem.solve.path import ForceCurve
 
@@ -148,10 +149,10 @@ def test_a_known_ratio_takes_its_part_of_the_force_out_of_c10(tmp_path: Path):
     assert c10.relative_half_width > 1.5 * sure.estimates["deep.C10"].relative_half_width
     assert c10.error_shares["fibres"] > 0.8
     assert "muscle fibres" in c10.why
-    assert any("equally stiff in all directions" in text for text in without.warnings)
-    (said,) = [text for text in found.warnings if "times as stiff in shear" in text]
+    assert any("equally stiff in all directions" in text for text in sentences_of([without]))
+    (said,) = [text for text in sentences_of([found]) if "times as stiff in shear" in text]
     assert "2.5 ± 0.4" in said and "measured: shear waves" in said
-    assert any("stated without" in text for text in sure.warnings)
+    assert any("stated without" in text for text in sentences_of([sure]))
     document = law_document(found)
     assert document["fibres"] == {
         "ratio": 2.5,

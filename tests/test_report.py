@@ -24,6 +24,7 @@ from legfem.report.estimates import comparison
 from legfem.report.folder import keep_another, made_in_place
 from legfem.report.kinds import kind_of
 from legfem.report.kinds.leg import leg_page
+from legfem.report.notices import sentence_of
 from legfem.report.render import brief, plain_page
 from legfem.report.results import write_report
 from legfem.report.style import save
@@ -86,11 +87,11 @@ def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(tmp_path):
     leg = replace(load_subject(write_subject(tmp_path)), plane_strain=False)
     own = AppliedCorrection("own", np.zeros(3), np.full(3, 0.1))
     for correction, expected in ((own, True), (None, False)):
-        texts = list(of_ends(leg, correction))
+        texts = [sentence_of(one) for one in of_ends(leg, correction)]
         assert any("equally stiff in all directions" in text for text in texts) == expected
     fibrous = replace(leg, fibres=FibreRatio(2.0, 0.3, "measured", "shear waves"))
     for with_fibres, said in ((True, "has what fibres do"), (False, "has no fibres")):
-        texts = list(of_ends(fibrous, replace(own, with_fibres=with_fibres)))
+        texts = [sentence_of(one) for one in of_ends(fibrous, replace(own, with_fibres=with_fibres))]
         assert any(said in text for text in texts)
         assert not any("equally stiff in all directions" in text for text in texts)
 
@@ -132,7 +133,7 @@ def test_report_survives_numbers_that_are_missing(both, subject):
         correlations=np.full((2, 2), math.nan),
         log=replace(found.log, cost_map=None, generations=(), emulator_error=math.nan),
         goodness=replace(found.goodness, p_value=math.nan),
-        warnings=(),
+        notices=(),
     )
     text = text_of([bare], subject)
     assert "no emulator" in text and "not known" in text

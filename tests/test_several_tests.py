@@ -20,6 +20,7 @@ import legfem as lf
 from legfem.cohort.members import find_members
 from legfem.commands.identify import app
 from legfem.inverse.fit import Fit
+from legfem.report.notices import sentences_of
 from legfem.report.preview import preview_of
 from legfem.specimens.agreement import agreement_of_tests
 from legfem.specimens.details import SpecimenDetails
@@ -91,7 +92,7 @@ def test_a_material_that_resists_pressing_more_than_pulling_is_said_to(tmp_path:
     assert pressed.ci95[0] < 1.35 < pressed.ci95[1] and pulled.ci95[0] < 1 / 1.35 < pulled.ci95[1]
     # Nobody can say which is the material's.
     assert all(holds(fit, truth) for truth in own.values())
-    assert fit.warnings[0] == agreement.text
+    assert sentences_of([fit])[0] == agreement.text
 
 
 @pytest.mark.parametrize("compliance", [0.3, pytest.param(1.5, marks=pytest.mark.slow)])

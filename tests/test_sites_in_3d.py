@@ -38,6 +38,7 @@ from legfem.legs.model_3d import SOLVES
 from legfem.legs.solver_3d import ways_of_pressing
 from legfem.legs.subject import SitedLeg
 from legfem.report.kinds.leg import leg_page
+from legfem.report.notices import sentences_of
 from legfem.report.render import rendered
 
 NEO_HOOKEAN = ("neo-hookean",)
@@ -59,7 +60,7 @@ def test_two_ways_of_pressing_tell_the_fibres_ratio_from_c10(tmp_path):
         assert low < truth < high and one.identifiability != "not identifiable"
         assert one.value == pytest.approx(truth, rel=0.1)
     assert found.log.converged and found.details.spatial.untold == ""
-    assert not any("cannot be distinguished" in text for text in found.warnings)
+    assert not any("cannot be distinguished" in text for text in sentences_of([found]))
     errors = found.details.spatial.errors
     assert errors["in 3D: leg's length"] == pytest.approx(1e-3, rel=0.02)
     assert errors["in 3D: mesh at along"] == pytest.approx(4e-3 / (1.3**2 - 1), rel=0.02)
@@ -75,7 +76,7 @@ def test_one_way_of_pressing_is_said_not_to_tell_it_and_c10_has_the_room_for_tha
     ratio, c10 = found.estimates[DEEP_RATIO], found.estimates[DEEP_C10]
     assert ratio.identifiability == "not identifiable"
     assert ratio.ci95[0] < TRUE_RATIO < ratio.ci95[1] and c10.ci95[0] < TRUE_C10 < c10.ci95[1]
-    (said,) = [text for text in found.warnings if "cannot be distinguished" in text]
+    (said,) = [text for text in sentences_of([found]) if "cannot be distinguished" in text]
     assert "axis_deg = 90" in said
     held = identified(leg, (DEEP_C10,), models=models_of(leg, start=None))
     assert np.ptp(c10.ci95) > 1.5 * np.ptp(held.estimates[DEEP_C10].ci95)
@@ -118,7 +119,7 @@ def test_a_lateral_force_tells_in_3d_what_one_way_of_pressing_doesn_t(tmp_path):
     assert high - low < 0.3 * np.subtract(*alone.estimates[DEEP_RATIO].ci95[::-1])
     assert found.estimates[DEEP_RATIO].information_shares["lateral_force"] > 0.5
     assert [one.channel.name for one in found.tests[0].channels] == ["force", "lateral_force"]
-    (said,) = (text for text in found.warnings if "is not used" in text)
+    (said,) = (text for text in sentences_of([found]) if "is not used" in text)
     assert "fat thickness" in said and "lateral" not in said
     assert alone.details.spatial.untold and not found.details.spatial.untold
 

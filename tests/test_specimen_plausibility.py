@@ -14,6 +14,7 @@ from making_specimens import BAR, write_bars
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.mechanics.materials import ReducedPolynomial
+from legfem.report.notices import sentences_of
 from legfem.specimens.schema import parse_specimen_file
 
 type Change = Callable[[Path], None]
@@ -123,7 +124,7 @@ def _told(folder: Path) -> list[str]:
     except InputError as error:
         assert "\n" not in str(error)
         return [str(error)]
-    doubts = [text for text in found.warnings if text.startswith("DOUBTFUL INPUT")]
+    doubts = [text for text in sentences_of([found]) if text.startswith("DOUBTFUL INPUT")]
     return [*doubts, *(one.reason for one in found.details.left_out)]
 
 

@@ -14,13 +14,14 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.search import Search, is_settled
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
+from legfem.report.notices import sentences_of
 from legfem.report.results import write_report
 from legfem.specimens.details import compared, rms_percent
 
 
 def test_a_planted_law_is_found_from_recordings_together(bars: Path) -> None:
     found = lf.identify(lf.load_specimen(bars), "reduced-polynomial")["reduced-polynomial"]
-    assert len(found.tests) == 3 and found.log.converged and not found.warnings
+    assert len(found.tests) == 3 and found.log.converged and not sentences_of([found])
     for name, truth in (("deep.C10", 5e-3), ("deep.C20", 3e-3)):
         estimate = found.estimates[name]
         assert estimate.value == pytest.approx(truth, rel=0.01)
@@ -109,7 +110,7 @@ def test_a_value_at_its_bound_is_told(bars: Path) -> None:
         Parameter("deep.C20", "MPa", (0.0, 1e-3), scale="log"),
     ]
     found = lf.identify(lf.load_specimen(bars), "reduced-polynomial", identify=given)
-    assert any("C20 stands at the upper bound" in text for text in found.fits[0].warnings)
+    assert any("C20 stands at the upper bound" in text for text in sentences_of([found.fits[0]]))
 
 
 def test_a_test_that_stops_costs_itself_alone(tmp_path: Path) -> None:
@@ -167,7 +168,7 @@ def test_a_solve_that_makes_it_worse_is_no_sign_of_convergence(bars: Path, monke
     found = lf.identify(lf.load_specimen(bars), "reduced-polynomial")["reduced-polynomial"]
     assert any(gained < 0 for gained in gains)
     assert not found.log.converged
-    assert "ended before it converged" in found.warnings[0]
+    assert "ended before it converged" in sentences_of([found])[0]
 
 
 def test_a_step_that_goes_too_far_is_refuted_and_the_emulators_optimum_stands(

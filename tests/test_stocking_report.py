@@ -24,8 +24,10 @@ from legfem.imaging.registration import Registration
 from legfem.inverse.document import SCHEMA, fit_document
 from legfem.inverse.elastography import ShearModulus
 from legfem.inverse.intervals import quantile
+from legfem.inverse.notice import Notice
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.report.notices import sentence_of, sentences_of
 from legfem.report.render import estimates_frame, plain_page, rendered
 from legfem.report.results import write_report
 from legfem.report.stocking_page import stocking_web_page
@@ -263,8 +265,8 @@ def test_a_fit_that_misses_the_scan_is_weak_at_best_and_warned_of(result):
     missed = missing(other)
     assert {k.identifiability for k in estimates_of(missed, result)} == {"weakly identifiable"}
     other = changed(other, best=missed)
-    assert any("The model misses the scan" in text for text in other.warnings)
-    assert not any("misses the scan" in text for text in result.warnings)
+    assert any("The model misses the scan" in text for text in sentences_of([other]))
+    assert not any("misses the scan" in text for text in sentences_of([result]))
 
 
 def test_a_stiffness_at_a_bound_is_not_known(result):
@@ -286,16 +288,16 @@ def test_scans_that_add_nothing_to_what_was_known_do_not_identify(result):
 
 def test_what_did_not_settle_or_was_not_found_is_warned_of(result):
     unsettled = changed(result, equilibrium=replace(result.details.equilibrium, converged=False, changes=(0.1, 0.04)))
-    assert "still changed by 4 %" in " ".join(unsettled.warnings)
+    assert "still changed by 4 %" in " ".join(sentences_of([unsettled]))
     report = replace(result.details.equilibrium.state.report, complete=False, reason="step too small")
     state = replace(result.details.equilibrium.state, report=report)
     lost = changed(result, equilibrium=replace(result.details.equilibrium, state=state), pressures=None)
-    assert "could not be computed (step too small)" in lost.warnings[0]
+    assert "could not be computed (step too small)" in sentences_of([lost])[0]
     page = words_on(lost)
     assert "Hydrostatic pressure" not in page and "nan" not in page
     assert document(lost)["pressures"] is None
     met = changed(result, best=None, misfit=None, discrepancy=None, problem="step too small")
-    assert any("could be compared with its scan: step too small" in text for text in met.warnings)
+    assert any("could be compared with its scan: step too small" in text for text in sentences_of([met]))
     assert not met.estimates and "Not identified: step too small" in words_on(met)
 
 
@@ -304,12 +306,12 @@ def test_slack_heights_and_spanned_hollows_are_warned_of(result):
     spans = stocking_load(bare, result.details.leg.stocking).perimeter
     wide = Stocking(0.3, bare.levels, np.where(bare.levels < 70.0, 1.1, 0.9) * spans)
     worn = replace(result.details.equilibrium, load=stocking_load(bare, wide))
-    texts = " ".join(changed(result, equilibrium=worn).warnings)
+    texts = " ".join(sentences_of([changed(result, equilibrium=worn)]))
     assert "slack, and presses on nothing, at 4 of 11 heights, between 50 and 65 mm" in texts
     assert (worn.load.unloaded_skin[:4] == 0).all(), "slack is no hollow"
     assert "as if the leg continued unchanged" in texts
     free = changed(result, leg=replace(result.details.leg, ends="free"))
-    assert not any("continued unchanged" in text for text in free.warnings)
+    assert not any("continued unchanged" in text for text in sentences_of([free]))
 
 
 def test_document_has_every_number_with_its_unit(result):
@@ -325,7 +327,8 @@ def test_document_has_every_number_with_its_unit(result):
     pressures = read["pressures"]
     assert pressures["mean_interface_kPa"] == pytest.approx(1e3 * result.details.pressures.mean_interface)
     assert [vein["name"] for vein in pressures["veins"]] == [v.name for v in result.details.leg.veins]
-    assert read["warnings"] == list(result.warnings)
+    told = [sentence_of(Notice(**one)) for one in read["notices"]]
+    assert told == sentences_of([result])
     assert {"legfem", "dolfinx", "python"} <= set(whole["versions"])
     (scans,) = read["tests"]
     contours = [scans["curve"]["measured_skin_displacement_mm"], scans["channels"]["muscle_displacement"]["measured"]]

@@ -16,6 +16,7 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.meshing.leg_sizes import SolidMeshSettings
+from legfem.report.notices import sentence_of
 from legfem.report.render import plain_page
 from legfem.report.stocking_page import stocking_web_page
 from legfem.report.stocking_pressures import sensor_rows
@@ -55,7 +56,7 @@ def test_a_sensor_feels_the_mean_of_what_lies_under_its_face():
     assert sensors_on.averages(spot)[1] == pytest.approx(1.0), "a small face lies on one point"
     assert off_skin(shape, sensors[0].position) < 1e-9
     assert not list(sensor_notices(sensors_on.compared(3.1e-3 / 2.5e-3 * even)))
-    (said,) = sensor_notices(sensors_on.compared(even)[:1])
+    (said,) = map(sentence_of, sensor_notices(sensors_on.compared(even)[:1]))
     assert "at 10" in said and "22.5 ± 0.9 mmHg" in said and "18.8 mmHg" in said
     one, other = sensors_on.compared(even)
     assert one.standardised_residual == pytest.approx((2.5e-3 - 3e-3) / (SENSOR * 3e-3))

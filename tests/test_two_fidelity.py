@@ -28,6 +28,7 @@ from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import Subject
 from legfem.report.kinds.leg import leg_page
+from legfem.report.notices import sentences_of
 from legfem.report.render import plain_page
 
 GRID = np.linspace(0.0, DEPTH, 41)
@@ -152,7 +153,7 @@ def test_the_error_of_the_fibres_ratio_is_that_of_the_leg_s_own_derivatives(tmp_
     assert result.details.spatial.errors["fibres: ratio"] == pytest.approx(1.27 * expected, rel=0.1)
     assert result.estimates["deep.C10"].error_shares["fibres"] > 0.8
     assert result.details.corrections[0].with_fibres
-    (said,) = [text for text in result.warnings if "times as stiff in shear" in text]
+    (said,) = [text for text in sentences_of([result]) if "times as stiff in shear" in text]
     assert "C10's interval has the error" in said
 
 
@@ -213,7 +214,7 @@ def test_report_and_document_say_what_the_leg_itself_said(tmp_path):
     document = law_document(result)
     assert document["model"] == "3d"
     assert len(document["spatial"]["confirmations"]) == result.details.spatial.full_solves
-    assert document["spatial"]["extruded"] and any("extruded" in w for w in document["warnings"])
+    assert document["spatial"]["extruded"] and any(one["code"] == "section_extruded" for one in document["notices"])
     assert len(document["spatial"]["correction_P_of_table"]) == len(result.tests[0].force.channel)
 
 

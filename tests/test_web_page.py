@@ -22,6 +22,7 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.fem.fields import FieldReader, fields_of
 from legfem.inverse.averaging import POWER
 from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.notice import doubted
 from legfem.inverse.verdict import TRUSTED, Diagnosis
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
@@ -72,7 +73,7 @@ def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subj
     c10 = both[1].estimates["deep.C10"].shown
     assert f"Muscle stiffness C10 = {c10.value:.2f}" in page.words
     assert page.words.index("1 warning") < page.words.index("Recordings and model")
-    assert "the fascia's Poisson ratio is negative" in page.words
+    assert "The fascia's Poisson's ratio is -0.14" in page.words
     assert "Simulated data" in page.words or "simulated data" in page.words
     for name in ("C10 of the deep tissue", "C10 of the fascia", "noise of a force reading"):
         assert name in page.words
@@ -99,7 +100,10 @@ def test_a_law_that_does_not_fit_is_not_praised(subject, both):
 def test_doubtful_input_is_said_in_the_verdict_not_below_it(subject, both):
     doubts = [Doubt("trial1.csv", "force_N", "reads +7 N more back where it began", "tare it")] * 2
     for fits in (both, both[:1]):
-        usual, page = leg_page(fits).headline, leg_page([replace(fit, doubts=doubts) for fit in fits]).headline
+        usual, page = (
+            leg_page(fits).headline,
+            leg_page([replace(fit, notices=doubted(doubts)) for fit in fits]).headline,
+        )
         answers = dict(page.answers)
         assert answers["Problems found"].startswith("2 inputs are doubtful")
         assert answers["What to do"].startswith("Check the doubtful input first")

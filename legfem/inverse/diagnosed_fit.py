@@ -106,7 +106,6 @@ def _fit_of(found: Diagnosis, model: Explanation, subject: Identity, kind: str, 
         settings={"mechanisms": list(model.names), "cylinder_ends": found.with_ends},
         versions=versions(),
         details=None,
-        warnings=observed.remarks,
     )
 
 

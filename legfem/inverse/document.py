@@ -6,14 +6,13 @@ from dataclasses import asdict
 from typing import Any, Protocol
 
 from legfem.common.documents import json_types
-from legfem.common.errors import doubt_documents
 from legfem.common.units import readable_unit
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix, with_units
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.fit import ChannelFit, Computed, Cost, Fit, Goodness, OwnEstimate, TestFit
 from legfem.inverse.trial import CostMap, SearchLog
 
-SCHEMA = "legfem.identify/2"
+SCHEMA = "legfem.identify/3"
 
 
 class KindDocument(Protocol):
@@ -95,8 +94,7 @@ def fitted_document(fit: Fit[Any], key: Callable[[str], str] = key_of) -> dict[s
         "identifiability": verdict,
         "identifiability_why": why,
         "assumed": with_units(fit.assumed),
-        "warnings": list(fit.warnings),
-        "doubts": doubt_documents(fit.doubts),
+        "notices": [asdict(one) for one in fit.notices],
         "goodness": _goodness(fit.goodness),
         "agreement": {**_goodness(fit.agreement), "intervals_widened_by": fit.agreement.birge_ratio},
         "cost": _cost(fit.cost),

@@ -12,7 +12,7 @@ from legfem.common.errors import Doubt
 from legfem.common.input_files import FileTable, Positive, Text, trouble
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
 from legfem.data import ranges
-from legfem.inverse.catalogue import key_of
+from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.parameter import Prior
 
 Waved = Literal["deep", "superficial"]
@@ -183,7 +183,7 @@ def elastography_priors(moduli: Iterable[ShearModulus]) -> dict[str, Prior]:
 
 def disagreement(
     name: str, prior: Prior, value: float, standard_error: float, found_by: str = "indentation"
-) -> Iterator[str]:
+) -> Iterator[Notice]:
     r"""Say that a stiffness found with a prior from elastography is far from that.
 
     Where both are right, an optimum departs from a prior of standard deviation :math:`s_0` by one
@@ -201,10 +201,13 @@ def disagreement(
     apart = (value - prior.centre) / math.sqrt(prior.sd**2 - standard_error**2)
     if abs(apart) > _DISAGREES:
         higher, lower = (found_by, "elastography") if apart > 0 else ("elastography", found_by)
-        yield (
-            f"{higher[0].upper()}{higher[1:]} finds a higher {key_of(name)} than {lower} does, by "
-            f"{abs(apart):.1f} standard deviations ({prior.source}: C10 "
-            f"{mpa_to_kpa(prior.centre):.3g} ± {mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of "
-            "100 Hz and more meet a stiffer tissue than a slow test does: a wider sd_kPa should "
-            "cover the difference, or one of the two is wrong."
+        yield Notice.of(
+            FitNotice.ELASTOGRAPHY_DISAGREES,
+            name=name,
+            higher=higher,
+            lower=lower,
+            departure=abs(apart),
+            source=prior.source,
+            centre=prior.centre,
+            sd=prior.sd,
         )

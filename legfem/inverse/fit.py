@@ -1,4 +1,4 @@
-"""What was found of a problem, one result for every kind of test; and the warnings that any fit may need.
+"""What was found of a problem, one result for every kind of test; and the notices that any fit may need.
 
 What only one kind has (a leg's sites in 3D, a specimen's layers, the pressures in a stocking) is in ``details``, of
 that kind's type.
@@ -13,12 +13,12 @@ import numpy as np
 from scipy.stats import chi2
 
 from legfem.common.documents import versions_of
-from legfem.common.errors import Doubt
-from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, key_of, model_values, symbol_of
+from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName, Values, key_of, model_values
 from legfem.inverse.comparison import Weighting
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.intervals import VERDICTS, Identifiability
+from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.readings import READINGS, Channel, Data
 from legfem.inverse.trial import SearchLog
 
@@ -231,12 +231,15 @@ class Fit[Details]:
     versions: Mapping[str, str]
     details: Details
     """What only this kind of problem has."""
-    warnings: tuple[str, ...] = ()
-    """One sentence each, the gravest first."""
-    doubts: tuple[Doubt, ...] = ()
-    """What is unlikely in the input, or in what came out of it."""
+    notices: tuple[Notice, ...] = ()
+    """What a reader must know: what is unlikely in the input or the result, then the others, the gravest first."""
     computed: Mapping[str, Computed] = field(default_factory=dict)
     """What else is asked of this kind of problem, by key (``pressure_on_skin``)."""
+
+    @property
+    def doubts(self) -> int:
+        """How many of what was given, or came out, are unlikely."""
+        return sum(one.code == FitNotice.DOUBTFUL for one in self.notices)
 
     @property
     def identifiability(self) -> tuple[Identifiability | None, str]:
@@ -275,70 +278,54 @@ def versions() -> dict[str, str]:
     return versions_of("legfem", "dolfinx", "numpy", "scipy", "pygad", "python")
 
 
-UNCONVERGED = (
-    "The search ended before it converged: the optimum may lie elsewhere. Rerun with another --seed or narrower bounds."
-)
-LAW_MISSES = (
-    "Each interval is widened to contain the values that each third of the depth gives by itself; the values "
-    "still depend on the depth used."
-)
 _FAR = 3.0
 """Standard deviations from a prior's centre that chance doesn't explain."""
 
 
-def of_search(log: SearchLog) -> Iterator[str]:
+def of_search(log: SearchLog) -> Iterator[Notice]:
     """Say that a search ended too early, if it did."""
     if not log.converged:
-        yield UNCONVERGED
+        yield Notice.of(FitNotice.UNCONVERGED)
 
 
-def of_failed_solves(log: SearchLog, reach: str = "") -> Iterator[str]:
-    """Say how many full solves stopped short of a reach in words, where, and why."""
+def of_compromise(log: SearchLog) -> Iterator[Notice]:
+    """Say what the best solve's model gave up to go on, if anything."""
+    if log.compromise:
+        yield Notice.of(FitNotice.COMPROMISE, by=log.compromise)
+
+
+def of_failed_solves(log: SearchLog, reach: float | None = None) -> Iterator[Notice]:
+    """Say how many full solves stopped short of a depth (mm), where, and why."""
     if log.failed_solves:
         failed = [one for one in log.solves if not one.complete]
-        at = ", ".join(f"{mpa_to_kpa(one.values[DEEP_C10]):.3g}" for one in failed if DEEP_C10 in one.values)
-        where = [f"C10 {at} kPa"] if at else []
-        why = [failed[0].reason] if failed and failed[0].reason else []
-        yield (
-            f"{log.failed_solves} of {log.forward_solves} full solves stopped short{f' of {reach}' if reach else ''}; "
-            f"the search kept away from them{f' ({"; ".join(where + why)})' if where or why else ''}."
+        yield Notice.of(
+            FitNotice.SOLVES_STOPPED,
+            stopped=log.failed_solves,
+            solves=log.forward_solves,
+            reach=reach,
+            C10=tuple(one.values[DEEP_C10] for one in failed if DEEP_C10 in one.values),
+            reason=failed[0].reason if failed else "",
         )
 
 
-def of_compromise(compromise: str) -> Iterator[str]:
-    """Say what the best solve's model gave up to go on, if anything."""
-    if compromise:
-        yield (
-            f"The model of the best fit went on only with {compromise}: its force may be off by "
-            "some percent, over very soft fat by more. Use less of the recordings' depth, and see "
-            "whether C10 stays."
-        )
-
-
-def at_limits(fit: Fit[Any]) -> Iterator[str]:
+def at_limits(fit: Fit[Any]) -> Iterator[Notice]:
     """Say which parameters stand at a bound of the search."""
     for name, one in fit.estimates.items():
         # What acts in closed form may have its null at a bound, and no effect is no limit.
         bound = one.parameter.bounds[0 if one.at_bound == "lower" else 1]
         none = name in READINGS and bound == READINGS[name].null
         if one.at_bound and not none and not (name == DEEP_C20 and fit.neo_hookean_limit):
-            yield f"{symbol_of(name)} stands at the {one.at_bound} bound of the search."
+            yield Notice.of(FitNotice.AT_BOUND, name=name, bound=one.at_bound)
     if fit.law == "reduced-polynomial" and fit.neo_hookean_limit:
-        yield (
-            "The reduced polynomial's optimum is its neo-Hookean limit (C20 = 0): these recordings "
-            "show no stiffening of the deep tissue beyond it."
-        )
+        yield Notice.of(FitNotice.NEO_HOOKEAN_LIMIT)
 
 
-def far_from_priors(estimates: Mapping[str, Estimate]) -> Iterator[str]:
+def far_from_priors(estimates: Mapping[str, Estimate]) -> Iterator[Notice]:
     """Say which parameters the recordings put far from what was known beforehand."""
     for name, one in estimates.items():
         prior = one.parameter.prior
-        if prior is not None and abs(prior.departure(one.value)) > _FAR:
-            yield (
-                f"The recordings put {symbol_of(name)} {abs(prior.departure(one.value)):.1f} standard "
-                "deviations from the centre of its prior: one of the two is wrong, or the model is."
-            )
+        if prior is not None and abs(departure := prior.departure(one.value)) > _FAR:
+            yield Notice.of(FitNotice.FAR_FROM_PRIOR, name=name, departure=abs(departure))
 
 
 def least_akaike[Details](fits: Sequence[Fit[Details]]) -> Fit[Details]:

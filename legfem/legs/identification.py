@@ -182,7 +182,7 @@ class TwoFidelities:
             result,
             details=replace(result.details, spatial=evidence),
             log=replace(result.log, wall_s=seconds),
-            warnings=(*result.warnings, *of_two_fidelities(evidence, MOST_SOLVES)),
+            notices=(*result.notices, *of_two_fidelities(evidence, MOST_SOLVES)),
         )
 
 

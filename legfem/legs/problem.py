@@ -26,7 +26,7 @@ from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.legs.correction_of_leg import Correction
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward, laws_of
-from legfem.legs.notices import doubts_of, warnings_about
+from legfem.legs.notices import notices_about
 from legfem.legs.site_channels import site_channels
 from legfem.legs.site_test import SiteTest, beyond_of, measured_curve, source_of_mode, with_instrument_errors
 from legfem.legs.subject import SitedLeg, Subject
@@ -150,7 +150,7 @@ class LegProblem:
             versions=versions(),
             details=LegDetails(self.leg, self.own_errors, corrections, spatial),
         )
-        return replace(result, warnings=warnings_about(result), doubts=doubts_of(result))
+        return replace(result, notices=notices_about(result))
 
     def _per_length(self, found: Found[JointComparison]) -> float:
         """Sum of squared differences of forces per unit length of the cylinder, (N/mm)2; NaN of other indenters."""

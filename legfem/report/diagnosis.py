@@ -22,6 +22,7 @@ from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_s
 from legfem.report.diagnosis_numbers import known_of
 from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.further_channels import channel_chapter, misfit_in_section
+from legfem.report.notices import sentence_of
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import still_section
 from legfem.report.style import LAW_NAMES
@@ -138,7 +139,8 @@ def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
     known = elastography_priors(subject.elastography).get(DEEP_C10)
     if known is not None:
         alone = found.weighted_base
-        yield from disagreement(DEEP_C10, known, alone.value(DEEP_C10), alone.fit.sd(DEEP_C10))
+        told = disagreement(DEEP_C10, known, alone.value(DEEP_C10), alone.fit.sd(DEEP_C10))
+        yield from map(sentence_of, told)
 
 
 def _warnings(found: Diagnosis) -> list[str]:

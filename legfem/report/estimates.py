@@ -95,17 +95,6 @@ def prior_text(parameter: Parameter) -> str:
     return f"prior {factor * prior.centre:.4g} {width}{source}"
 
 
-def warnings_of(chosen: Fit[Any], fits: Sequence[Fit[Any]]) -> list[str]:
-    """Return the warnings of all laws, those of the chosen one first; one that not all have is named after its law."""
-    shared = set.intersection(*(set(one.warnings) for one in fits))
-    lines = [
-        line if line in shared else f"{LAW_NAMES[one.law]} law: {line}"
-        for one in (chosen, *fits)
-        for line in one.warnings
-    ]
-    return list(dict.fromkeys(lines))
-
-
 def how_found(results: Sequence[Fit[Any]]) -> list[Block]:
     """Tables of each law's energy and search, and of the errors' correlations."""
     blocks: list[Block] = [

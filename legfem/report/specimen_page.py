@@ -13,6 +13,7 @@ from legfem.report import page as web
 from legfem.report.curves import Curves, Dash, Line
 from legfem.report.face_profile import face_profile
 from legfem.report.further_channels import drawn
+from legfem.report.notices import sentences_of
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.specimen_sentences import SpecimenFit, followed, origin_text, procedure, tested
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
@@ -35,12 +36,12 @@ def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebP
     """Return the page of specimens' fits, one a law, and of the command that was given."""
     best = least_akaike(results)
     left = dict.fromkeys(one for result in results for one in result.details.left_out)
-    warnings = [*(f"Not used: {one.name}: {one.reason}." for one in left), *estimates.warnings_of(best, results)]
+    warnings = [*(f"Not used: {one.name}: {one.reason}." for one in left), *sentences_of((best, *results))]
     return web.WebPage(
         title=f"How stiff is the tissue of specimen {best.details.folder.id}?",
         subject=best.details.folder.title,
         origin=best.details.folder.origin,
-        headline=_headline(best).doubted(len(best.doubts)),
+        headline=_headline(best).doubted(best.doubts),
         warnings=warnings,
         known=_known(results),
         chapters=[

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from legfem.common.errors import doubt_lines
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report import page as web
 from legfem.report import stocking_pressures, stocking_stiffness
 from legfem.report.dressed_leg import dressed_leg
 from legfem.report.estimates import modulus_rows
+from legfem.report.notices import sentences_of
 from legfem.report.words import moduli_text
 from legfem.stockings.assessment import TISSUES
 from legfem.stockings.details import StockingDetails, StockingFit
@@ -206,8 +206,8 @@ def stocking_web_page(fit: StockingFit, command: str = "") -> web.WebPage:
         title=f"What does the compression stocking do to leg {leg.id}?",
         subject=leg.title,
         origin=leg.origin,
-        headline=_headline(fit).doubted(len(fit.doubts)),
-        warnings=[*doubt_lines(fit.doubts), *fit.warnings],
+        headline=_headline(fit).doubted(fit.doubts),
+        warnings=sentences_of([fit]),
         known=known_of(fit),
         chapters=chapters,
         repeat=web.Repeat(command, fit.versions),

@@ -9,6 +9,7 @@ the face, where a camera sees the side, weigh the alternatives beside the forces
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
 
@@ -17,7 +18,6 @@ from scipy.optimize import brentq
 from scipy.special import logsumexp, softmax
 from scipy.stats import norm
 
-from legfem.common.errors import doubt_lines
 from legfem.common.units import FloatArray, percent
 from legfem.inverse.catalogue import DEEP_C10, Values, key_of, symbol_of
 from legfem.inverse.comparison import ErrorSource
@@ -33,6 +33,7 @@ from legfem.inverse.fit import (
     r_squared,
 )
 from legfem.inverse.intervals import identifiability, verdict_on
+from legfem.inverse.notice import Notice
 from legfem.specimens.agreement import TestsAgreement, agreement_document
 from legfem.specimens.artefacts import LateralFit, SizeDependence
 from legfem.specimens.channels import SpecimenReadings
@@ -45,6 +46,21 @@ from legfem.specimens.model_discrepancy import LawMisfit
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, kind_in, lengths_of, resized
 
 type _Fit = Fit[SpecimenDetails]
+
+
+class SpecimenNotice(StrEnum):
+    """Codes that only specimens have."""
+
+    MISFIT = "specimens_misfit"
+    BEGUN_IN_AIR = "specimens_begun_in_air"
+    GOES_WITH_THICKNESS = "constant_goes_with_thickness"
+    ALTERNATIVES = "test_not_stated"
+    TESTS_DISAGREE = "tests_disagree"
+    USED_IN_PART = "recording_used_in_part"
+    NOT_MODELLED = "left_out_not_modelled"
+    NOT_PREDICTED = "left_out_not_predicted"
+    RATIO_UNDETERMINED = "fibre_ratio_undetermined"
+    SIDE_SEEN = "side_seen"
 
 
 def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:
@@ -89,7 +105,8 @@ def weighed(fits: Mapping[str, _Fit], chances: Mapping[str, float], words: Mappi
     of = "with all alternatives of the test that the folder leaves open"
     details = replace(best.details, alternatives=tuple(every))
     found = replace(best, estimates=_over_all(best, every, "ends", of), details=details)
-    return replace(found, warnings=(alternatives_text(every, to_know), *found.warnings))
+    said = Notice.of(SpecimenNotice.ALTERNATIVES, text=alternatives_text(every, to_know))
+    return replace(found, notices=(said, *found.notices))
 
 
 def across_tests(
@@ -116,8 +133,9 @@ def across_tests(
     said = f"{agreement.text} It is predicted here, and not fitted." if apart else agreement.text
     estimates = _over_all(best, every, "differences", "with all tests that it may be read from")
     details = replace(best.details, agreement=agreement)
-    warnings = (said, *best.warnings) if agreement.disagree else best.warnings
-    return replace(best, estimates=estimates if len(every) > 1 else best.estimates, details=details, warnings=warnings)
+    told = (Notice.of(SpecimenNotice.TESTS_DISAGREE, text=said),) if agreement.disagree else ()
+    estimates = estimates if len(every) > 1 else best.estimates
+    return replace(best, estimates=estimates, details=details, notices=(*told, *best.notices))
 
 
 _UNLIKELY = 0.02
@@ -282,8 +300,10 @@ class Weighed:
     """Its own."""
 
 
-def warnings_about(fit: Fit[SpecimenDetails], in_air: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
-    """Warnings about a fit, one sentence each, the gravest first.
+def notices_about(
+    fit: Fit[SpecimenDetails], in_air: Sequence[str], of_recordings: Sequence[Notice]
+) -> tuple[Notice, ...]:
+    """Notices about a fit, the gravest first.
 
     Parameters
     ----------
@@ -291,25 +311,17 @@ def warnings_about(fit: Fit[SpecimenDetails], in_air: Sequence[str], notes: Sequ
         Of a law.
     in_air
         Names of recordings that seem to begin in air.
-    notes
-        On single recordings; empty ones are left out.
+    of_recordings
+        On single recordings.
     """
     log, thickness = fit.log, fit.details.thickness
-    texts = [*doubt_lines(fit.doubts), *((thickness.text,) if thickness else ())]
-    texts += [*of_search(log), *of_compromise(log.compromise), *at_limits(fit)]
+    found = [Notice.of(SpecimenNotice.GOES_WITH_THICKNESS, text=thickness.text)] if thickness else []
+    found += [*of_search(log), *of_compromise(log), *at_limits(fit)]
     if not fit.goodness.fits:
-        texts.append(
-            "The law does not describe these recordings within their errors. Its intervals are widened by what a "
-            "law of the wrong form may do to the numbers, judged by the size of the misfit."
-        )
+        found.append(Notice.of(SpecimenNotice.MISFIT))
     if in_air:
-        texts.append(
-            f"{len(in_air)} recordings seem to begin in air ({', '.join(in_air)}): first contact "
-            "was looked for. If displacement counts from first touch, say so in specimen.toml: "
-            "[recordings] starts_at_contact = true."
-        )
-    texts += [*of_failed_solves(log), *far_from_priors(fit.estimates)]
-    return (*texts, *filter(None, notes))
+        found.append(Notice.of(SpecimenNotice.BEGUN_IN_AIR, count=len(in_air), names=tuple(in_air)))
+    return (*found, *of_failed_solves(log), *far_from_priors(fit.estimates), *of_recordings)
 
 
 def recording_of(one: TestFit) -> SpecimenRecording:

@@ -7,9 +7,11 @@ import numpy as np
 
 from legfem.common.errors import Doubt, InputError
 from legfem.common.progress import Progress
+from legfem.inverse.notice import Notice
 from legfem.inverse.outcome import Outcome
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store, finish
+from legfem.specimens.details import SpecimenNotice
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import REFERENCE_MPA, begin_at
@@ -28,7 +30,7 @@ class Prepared:
 
     recordings: tuple[SpecimenRecording, ...]
     left_out: tuple[LeftOut, ...]
-    notes: tuple[str, ...]
+    notices: tuple[Notice, ...]
     tests: tuple[Sizes, ...]
     depths: tuple[float, ...]
     c10: float
@@ -55,7 +57,7 @@ def prepare(
         tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
     )
     outcomes = _solved_once(model, out, jobs, progress)
-    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
+    used, left, notices = list[SpecimenRecording](), list(folder.left_out), list[Notice]()
     within = dict[Sizes, float]()
     for one in folder.recordings:
         outcome = outcomes[one.sizes]
@@ -68,10 +70,8 @@ def prepare(
             left.append(LeftOut(one.name, reason))
         else:
             used.append(one.to(reached))
-            notes.append(
-                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
-                f"stopped there ({outcome.reason})."
-            )
+            told = {"name": one.name, "used": reached, "depth": one.course.depth, "reason": outcome.reason}
+            notices.append(Notice.of(SpecimenNotice.USED_IN_PART, **told))
     fitted = [one for one in used if one.name not in {other.name for other in held}]
     if not fitted:
         raise InputError(
@@ -92,7 +92,7 @@ def prepare(
     return Prepared(
         tuple(used),
         tuple(left),
-        tuple(notes),
+        tuple(notices),
         tuple(depths),
         tuple(depths.values()),
         max(float(np.median(list(stiffness.values()))), 1e-9),

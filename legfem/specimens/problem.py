@@ -12,13 +12,14 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import stdtrit
 
-from legfem.common.errors import InputError
+from legfem.common.errors import Doubt, InputError
 from legfem.common.units import FloatArray
 from legfem.common.wording import Argument
 from legfem.inverse.catalogue import IdentifiedLaw, LawName, Values, model_values
 from legfem.inverse.comparison import total_of
 from legfem.inverse.fit import EXACT, ChannelFit, Fit, Goodness, Identity, TestFit, least_akaike, versions
 from legfem.inverse.intervals import bound_of, quantile
+from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.problem import cost_of, fit, goodness_of, log_of, optimum_of, search_settings
 from legfem.inverse.readings import READINGS
 from legfem.inverse.search import Search
@@ -31,10 +32,11 @@ from legfem.specimens.comparison import SpecimenComparison, comparison_of
 from legfem.specimens.course import QUICKENING, shows_quickening
 from legfem.specimens.details import (
     SpecimenDetails,
+    SpecimenNotice,
     across_tests,
+    notices_about,
     probabilities,
     size_covariance,
-    warnings_about,
     weighed,
 )
 from legfem.specimens.face import face_fit
@@ -145,10 +147,10 @@ class SpecimenProblem:
             _test_fit(one, force[span], comparison.fits_of(k, predicted))
             for k, (one, span) in enumerate(zip(fitted, forces.spans, strict=True))
         ]
-        left_out, notes = self._predicted(found, stiffness, readings)
+        left_out, told = self._predicted(found, stiffness, readings)
         lateral = lateral_fit(fitted, self.forward, model_values(best.values))
         face = face_fit(comparison, predicted)
-        notes += [one.text for one in (lateral, face) if one]
+        told += [Notice.of(SpecimenNotice.SIDE_SEEN, text=one.text) for one in (lateral, face) if one]
         why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
         values = self.forward.with_compressibility(best.values)
         result = Fit(
@@ -183,10 +185,11 @@ class SpecimenProblem:
                 face,
                 agreement=agreement,
             ),
-            doubts=self._doubts(),
         )
         in_air = [one.name for one in fitted if one.course.in_air]
-        return replace(result, warnings=warnings_about(result, in_air, (*self.prepared.notes, why, *notes)))
+        undetermined = [Notice.of(SpecimenNotice.RATIO_UNDETERMINED, text=why)] if why else []
+        found_here = notices_about(result, in_air, (*self.prepared.notices, *undetermined, *told))
+        return replace(result, notices=(*doubted(self._doubts()), *found_here))
 
     def _missed(
         self, found: Found[SpecimenReadings], covariance: FloatArray
@@ -255,22 +258,22 @@ class SpecimenProblem:
 
     def _predicted(
         self, found: Found[SpecimenReadings], stiffness: dict[str, float], readings: FloatArray
-    ) -> tuple[list[TestFit], list[str]]:
+    ) -> tuple[list[TestFit], list[Notice]]:
         """Recordings that were left out beside the law, and what is to be said of them."""
         others = [one for one in self.prepared.recordings if one.name in self.held_out]
         missing = self.held_out - {one.name for one in others}
-        notes = [f"{name} was to be predicted, and can't be modelled." for name in sorted(missing)]
+        told = [Notice.of(SpecimenNotice.NOT_MODELLED, name=name) for name in sorted(missing)]
         if not others:
-            return [], notes
+            return [], told
         model = self._model(others)
         own = comparison_of(others, model, self.folder, self._seeks_ratio, stiffness)
         outcome = model.solve(model_values(found.best.values), ())
         if not outcome.complete:
-            return [], [f"What was left out can't be predicted: {outcome.reason}.", *notes]
+            return [], [Notice.of(SpecimenNotice.NOT_PREDICTED, reason=outcome.reason), *told]
         seen = own.predict(outcome, readings).values
-        return [_test_fit(one, seen[span], fitted=False) for one, span in zip(others, own.spans, strict=True)], notes
+        return [_test_fit(one, seen[span], fitted=False) for one, span in zip(others, own.spans, strict=True)], told
 
-    def _doubts(self) -> tuple:
+    def _doubts(self) -> tuple[Doubt, ...]:
         doubted = [
             one
             for one in (*self.prepared.doubts, *stiffness_doubts(self.folder, self.prepared.c10))

@@ -7,6 +7,7 @@ between stocking and skin are a channel of pressures.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from enum import StrEnum
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
@@ -33,6 +34,7 @@ from legfem.inverse.fit import (
     of_search,
     r_squared,
 )
+from legfem.inverse.notice import Notice, doubted
 from legfem.inverse.parameter import Priors
 from legfem.inverse.readings import Channel, Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
@@ -41,6 +43,23 @@ from legfem.stockings.details import StockingDetails, StockingFit
 from legfem.stockings.equilibrium import PARAMETERS, EquilibriumSettings
 from legfem.stockings.leg import ComparedSensor
 from legfem.stockings.scan_fit import ScanFit, by_name, stiffness_priors
+
+
+class StockingNotice(StrEnum):
+    """Codes that only a leg in its stocking has."""
+
+    SENSOR_MISSED = "sensor_missed"
+    NOT_COMPUTED = "worn_state_not_computed"
+    UNSETTLED = "worn_state_unsettled"
+    NOT_COMPARED = "no_state_compared"
+    SCAN_MISSED = "scan_missed"
+    STIFFNESS_AT_BOUND = "stocking_stiffness_at_bound"
+    REGISTRATION_UNSETTLED = "registration_unsettled"
+    BONES_APART = "bones_apart"
+    SLACK = "stocking_slack"
+    UNLOADED = "skin_unloaded"
+    ENDS_HELD = "ends_held"
+
 
 KIND = "stocking"
 LAW: LawName = "neo-hookean"
@@ -84,10 +103,9 @@ def assessed(details: StockingDetails, log: SearchLog, settings: Mapping[str, An
         settings=settings,
         versions=versions_of("legfem", "dolfinx", "numpy", "scipy", "python"),
         details=details,
-        doubts=leg.doubts,
         computed=MappingProxyType(dict(_computed(details))),
     )
-    return replace(fit, warnings=stocking_notices(fit))
+    return replace(fit, notices=(*doubted(leg.doubts), *stocking_notices(fit)))
 
 
 def _channels(best: ScanFit, details: StockingDetails) -> Iterator[ChannelFit]:
@@ -174,110 +192,98 @@ REGISTERED_WITHIN = 0.5
 """Residual of the registration (mm) that is no cause of concern: half a voxel."""
 
 
-def stocking_notices(fit: StockingFit) -> tuple[str, ...]:
-    """Return the warnings as sentences, the gravest first."""
+def stocking_notices(fit: StockingFit) -> tuple[Notice, ...]:
+    """Return the notices, the gravest first."""
     details = fit.details
-    return tuple(
-        [
-            *_of_the_state(details),
-            *_of_the_search(fit),
-            *_of_the_stiffness(fit),
-            *_of_the_scans(details),
-            *_of_the_load(details),
-            *sensor_notices(details.sensors),
-        ]
+    return (
+        *_of_the_state(details),
+        *_of_the_search(fit),
+        *_of_the_stiffness(fit),
+        *_of_the_scans(details),
+        *_of_the_load(details),
+        *sensor_notices(details.sensors),
     )
 
 
-def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[str]:
-    """Yield a sentence for every sensor that the model misses."""
+def sensor_notices(sensors: Sequence[ComparedSensor]) -> Iterator[Notice]:
+    """Yield a notice for every sensor that the model misses."""
     for one in sensors:
         if abs(one.standardised_residual) > _FAR:
-            read, sd, model = (mpa_to_mmhg(p) for p in (one.sensor.pressure, one.sensor.sd, one.pressure))
-            yield (
-                f"The sensor {one.sensor.name} read {read:.1f} ± {sd:.1f} mmHg, where the model "
-                f"has {model:.1f} mmHg ({abs(one.standardised_residual):.0f} standard deviations off): its "
-                "place, its error or the fabric is otherwise than was given (a fabric that isn't "
-                "known well: [accuracy] tension_relative_sd)."
+            yield Notice.of(
+                StockingNotice.SENSOR_MISSED,
+                sensor=one.sensor.name,
+                read=one.sensor.pressure,
+                sd=one.sensor.sd,
+                model=one.pressure,
+                departure=abs(one.standardised_residual),
             )
 
 
-def _of_the_state(details: StockingDetails) -> Iterator[str]:
+def _of_the_state(details: StockingDetails) -> Iterator[Notice]:
     found = details.equilibrium
     if not found.state.report.complete:
-        yield (
-            "The leg in its stocking could not be computed "
-            f"({found.state.report.reason}): there are no pressures inside the leg."
-        )
+        yield Notice.of(StockingNotice.NOT_COMPUTED, reason=found.state.report.reason)
     elif not found.converged:
-        yield (
-            "The stocking's pressure and the shape that it makes did not settle: in the last of "
-            f"{len(found.changes)} states the pressure still changed by "
-            f"{100 * found.changes[-1]:.2g} % of its greatest, not by less than "
-            f"{100 * EquilibriumSettings().tolerance:g} %."
+        yield Notice.of(
+            StockingNotice.UNSETTLED,
+            states=len(found.changes),
+            change=100 * found.changes[-1],
+            tolerance=100 * EquilibriumSettings().tolerance,
         )
 
 
-def _of_the_search(fit: StockingFit) -> Iterator[str]:
+def _of_the_search(fit: StockingFit) -> Iterator[Notice]:
     if fit.details.problem:
-        yield f"No state of the leg could be compared with its scan: {fit.details.problem}."
+        yield Notice.of(StockingNotice.NOT_COMPARED, reason=fit.details.problem)
     yield from of_search(fit.log)
     yield from of_failed_solves(fit.log, "an equilibrium with the stocking")
 
 
-def _of_the_stiffness(fit: StockingFit) -> Iterator[str]:
+def _of_the_stiffness(fit: StockingFit) -> Iterator[Notice]:
     best, accuracy = fit.details.best, fit.details.leg.accuracy
     if best is None:
         return
     if estimates.model_misses(best, accuracy):
-        yield (
-            f"The model misses the scan: its contours are {best.rms:.2f} mm off (root mean "
-            f"square), more than {estimates.MISSED_BEYOND:g} times the {estimates.expected_rms(accuracy):.2f} mm that "
-            "errors of the contours cause. The intervals of the stiffness are then too narrow: check the "
-            "contours."
-        )
+        expected = estimates.expected_rms(accuracy)
+        yield Notice.of(StockingNotice.SCAN_MISSED, rms=best.rms, times=estimates.MISSED_BEYOND, expected=expected)
     for name, known in fit.estimates.items():
         if (prior := known.parameter.prior) is not None:
             yield from disagreement(name, prior, known.value, known.standard_error, "the fit of both scans")
     for name, known in fit.estimates.items():
         if known.at_bound:
-            yield (
-                f"The stiffness of the {TISSUES[name]} stands at the search's {known.at_bound} bound: it is not known."
-            )
+            yield Notice.of(StockingNotice.STIFFNESS_AT_BOUND, tissue=TISSUES[name], bound=known.at_bound)
 
 
-def _of_the_scans(details: StockingDetails) -> Iterator[str]:
+def _of_the_scans(details: StockingDetails) -> Iterator[Notice]:
     registration = details.leg.registration
     if registration is None:
         return
     if not registration.converged:
-        yield f"The registration on the bones did not settle in {registration.iterations} iterations."
+        yield Notice.of(StockingNotice.REGISTRATION_UNSETTLED, iterations=registration.iterations)
     if registration.residual > REGISTERED_WITHIN:
-        yield (
-            f"The bones of the two scans are {registration.residual:.2f} mm apart after "
-            "registration: their outlines differ, or the scans are not of one leg."
-        )
+        yield Notice.of(StockingNotice.BONES_APART, residual=registration.residual)
 
 
-def _of_the_load(details: StockingDetails) -> Iterator[str]:
+def _of_the_load(details: StockingDetails) -> Iterator[Notice]:
     leg, load = details.leg, details.equilibrium.load
     levels, slack = leg.bare.levels, load.tension == 0
     if slack.any():
         where = levels[slack]
-        yield (
-            f"The stocking is slack, and presses on nothing, at {int(slack.sum())} of "
-            f"{len(levels)} heights, between {where.min():g} and {where.max():g} mm."
+        yield Notice.of(
+            StockingNotice.SLACK,
+            slack=int(slack.sum()),
+            levels=len(levels),
+            low=float(where.min()),
+            high=float(where.max()),
         )
     spanned = load.unloaded_skin
     if spanned.mean() > UNLOADED_BEYOND:
         most = int(np.argmax(spanned))
-        yield (
-            f"The fabric spans hollows or flats of the leg: {100 * spanned.mean():.0f} % of the "
-            f"skin under it bears no pressure, most at z = {levels[most]:g} mm "
-            f"({100 * spanned[most]:.0f} % of that contour)."
+        yield Notice.of(
+            StockingNotice.UNLOADED,
+            share=100 * float(spanned.mean()),
+            level=float(levels[most]),
+            most=100 * float(spanned[most]),
         )
     if leg.ends == "held":
-        yield (
-            "The modelled part's end faces are held in their planes, as if the leg continued unchanged beyond "
-            "them. Do not rely on pressures within about 10 mm of the ends."
-        )
+        yield Notice.of(StockingNotice.ENDS_HELD)

@@ -12,6 +12,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import write_recording
 from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.intervals import Identifiability
+from legfem.specimens.details import SpecimenNotice
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.kind import Direction
 from legfem.specimens.laws import ONE
@@ -109,7 +110,7 @@ def identified(folder: Path, plant: Plant) -> Outcome:
         for known, one, factor in zip((c10, ratio), estimates, (mpa_to_kpa(1.0), 1.0), strict=True):
             interval = Interval(*(factor * number for number in (one.value, *one.ci95)))
             known[setup.title] = Found(interval, one.identifiability)
-        warned[setup.title] = any("ratio can't be told" in text for text in result.warnings)
+        warned[setup.title] = any(one.code == SpecimenNotice.RATIO_UNDETERMINED for one in result.notices)
         converged[setup.title] = result.log.converged
     return Outcome(plant, c10, ratio, warned, converged)
 

@@ -6,7 +6,6 @@ from typing import ClassVar
 
 from matplotlib.figure import Figure
 
-from legfem.common.errors import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_C10, LawName, symbol_of
@@ -24,6 +23,7 @@ from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
+from legfem.report.notices import sentences_of
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
@@ -106,11 +106,8 @@ def leg_page(
         title=f"How stiff is the deep tissue (muscle) of {'leg' if several else 'subject'} {leg.id}{where}?",
         subject=leg.title,
         origin=leg.origin,
-        headline=_headline(chosen).doubted(len(chosen.doubts)),
-        warnings=[
-            *dict.fromkeys(line for r in (chosen, *fits) for line in doubt_lines(r.doubts)),
-            *estimates.warnings_of(chosen, fits),
-        ],
+        headline=_headline(chosen).doubted(chosen.doubts),
+        warnings=sentences_of((chosen, *fits)),
         known=known_of(fits),
         chapters=[
             web.Chapter("Recordings and model", [*_site_table(chosen), *_curves(fits, chosen), *drawn(fits)]),

@@ -1,0 +1,45 @@
+"""What a reader of a result must know, as a code with its numbers and names; `legfem.report.notices` has the words."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from legfem.common.errors import Doubt
+
+
+class FitNotice(StrEnum):
+    """Codes that the fit of any kind of problem may have."""
+
+    DOUBTFUL = "doubtful_input"
+    UNCONVERGED = "search_unconverged"
+    SOLVES_STOPPED = "solves_stopped_short"
+    COMPROMISE = "model_compromised"
+    AT_BOUND = "parameter_at_bound"
+    NEO_HOOKEAN_LIMIT = "law_at_neo_hookean_limit"
+    FAR_FROM_PRIOR = "far_from_prior"
+    ELASTOGRAPHY_DISAGREES = "elastography_disagrees"
+
+
+@dataclass(frozen=True)
+class Notice:
+    """One thing that a reader must know."""
+
+    code: str
+    """Of an enumeration: `FitNotice`, or one of a kind's."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Numbers in the model's units, names, and tuples of them."""
+
+    @classmethod
+    def of(cls, code: StrEnum, **parameters: Any) -> "Notice":
+        """Return the notice of a code with its parameters."""
+        return cls(code.value, parameters)
+
+    def __hash__(self) -> int:
+        """Return the code's hash, since mappings have none."""
+        return hash(self.code)
+
+
+def doubted(doubts: Iterable[Doubt]) -> tuple[Notice, ...]:
+    """Return what is unlikely in the input as notices."""
+    return tuple(Notice.of(FitNotice.DOUBTFUL, **asdict(doubt)) for doubt in doubts)
