@@ -11,6 +11,8 @@ import numpy as np
 
 from legfem.cohort.members import Member, Members
 from legfem.cohort.rows import Curve, Judged, Measure, ModelResult, Row, Shape
+from legfem.inverse.notice import FitNotice, Notice
+from legfem.legs.notices import LegNotice
 
 LAW = "reduced-polynomial"
 
@@ -70,14 +72,14 @@ def row(name: str, c10: float, error: float, side: int, generator: np.random.Gen
     x = np.linspace(0.0, 20.0, 40)
     force = 0.3 * c10 * x + 0.02 * c20 * x**2
     curve = Curve(*(tuple(float(v) for v in values) for values in (x, force + 0.05 * generator.normal(size=40), force)))
-    warnings = [
-        "The fascia's Poisson's ratio is -0.14 with its C10 and D1 as given: its bulk modulus is low.",
-        f"First contact lies {generator.uniform(1, 2):.1f} mm after the start.",
+    notices = [
+        Notice.of(LegNotice.NEGATIVE_POISSON_RATIO, tissue="fascia", ratio=-0.14),
+        Notice.of(FitNotice.BEGUN_IN_AIR, trial="trial1", air=generator.uniform(1, 2)),
     ]
     tone, sentence = ("sound", "Muscle stiffness.") if generator.random() < 0.7 else ("caution", "Only as a limit.")
     return Row(
         name,
-        judged=Judged(tone, sentence, tuple(w for w in warnings if generator.random() < 0.4), LAW),
+        judged=Judged(tone, sentence, tuple(one for one in notices if generator.random() < 0.4), LAW),
         models={LAW: ModelResult(measures, float(generator.uniform()), curve)},
         origin="simulated",
         recordings={"trial1": f"{name}-digest"},

@@ -12,6 +12,7 @@ from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, obser
 from legfem.common.progress import Silent
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, LawName
+from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.observations import Observations
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.diagnosis import diagnose_body, shown_mechanisms
@@ -82,8 +83,7 @@ def diagnosed_anew(
     place = (observed.displacement - 12.0) / 0.9
     force = force + bump * (1 - place**2) * np.exp(-0.5 * place**2)
     observed = replace(
-        noisy(observed, force, seed),
-        remarks=("trial1: 3.70 mm of air before first contact; displacement and force are counted from there.",),
+        noisy(observed, force, seed), notices=(Notice.of(FitNotice.BEGUN_IN_AIR, trial="trial1", air=3.7),)
     )
     return diagnosed_of(observed, asked, law)
 

@@ -216,7 +216,10 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[Fit[SpecimenDetails]]:
             neo_hookean_limit=False,
             weighting="covariance",
             settings={},
-            notices=(Notice.of(SpecimenNotice.NOT_MODELLED, name="torn"),),
+            notices=(
+                Notice.of(SpecimenNotice.NOT_USED, name="torn", reason="it <never> touched"),
+                Notice.of(SpecimenNotice.NOT_MODELLED, name="other"),
+            ),
             versions={"legfem": "1"},
             details=SpecimenDetails(given, (LeftOut("torn", "it <never> touched"),), 0.02, {}, 0.0, NO_MISFIT, ""),
         )

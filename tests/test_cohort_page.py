@@ -18,7 +18,11 @@ from reading_page import read
 import legfem as lf
 from legfem.cohort.anomalies import largest_step, missing, suspicions
 from legfem.cohort.rows import Options, Row, Shape
-from legfem.report.cohort import _kind_of, cohort_web_page
+from legfem.common.errors import PhysicalRange
+from legfem.inverse.notice import FitNotice, Notice, doubted
+from legfem.legs.notices import LegNotice
+from legfem.report.cohort import cohort_web_page
+from legfem.report.notices import kind_of_notice
 from legfem.report.render import markdown_page, plain_page, rendered
 
 GRAVE = "subject.toml: indenter.diametre_mm: unknown key; did you mean 'diameter_mm'?"
@@ -126,17 +130,16 @@ def test_the_document_has_the_statistics_and_what_is_odd():
 
 
 def test_warnings_are_of_a_kind_that_leaves_numbers_out_and_names_in():
+    (doubtful,) = doubted(PhysicalRange("girth", "mm", (250, 500), (1, 1000), "x").likely("a/b.toml", "section", 200))
     kinds = {
-        "No 3D correction is applied: these recordings": "No 3D correction is applied",
-        "neo-Hookean law: The search ended before it converged: the optimum": "The search ended before it converged",
-        "The fascia's Poisson's ratio is -0.14 with its C10 as given: its bulk": (
-            "The fascia's Poisson's ratio is … with its C10 as given"
+        Notice.of(LegNotice.UNCORRECTED_PLANE_STRAIN): "No 3D correction is applied",
+        Notice.of(FitNotice.UNCONVERGED): "The search ended before it converged",
+        Notice.of(LegNotice.NEGATIVE_POISSON_RATIO, tissue="fascia", ratio=-0.14): (
+            "The fascia's Poisson's ratio is … with its C10 and D1 as given"
         ),
-        "DOUBTFUL INPUT: a/b.toml: section: girth of 200 mm where 250 to 500 is usual (x); check": (
-            "doubtful input: section: girth of … mm where … to … is usual"
-        ),
+        doubtful: "doubtful input: section: girth of … mm where … to … is usual",
     }
-    assert {text: _kind_of(text) for text in kinds} == kinds
+    assert {one: kind_of_notice(one) for one in kinds} == kinds
 
 
 def test_a_cohort_without_any_result_is_not_called_measured():

@@ -18,12 +18,11 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, parameter_of
 from legfem.inverse.correction import TabulatedCorrection
 from legfem.inverse.elastography import FibreRatio, ShearModulus, elastography_priors
 from legfem.inverse.parameter import Prior
-from legfem.legs.diagnosis import accuracy_of
+from legfem.legs.diagnosis import accuracy_of, of_elastography
 from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import DRAWN
 from legfem.legs.plausibility import doubts_about
-from legfem.report.diagnosis import waves_say
-from legfem.report.notices import sentences_of
+from legfem.report.notices import sentence_of, sentences_of
 
 ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')
@@ -166,7 +165,7 @@ def test_a_diagnosis_weighs_elastography_as_an_identification_does(tmp_path):
     widths = [high - low for low, high in both]
     combined = 1 / math.hypot(3.92 / widths[0], 1 / 2e-5)
     assert widths[1] == pytest.approx(3.92 * combined, rel=0.1)
-    assert not list(waves_say(right, replace(subject, elastography=())))
+    assert not list(of_elastography(right, replace(subject, elastography=())))
 
 
 def test_a_diagnosis_says_that_shear_waves_disagree(tmp_path):
@@ -174,5 +173,5 @@ def test_a_diagnosis_says_that_shear_waves_disagree(tmp_path):
     observed, predictor = observations(ramps())
     observed = noisy(observed, predictor({DEEP_C10: 0.001, DEEP_C20: 0.0006}), 1)
     found = diagnosed_of(observed, ["force-drift"], accuracy=accuracy_of(subject))
-    (said,) = waves_say(found, subject)
+    (said,) = map(sentence_of, of_elastography(found, subject))
     assert said.startswith("Elastography finds a higher c10_deep") and "1.4 ± 0.07 kPa" in said

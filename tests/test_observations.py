@@ -12,6 +12,7 @@ from legfem.inverse.observations import Observations, observe
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.diagnosis import with_correction
 from legfem.mechanisms import mechanisms
+from legfem.report.notices import sentence_of
 from legfem.solve.protocol import Protocol
 
 
@@ -55,19 +56,19 @@ def test_two_rates_in_one_file_are_both_seen_and_remarked_on():
     np.testing.assert_allclose(found.rates, [0.5, 2.0], rtol=0.02)
     label = found.protocols[0].label
     assert label.startswith("0.5 mm/s to 15 mm, hold, unloading, 2 mm/s to 15 mm, hold")
-    assert any("2 loadings in one file" in remark for remark in found.remarks)
+    assert any("2 loadings in one file" in remark for remark in map(sentence_of, found.notices))
     assert "preconditioning" in untestable(found)
 
 
 def test_a_loading_whose_speed_changes_is_remarked_on():
     found = observed(Protocol((0.0, 16.0, 19.5), (0.0, 8.0, 15.0)))
-    assert any("more than one speed" in remark for remark in found.remarks)
+    assert any("more than one speed" in remark for remark in map(sentence_of, found.notices))
     assert "viscoelasticity" in untestable(found)
 
 
 def test_a_file_a_trial_is_not_remarked_on():
     found = observed(*[Protocol.cycle(15.0, rate, 20.0) for rate in (0.5, 0.5, 2.0, 2.0)])
-    assert found.remarks == ()
+    assert found.notices == ()
     assert [p.label for p in found.protocols] == [
         "0.5 mm/s to 15 mm, hold, unloading",
         "2 mm/s to 15 mm, hold, unloading",
@@ -79,7 +80,7 @@ def test_a_loading_after_air_is_left_out_and_that_is_said():
     both = joined(Protocol.cycle(15.0, 0.5, 20.0), Protocol.cycle(15.0, 2.0, 20.0))
     found = observed(both, air=3.0)
     assert len(found.rates) == 1
-    assert any("pressed in again; that part is left out" in remark for remark in found.remarks)
+    assert any("pressed in again; that part is left out" in remark for remark in map(sentence_of, found.notices))
 
 
 @pytest.mark.parametrize("airs", [(0.0, 0.6, 1.3), (3.0, 0.2, 1.5)])

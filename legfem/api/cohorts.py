@@ -50,8 +50,10 @@ from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, progress_on
 from legfem.geometry.section import fat_thickness, girth
+from legfem.inverse.notice import Notice
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
 from legfem.jobs.store import key_of
+from legfem.legs.diagnosis import notices_of
 from legfem.legs.identification import as_leg
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.report.cohort import ODD, cohort_web_page, write_cohort_page
@@ -365,8 +367,9 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
     report = found.write(folder)
     if isinstance(found, DiagnosedLeg):
         page = diagnosis_web_page(found.diagnosis, found.subject)
-        row = _row(member, found.document(), page, "after repair", given.origin, report, _shape(found.subject))
-        return [replace(row, recordings=_recordings(given))]
+        judged = notices_of(found.diagnosis, found.subject), "after repair"
+        row = _row(member, found.document(), page, judged, report)
+        return [replace(row, recordings=_recordings(given), shape=_shape(found.subject))]
     assert isinstance(given, SpecimenFolder)
     rows = []
     alone = len(given.specimens) == 1
@@ -377,7 +380,7 @@ def _diagnosed(options: Options, member: Member, folder: Path) -> list[Row]:
             continue
         content = document(one.diagnosis, one, found.seed, one.seconds)
         page = diagnosis_web_page(one.diagnosis, one)
-        row = _row(member, content, page, "after repair", given.origin, report, Shape())
+        row = _row(member, content, page, (notices_of(one.diagnosis, one), "after repair"), report)
         rows.append(replace(row, part=part))
     return rows
 
@@ -390,7 +393,8 @@ def _fitted(found: Identification, member: Member, folder: Path) -> Row:
     report = found.write(folder, every_rank=True)
     content, law = found.document(), found.best.law
     page = kind_of(found.fits).page(found.fits)
-    row = _row(member, content, page, law, content["origin"], report, Shape())
+    told = tuple(dict.fromkeys(notice for fit in found.fits for notice in fit.notices))
+    row = _row(member, content, page, (told, law), report)
     return replace(row, settings=content["laws"][law]["settings"])
 
 
@@ -398,16 +402,15 @@ _DOES = {"identify": _identified, "diagnose": _diagnosed, "stocking": _dressed}
 
 
 def _row(
-    member: Member, content: Mapping[str, Any], page: WebPage, preferred: str, origin: str, report: Path, shape: Shape
+    member: Member, content: Mapping[str, Any], page: WebPage, judged: tuple[tuple[Notice, ...], str], report: Path
 ) -> Row:
     shown = report.with_name(PAGE) if report.with_name(PAGE).is_file() else report
     return Row(
         member.name,
-        judged=Judged(page.headline.tone, page.headline.sentence, tuple(page.warnings), preferred),
+        judged=Judged(page.headline.tone, page.headline.sentence, *judged),
         models=models_of(content),
         verdict=content.get("verdict", ""),
-        origin=origin,
-        shape=shape,
+        origin=content["origin"],
         report=(Path(MEMBERS) / member.place / shown.name).as_posix(),
         versions=content["versions"],
     )

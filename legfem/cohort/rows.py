@@ -15,6 +15,7 @@ from legfem.common.documents import literal
 from legfem.common.progress import duration
 from legfem.inverse.catalogue import unit_suffix
 from legfem.inverse.comparison import ErrorSource
+from legfem.inverse.notice import Notice
 from legfem.jobs.store import Contents, Store
 
 
@@ -63,7 +64,7 @@ class Judged:
     tone: str
     """Of `legfem.report.page.Tone`; empty where there is no page."""
     sentence: str
-    warnings: tuple[str, ...] = ()
+    notices: tuple[Notice, ...] = ()
     preferred: str = ""
     """Key of the model that the recordings ask for."""
 
@@ -225,7 +226,7 @@ def cohort_frame(members: Sequence[Member], rows: Sequence[Row]) -> pd.DataFrame
         member = by_name[row.member]
         entry: dict[str, object] = {"member": row.name, "subject": member.person, **member.given}
         entry |= {"problem": row.problem, "judgement": row.judged.tone, "verdict": row.verdict}
-        warnings = len(row.judged.warnings) if row.done else None
+        warnings = len(row.judged.notices) if row.done else None
         entry |= {"model": row.judged.preferred, "warnings": warnings, "origin": row.origin}
         entry |= {"fat_thickness_mm": row.shape.fat_mm, "girth_mm": row.shape.girth_mm}
         for model, found in row.models.items():

@@ -6,7 +6,7 @@ import sys
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -152,12 +152,15 @@ class Doubt:
         What is unlikely.
     remedy : str
         What to check, and how to mend it.
+    kind : str
+        The problem without its numbers, under which many are counted; empty where the field says enough.
     """
 
     source: str
     field: str
     problem: str
     remedy: str
+    kind: str = ""
 
     def __str__(self) -> str:
         """Return ``file: field: what is unlikely; remedy`` on one line."""
@@ -221,7 +224,8 @@ class PhysicalRange:
             if low <= value * factor <= high
         ]
         mended = " or ".join([*mend[:1], remedy] if remedy else mend[:1])
-        yield Doubt(str(source), name, problem, mended or _CHECK)
+        kind = f"{self.what} of …{unit} where … to … is usual"
+        yield Doubt(str(source), name, problem, mended or _CHECK, kind)
 
 
 _CHECK = "check value and unit"
@@ -231,11 +235,6 @@ def log_doubts(doubts: Iterable[Doubt]) -> None:
     """Log doubts, which the commands show at once."""
     for doubt in doubts:
         _log.warning("warning: %s", doubt)
-
-
-def doubt_documents(doubts: Iterable[Doubt]) -> list[dict[str, str]]:
-    """Return doubts as JSON types."""
-    return [asdict(doubt) for doubt in doubts]
 
 
 DOUBTFUL = "DOUBTFUL INPUT: "

@@ -22,6 +22,7 @@ from legfem.inverse.fit import (
     versions,
 )
 from legfem.inverse.map_fit import fit
+from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.predictor import onset_name
 from legfem.inverse.readings import Data, MeasuredTest
 from legfem.inverse.trial import SearchLog
@@ -171,3 +172,14 @@ def _trial_fits(model: Explanation, by_itself: Sequence[Mapping[str, OwnEstimate
             fitted=bool(len(here)),
             by_itself=by_itself[trial],
         )
+
+
+def solution_notices(found: Diagnosis) -> Iterator[Notice]:
+    """Yield which parameters stand at the ends of what was searched, and whether no solution confirmed the forces."""
+    for model in (found.base, *found.models):
+        for name in model.fit.at_bound:
+            shown = model.shown(name)
+            value = (shown.value, (shown.ci95[1] - shown.ci95[0]) / 4)
+            yield Notice.of(FitNotice.MODEL_AT_BOUND, name=name, value=value, mechanisms=model.names)
+    if not found.solutions and not found.emulator_error > 0:
+        yield Notice.of(FitNotice.UNCONFIRMED)

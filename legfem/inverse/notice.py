@@ -9,7 +9,7 @@ from legfem.common.errors import Doubt
 
 
 class FitNotice(StrEnum):
-    """Codes that the fit of any kind of problem may have."""
+    """Codes that any kind of problem may have."""
 
     DOUBTFUL = "doubtful_input"
     UNCONVERGED = "search_unconverged"
@@ -19,6 +19,15 @@ class FitNotice(StrEnum):
     NEO_HOOKEAN_LIMIT = "law_at_neo_hookean_limit"
     FAR_FROM_PRIOR = "far_from_prior"
     ELASTOGRAPHY_DISAGREES = "elastography_disagrees"
+    BEGUN_IN_AIR = "trial_begun_in_air"
+    SPEED_CHANGES = "speed_changes"
+    PRESSED_AGAIN = "pressed_again"
+    SEVERAL_LOADINGS = "several_loadings"
+    CHANNEL_NOT_SOLVED = "channel_not_solved"
+    NO_ACCURACY_STATED = "no_accuracy_stated"
+    NOT_REPEATED = "not_repeated"
+    MODEL_AT_BOUND = "model_at_bound"
+    UNCONFIRMED = "unconfirmed"
 
 
 @dataclass(frozen=True)

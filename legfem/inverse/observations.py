@@ -1,8 +1,8 @@
 """All that was recorded of a leg as one vector: forces at the stations, then the readings of every further channel."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -15,6 +15,7 @@ from legfem.data.noise import slowest_error
 from legfem.data.phases import HOLD, LOADING, UNLOADING
 from legfem.data.segmentation import Segmentation
 from legfem.inverse.channel_readings import PlannedChannel, StationChannel, channel_readings, planned_readings
+from legfem.inverse.notice import FitNotice, Notice
 from legfem.inverse.readings import Channel, Data
 from legfem.inverse.stations import Stations, group_trials, read_at, stations_along, stations_of
 from legfem.solve.protocol import Protocol
@@ -39,7 +40,7 @@ class Observations:
     jitter_sd: float
     """Of one displacement reading, mm."""
     contacts: tuple[Contact, ...]
-    remarks: tuple[str, ...]
+    notices: tuple[Notice, ...]
     """What was noticed in the recordings, in sentences."""
     depths: tuple[float, ...] = ()
     """Greatest displacement of each trial, mm, where it isn't its protocol's: with more air before
@@ -207,15 +208,15 @@ class Observations:
         return replace(self, force=force)
 
     def with_channels(self, names: Collection[str]) -> "Observations":
-        """Return the observations without channels whose courses a model doesn't know, with a remark on each."""
+        """Return the observations without channels whose courses a model doesn't know, with a notice of each."""
         known = set(names)
-        remarks = tuple(
-            f"{one.kind.words} was recorded, but the model's solutions don't have it, so it isn't weighed."
+        told = tuple(
+            Notice.of(FitNotice.CHANNEL_NOT_SOLVED, channel=one.kind.words)
             for one in self.channels
             if not known.issuperset(one.needed)
         )
         kept = tuple(one for one in self.channels if known.issuperset(one.needed))
-        return replace(self, channels=kept, remarks=(*self.remarks, *remarks)) if remarks else self
+        return replace(self, channels=kept, notices=(*self.notices, *told)) if told else self
 
     def with_values(self, values: FloatArray) -> "Observations":
         """Return the same stations with other readings (N,)."""
@@ -253,28 +254,17 @@ def blank_observations(protocols: Sequence[Protocol], planned: Sequence[PlannedC
     )
 
 
-def _on_driving(trial: Segmentation) -> list[str]:
-    """Return what a reader should know of how a trial was driven."""
-    remarks = [
-        f"{trial.name}: {segment.phase} was driven at more than one speed; it is simulated at its "
-        "mean speed, so effects of rate cannot be determined from it. Give each speed a file of its own."
-        for segment in trial.segments
-        if segment.changes_speed
-    ]
+def _about(trial: Segmentation) -> Iterator[Notice]:
+    """Yield what a reader should know of how a trial was driven."""
+    told = partial(Notice.of, trial=trial.name)
+    if trial.contact.in_air:
+        yield told(FitNotice.BEGUN_IN_AIR, air=trial.contact.displacement)
+    yield from (told(FitNotice.SPEED_CHANGES, phase=part.phase) for part in trial.segments if part.changes_speed)
     if trial.pressed_again:
-        remarks.append(
-            f"{trial.name}: after the cylinder had left the skin it was pressed in again; that "
-            "part is left out. Give each loading a file of its own."
-        )
-    phases = trial.phases
-    again = [k for k, p in enumerate(phases) if p == LOADING and UNLOADING in phases[:k]]
+        yield told(FitNotice.PRESSED_AGAIN)
+    again = sum(p == LOADING and UNLOADING in trial.phases[:k] for k, p in enumerate(trial.phases))
     if again:
-        remarks.append(
-            f"{trial.name}: {len(again) + 1} loadings in one file; they are simulated one after "
-            "the other as they were driven, but count as one trial, so they show nothing of the "
-            "errors between trials. Give each a file of its own if they are repeats."
-        )
-    return remarks
+        yield told(FitNotice.SEVERAL_LOADINGS, loadings=again + 1)
 
 
 def observe(trials: Sequence[Segmentation]) -> Observations:
@@ -285,14 +275,6 @@ def observe(trials: Sequence[Segmentation]) -> Observations:
     InputError
         If a recording has no loading.
     """
-    remarks: list[str] = []
-    for trial in trials:
-        if trial.contact.in_air:
-            remarks.append(
-                f"{trial.name}: {trial.contact.displacement:.2f} mm of air before first contact; "
-                "displacement and force are counted from there."
-            )
-        remarks += _on_driving(trial)
     groups = group_trials(trials)
     protocols = tuple(stations_of([trials[k] for k in group]) for group in groups)
     protocol_of = tuple(next(g for g, group in enumerate(groups) if k in group) for k in range(len(trials)))
@@ -310,7 +292,7 @@ def observe(trials: Sequence[Segmentation]) -> Observations:
         float(np.sqrt(np.mean([t.force_noise**2 for t in trials]))),
         float(np.sqrt(np.mean([t.displacement_noise**2 for t in trials]))),
         tuple(t.contact for t in trials),
-        tuple(remarks),
+        tuple(notice for trial in trials for notice in _about(trial)),
         tuple(t.depth for t in trials),
         all(t.contact.known for t in trials),
         channel_readings(trials, stations),

@@ -13,20 +13,24 @@ from legfem.data import Instrument
 from legfem.inverse.averaging import unseen_of
 from legfem.inverse.catalogue import DEEP_C10, deep_stiffness
 from legfem.inverse.correction import TabulatedCorrection
-from legfem.inverse.elastography import elastography_priors
+from legfem.inverse.diagnosed_fit import solution_notices
+from legfem.inverse.elastography import disagreement, elastography_priors
 from legfem.inverse.library import Library
 from legfem.inverse.library_build import build_library
 from legfem.inverse.linearised import LinearisedFit, NuisanceEffect
 from legfem.inverse.measured_strength import MeasuredStrength, measured_strength
 from legfem.inverse.mechanism import Occurrence, null_of, prior_of, testable
+from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.predictor import LawName, Predictor, values_of
 from legfem.inverse.responses import SolvedResponses
 from legfem.inverse.verdict import Diagnosis, diagnose
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.finite_element_models import solved_responses
+from legfem.legs.notices import LegNotice
 from legfem.legs.nuisances import Accuracy, accuracy_of_shape, nuisance_effects
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness
+from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.mechanisms import OCCURRENCES, Mechanism, mechanisms
 from legfem.mechanisms.muscle import MuscleFibres
@@ -104,21 +108,14 @@ class Diagnoser:
     def observations(self, subject: Subject) -> Observations:
         """Return a subject's recordings at their stations."""
         observed = observe(subject.trials)
-        remarks = list(observed.remarks)
+        told = list(observed.notices)
         if not subject.instrument.stated:
-            remarks.append(
-                "subject.toml states no instrument accuracy: the errors are those from sample to "
-                "sample and between repeats. What drifts slowly, or is the same in all trials, cannot be "
-                "distinguished from physics. State the data sheet's figures under [instrument]."
-            )
+            told.append(Notice.of(FitNotice.NO_ACCURACY_STATED, file=SUBJECTS.file))
         if subject.plane_strain and not subject.plane_strain_stated:
-            remarks.append(
-                "subject.toml does not say whether the simulation had the cylinder's ends, so the effect of "
-                "ends is among the candidates. State plane_strain under [recordings]."
-            )
+            told.append(Notice.of(LegNotice.ENDS_NOT_STATED))
         if observed.repeats < 2:
-            remarks.append("No protocol was repeated, so the errors between trials are the instruments' figures alone.")
-        return replace(observed, remarks=tuple(remarks))
+            told.append(Notice.of(FitNotice.NOT_REPEATED))
+        return replace(observed, notices=tuple(told))
 
     def library(self, subject: Subject, observed: Observations, progress: Progress) -> tuple[Library, SolvedResponses]:
         """Return the library for recordings, and full solutions of the leg."""
@@ -302,6 +299,20 @@ def with_correction(every: Sequence[Mechanism], correction: TabulatedCorrection 
     if correction is None:
         return list(every)
     return [EndEffects(correction) if one.name == EndEffects.name else one for one in every]
+
+
+def notices_of(found: Diagnosis, subject: object) -> tuple[Notice, ...]:
+    """Return what a reader must know of a diagnosis: doubts, where shear waves disagree, and the others."""
+    of_input = (*doubted(doubts_of(found, subject)), *of_elastography(found, subject))
+    return (*of_input, *found.observed.notices, *solution_notices(found))
+
+
+def of_elastography(found: Diagnosis, subject: object) -> Iterator[Notice]:
+    """Yield where the base model and shear waves ask for another stiffness."""
+    known = elastography_priors(subject.elastography).get(DEEP_C10) if isinstance(subject, Subject) else None
+    if known is not None:
+        alone = found.weighted_base
+        yield from disagreement(DEEP_C10, known, alone.value(DEEP_C10), alone.fit.sd(DEEP_C10))
 
 
 def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:

@@ -1,7 +1,7 @@
 """What a reader of a leg's fit must know: notices, the gravest first."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from enum import StrEnum
 
 from legfem.common.errors import Doubt
@@ -15,7 +15,7 @@ from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.plausibility import doubts_about, doubts_about_stiffness, poisson_ratio
 from legfem.legs.site_test import curve_of
-from legfem.legs.subject import Subject
+from legfem.legs.subject import TYPICAL_FORCE_SD, Subject
 
 
 class LegNotice(StrEnum):
@@ -40,6 +40,7 @@ class LegNotice(StrEnum):
     FIBRES_ALONG = "fibres_along_leg"
     FIBRES_STATED = "fibres_stated"
     NO_FIBRES = "no_fibres"
+    ENDS_NOT_STATED = "ends_not_stated"
 
 
 def notices_about(fit: Fit[LegDetails]) -> tuple[Notice, ...]:
@@ -58,7 +59,7 @@ def notices_about(fit: Fit[LegDetails]) -> tuple[Notice, ...]:
     found += of_failed_solves(log, None if several else float(curve_of(fit.tests[0]).displacement[-1]))
     found += far_from_priors(fit.estimates)
     if details.subject.typical_shape:
-        found.append(Notice.of(LegNotice.TYPICAL_SHAPE))
+        found.append(Notice.of(LegNotice.TYPICAL_SHAPE, force_percent=100 * TYPICAL_FORCE_SD))
     found += _left_out(fit)
     if isinstance(details.spatial, SpatialSites):
         found += of_elastography(details.subject, fit.estimates)
@@ -108,31 +109,20 @@ def _doubts_of(fit: Fit[LegDetails]) -> tuple[Doubt, ...]:
 def _misfit(fit: Fit[LegDetails]) -> Notice:
     (one,) = fit.tests
     return Notice.of(
-        LegNotice.MISFIT,
-        rms=fit.cost.rms,
-        noise=float(curve_of(one).force_sd.mean()),
-        chi_square=fit.goodness.chi_square,
-        degrees=fit.goodness.degrees_of_freedom,
+        LegNotice.MISFIT, rms=fit.cost.rms, noise=float(curve_of(one).force_sd.mean()), **asdict(fit.goodness)
     )
 
 
 def _misfit_of_sites(fit: Fit[LegDetails]) -> Notice:
     worst = min(fit.tests, key=lambda one: one.goodness.p_value)
-    return Notice.of(
-        LegNotice.MISFIT_OF_SITES,
-        chi_square=fit.goodness.chi_square,
-        degrees=fit.goodness.degrees_of_freedom,
-        worst=worst.name,
-        rms=worst.force.rms,
-    )
+    return Notice.of(LegNotice.MISFIT_OF_SITES, worst=worst.name, rms=worst.force.rms, **asdict(fit.goodness))
 
 
 def _disagreement_of_sites(fit: Fit[LegDetails]) -> Notice:
     far = [(name, fit.farthest(name)) for name in fit.estimates]
     return Notice.of(
         LegNotice.SITES_DISAGREE,
-        chi_square=fit.agreement.chi_square,
-        degrees=fit.agreement.degrees_of_freedom,
+        **asdict(fit.agreement),
         farthest=tuple((name, one.name, one.by_itself[name].departure) for name, one in far),
     )
 

@@ -1,6 +1,5 @@
 """A cohort on one page: which results can be used, what was found of all, what is odd, and how it was done."""
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,11 +14,11 @@ from legfem.cohort.population_model import PopulationFit
 from legfem.cohort.rows import Measure, ModelResult, Row, cohort_model, measured
 from legfem.cohort.statistics import statistics
 from legfem.common.documents import versions_of
-from legfem.common.errors import DOUBTFUL
 from legfem.inverse.catalogue import called
 from legfem.report import cohort_statistics
 from legfem.report.cohort_statistics import colours_of
 from legfem.report.curves import Bundle, Cell, Forest, ForestMetric, Group, SortableTable
+from legfem.report.notices import kind_of_notice
 from legfem.report.render import plain_page, rendered
 from legfem.report.style import LAW_NAMES
 from legfem.report.words import BEYOND_A_FIT, ORIGINS, capital, number, short_probability
@@ -239,21 +238,9 @@ def _headline(
     return web.Headline(tone, sentence, answers, f"{good} of {len(rows)} can be used")
 
 
-def _kind_of(warning: str) -> str:
-    """A warning without what differs from member to member: its first clause, no laws, numbers, files, brackets."""
-    law = next((text for name in LAW_NAMES.values() if warning.startswith(text := f"{name} law: ")), "")
-    warning = warning.removeprefix(law)
-    doubt = warning.startswith(DOUBTFUL)
-    parts = warning.removeprefix(DOUBTFUL).split(": ", 1)
-    text = parts[-1].partition(";")[0] if doubt else re.split(r"(?<=\D)[.:;] ", warning, maxsplit=1)[0]
-    text = re.sub(r" \([^()]*(\([^()]*\)[^()]*)*\)", "", text)
-    short = re.sub(r"(?<![\w.])[-+]?\d[\d.,]*(e[-+]?\d+)?(?!\w)", "…", text).rstrip(".")
-    return f"doubtful input: {short}" if doubt else short
-
-
 def _believed(members: Sequence[Member], rows: Sequence[Row], task: str) -> list[web.Block]:
     """A matrix of verdicts and warnings, the gravest first."""
-    kinds = {row.name: {_kind_of(text) for text in row.judged.warnings} for row in rows}
+    kinds = {row.name: set(map(kind_of_notice, row.judged.notices)) for row in rows}
     counts = Counter(kind for found in kinds.values() for kind in found)
     named = [kind for kind, _ in counts.most_common(_MOST_KINDS)]
     letters = {kind: chr(ord("A") + k) for k, kind in enumerate(named)}

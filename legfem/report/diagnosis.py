@@ -1,23 +1,21 @@
 """The page of a diagnosis."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
-from legfem.common.errors import DOUBTFUL, doubt_lines
 from legfem.common.units import percent
 from legfem.inverse.averaging import TIMES
-from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.elastography import disagreement, elastography_priors
-from legfem.inverse.explanation import Explanation
+from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.mechanism import null_of
+from legfem.inverse.notice import FitNotice
 from legfem.inverse.verdict import TRUSTED, Diagnosis, explained_share
-from legfem.legs.diagnosis import doubts_of
+from legfem.legs.diagnosis import notices_of
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_headline, diagnosis_sentences, estimates
 from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
-from legfem.report.diagnosis_curves import BASE_NAME, curves_of, model_name, plain
+from legfem.report.diagnosis_curves import curves_of, model_name, plain
 from legfem.report.diagnosis_document import Recorded, base_fit_of, kind_of, r_squared_of, versions
 from legfem.report.diagnosis_numbers import known_of
 from legfem.report.diagnosis_signatures import signatures_of
@@ -116,48 +114,20 @@ def diagnosis_web_page(
     ]
     if isinstance(subject, Subject):
         chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
-    warnings = [*doubt_lines(doubts_of(found, subject)), *waves_say(found, subject), *_warnings(found)]
+    notices = notices_of(found, subject)
     verdict = diagnosis_headline.headline(found, plan, "deep" if isinstance(subject, Subject) else "")
     return web.WebPage(
         title=diagnosis_headline.TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
         subject=subject.title,
         origin=subject.origin,
-        headline=verdict.doubted(sum(line.startswith(DOUBTFUL) for line in warnings)),
-        warnings=warnings,
+        headline=verdict.doubted(sum(one.code == FitNotice.DOUBTFUL for one in notices)),
+        warnings=list(map(sentence_of, notices)),
         warned=" for the person who recorded and described the test",
         known=known_of(found, subject),
         chapters=chapters,
         repeat=web.Repeat(command, versions()),
         data="" if isinstance(subject, Subject) else ORIGINS[subject.origin].partition(" (")[0],
     )
-
-
-def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
-    """Yield where the base model and shear waves ask for another stiffness."""
-    if not isinstance(subject, Subject):
-        return
-    known = elastography_priors(subject.elastography).get(DEEP_C10)
-    if known is not None:
-        alone = found.weighted_base
-        told = disagreement(DEEP_C10, known, alone.value(DEEP_C10), alone.fit.sd(DEEP_C10))
-        yield from map(sentence_of, told)
-
-
-def _warnings(found: Diagnosis) -> list[str]:
-    warnings = list(found.observed.remarks)
-    for model in (found.base, *found.models):
-        for name in model.fit.at_bound:
-            warnings.append(
-                f"{plain(name).replace('.', ', ')} is at the end of the range that was searched: "
-                f"{tables.estimate(model, name)} ({_name(model)})."
-            )
-    if not found.solutions and not found.emulator_error > 0:
-        warnings.append("Forces were interpolated between simulations, and no new simulation confirmed them.")
-    return warnings
-
-
-def _name(model: Explanation) -> str:
-    return f"with {model_name(model)}" if model.names else BASE_NAME
 
 
 def _where(found: Diagnosis) -> list[web.Block]:

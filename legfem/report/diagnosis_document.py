@@ -7,7 +7,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from legfem.common.documents import json_types, versions_of
-from legfem.common.errors import doubt_documents
 from legfem.common.units import mpa_to_kpa
 from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
@@ -20,7 +19,7 @@ from legfem.inverse.linearised import LinearisedFit
 from legfem.inverse.location import runs
 from legfem.inverse.predictive import HeldOut, checks_by_phase
 from legfem.inverse.verdict import Diagnosis, explained_share, residual_intervals
-from legfem.legs.diagnosis import doubts_of
+from legfem.legs.diagnosis import notices_of
 from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.further_channels import channel_misfits, channel_sentences
@@ -79,7 +78,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "title": subject.title,
             "origin": subject.origin,
             "laws": {found.law: {**_law(best), "verdict": found.verdict}},
-            "doubts": doubt_documents(doubts_of(found, subject)),
+            "notices": [asdict(one) for one in notices_of(found, subject)],
             "verdict": found.verdict,
             "probability_that_nothing_shows": found.explained.adequacy,
             "statements": [
@@ -189,7 +188,6 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 for check in checks_by_phase(model)
             ],
             "untested": found.untested,
-            "remarks": list(found.observed.remarks),
             "next_experiment": next_experiments(found),
             "full_solutions": found.solutions,
             "seed": seed,

@@ -1,37 +1,19 @@
-"""Notices in words: a sentence for pages, and the kind of notice for tables of many results."""
+"""Notices in words, which stand in ``resources/notices.toml``: sentences for pages, and kinds for tables of many."""
 
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from string import Formatter
 from typing import Any
 
 from legfem.common.errors import DOUBTFUL, Doubt
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
+from legfem.data.folder import RESOURCES
 from legfem.inverse.catalogue import key_of, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.notice import FitNotice, Notice
 from legfem.report.style import LAW_NAMES
-from legfem.report.words import capital
-
-
-@dataclass(frozen=True)
-class Words:
-    """Templates of a notice's sentences.
-
-    Fields are the notice's parameters. Conversions: ``!y`` a parameter's symbol, ``!n`` its key in documents, ``!k`` a
-    stress in kPa, ``!m`` in mmHg, ``!c`` with a capital; of a tuple each, with commas between. ``!a`` joins names.
-    """
-
-    kind: str
-    """The first words, which are of this kind of notice: a table of many results shows them without numbers."""
-    rest: str = ""
-    """What follows them in a sentence."""
-    more: Callable[[Mapping[str, Any]], str] | None = None
-    """What follows, where that depends on the parameters."""
-    whole: str | Callable[[Mapping[str, Any]], str] = ""
-    """In place of all these, where a sentence doesn't begin with its kind."""
-
+from legfem.report.words import capital, number
 
 _CONVERSIONS: Mapping[str, Callable[[Any], Any]] = {
     "y": symbol_of,
@@ -40,96 +22,72 @@ _CONVERSIONS: Mapping[str, Callable[[Any], Any]] = {
     "m": mpa_to_mmhg,
     "c": capital,
 }
+_OF_ALL: Mapping[str, Callable[[Any], str]] = {
+    "a": lambda names: " and ".join(names).replace("_", " "),
+    "p": lambda names: " + ".join([names] if isinstance(names, str) else names).replace("-", " ").replace(".", ", "),
+    "v": lambda pair: number(*pair),
+}
+"""Of several values together."""
 
 
 class _Formatter(Formatter):
-    """A formatter with our conversions, which takes tuples."""
+    """A formatter with the conversions of ``notices.toml``, which takes several values; numbers may be dots."""
+
+    def __init__(self, numbers: bool = True) -> None:
+        self.numbers = numbers
 
     def convert_field(self, value: Any, conversion: Any) -> Any:
         """Return a value under a conversion."""
-        if conversion is None:
-            return value
-        if conversion == "a":
-            return " and ".join(value).replace("_", " ")
-        convert = _CONVERSIONS[conversion]
+        if conversion in _OF_ALL:
+            return _OF_ALL[conversion](value)
+        convert = _CONVERSIONS.get(conversion, lambda same: same)
         return tuple(map(convert, value)) if isinstance(value, tuple | list) else convert(value)
 
     def format_field(self, value: Any, format_spec: str) -> str:
         """Return a value's text."""
-        if isinstance(value, tuple | list):
-            return ", ".join(format(one, format_spec) for one in value)
-        return format(value, format_spec)
-
-
-class _Numberless(_Formatter):
-    """The same, with a dash of dots for each number."""
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        """Return a name's text, or dots."""
         each = value if isinstance(value, tuple | list) else (value,)
-        return "…" if any(isinstance(one, int | float) for one in each) else super().format_field(value, format_spec)
-
-
-def _of_stopped(given: Mapping[str, Any]) -> str:
-    reach = "" if given["reach"] is None else f" of {given['reach']:g} mm"
-    at = ", ".join(f"{mpa_to_kpa(one):.3g}" for one in given["C10"])
-    where = "; ".join(filter(None, [f"C10 {at} kPa" if at else "", given["reason"]]))
-    return f"{reach}; the search kept away from them{f' ({where})' if where else ''}."
-
-
-_GENERAL: Mapping[str, Words] = {
-    FitNotice.DOUBTFUL: Words("doubtful input: {field}"),
-    FitNotice.UNCONVERGED: Words(
-        "The search ended before it converged",
-        ": the optimum may lie elsewhere. Rerun with another --seed or narrower bounds.",
-    ),
-    FitNotice.SOLVES_STOPPED: Words("{stopped} of {solves} full solves stopped short", more=_of_stopped),
-    FitNotice.COMPROMISE: Words(
-        "The model of the best fit went on only with {by}",
-        ": its force may be off by some percent, over very soft fat by more. Use less of the recordings' depth, and "
-        "see whether C10 stays.",
-    ),
-    FitNotice.AT_BOUND: Words("{name!y} stands at the {bound} bound of the search", "."),
-    FitNotice.NEO_HOOKEAN_LIMIT: Words(
-        "The reduced polynomial's optimum is its neo-Hookean limit",
-        " (C20 = 0): these recordings show no stiffening of the deep tissue beyond it.",
-    ),
-    FitNotice.FAR_FROM_PRIOR: Words(
-        "The recordings put {name!y} {departure:.1f} standard deviations from the centre of its prior",
-        ": one of the two is wrong, or the model is.",
-    ),
-    FitNotice.ELASTOGRAPHY_DISAGREES: Words(
-        "{higher!c} finds a higher {name!n} than {lower} does, by {departure:.1f} standard deviations",
-        " ({source}: C10 {centre!k:.3g} ± {sd!k:.2g} kPa). Shear waves of 100 Hz and more meet a stiffer tissue than a "
-        "slow test does: a wider sd_kPa should cover the difference, or one of the two is wrong.",
-    ),
-}
+        if not self.numbers and any(isinstance(one, int | float) for one in each):
+            return "…"
+        return ", ".join(format(one, format_spec) for one in each)
 
 
 @cache
-def _words() -> Mapping[str, Words]:
-    from legfem.report.leg_notices import LEG
-    from legfem.report.specimen_notices import SPECIMENS
-    from legfem.report.stocking_notices import STOCKING
+def words() -> Mapping[str, Mapping[str, Any]]:
+    """Return the templates by code."""
+    return tomllib.loads((RESOURCES / "notices.toml").read_text(encoding="utf-8"))
 
-    return {**_GENERAL, **LEG, **SPECIMENS, **STOCKING}
+
+def _clause(template: str, value: Any, name: str, joined: str) -> str:
+    entries = value if value and isinstance(value, tuple | list) and isinstance(value[0], tuple | list) else None
+    if entries is None:
+        return _Formatter().vformat(template, (), {name: value})
+    return joined.join(_Formatter().vformat(template, one, {}) for one in entries)
+
+
+def _filled(notice: Notice) -> dict[str, Any]:
+    """Return a notice's parameters, those that have clauses or names of their own in words."""
+    said, given = words()[notice.code], dict(notice.parameters)
+    for name, values in said.get("named", {}).items():
+        given[name] = values[given[name]]
+    for name, template in said.get("clauses", {}).items():
+        without = said.get("without", {}).get(name, "")
+        given[name] = _clause(template, given[name], name, said.get("joined", "; ")) if given[name] else without
+    return given
 
 
 def sentence_of(notice: Notice) -> str:
     """Return a notice as a page says it."""
-    given, words = notice.parameters, _words()[notice.code]
     if notice.code == FitNotice.DOUBTFUL:
-        return f"{DOUBTFUL}{Doubt(**given)}"
-    if callable(words.whole):
-        return words.whole(given)
-    text = _Formatter().vformat(words.whole or words.kind + words.rest, (), given)
-    site = f"Site {given['site']}: " if given.get("site") else ""
-    return f"{site}{text}{words.more(given) if words.more else ''}"
+        return f"{DOUBTFUL}{Doubt(**notice.parameters)}"
+    said, given = words()[notice.code], _filled(notice)
+    text = _Formatter().vformat(said.get("whole") or said["kind"] + said["rest"], (), given)
+    where = f"Site {given['site']}: " if given.get("site") else f"{given['trial']}: " if "trial" in given else ""
+    return f"{where}{text}"
 
 
 def kind_of_notice(notice: Notice) -> str:
     """Return what notices of this kind have in common, without numbers."""
-    return _Numberless().vformat(_words()[notice.code].kind, (), notice.parameters)
+    return _Formatter(numbers=False).vformat(words()[notice.code]["kind"], (), _filled(notice))
 
 
 def sentences_of(fits: Sequence[Fit[Any]]) -> list[str]:

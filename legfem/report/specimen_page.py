@@ -35,14 +35,12 @@ _NOT_TESTED = (
 def specimen_page(results: Sequence[SpecimenFit], command: str = "") -> web.WebPage:
     """Return the page of specimens' fits, one a law, and of the command that was given."""
     best = least_akaike(results)
-    left = dict.fromkeys(one for result in results for one in result.details.left_out)
-    warnings = [*(f"Not used: {one.name}: {one.reason}." for one in left), *sentences_of((best, *results))]
     return web.WebPage(
         title=f"How stiff is the tissue of specimen {best.details.folder.id}?",
         subject=best.details.folder.title,
         origin=best.details.folder.origin,
         headline=_headline(best).doubted(best.doubts),
-        warnings=warnings,
+        warnings=sentences_of((best, *results)),
         known=_known(results),
         chapters=[
             web.Chapter("Recordings and model", _recordings(results)),

@@ -61,6 +61,11 @@ class SpecimenNotice(StrEnum):
     NOT_PREDICTED = "left_out_not_predicted"
     RATIO_UNDETERMINED = "fibre_ratio_undetermined"
     SIDE_SEEN = "side_seen"
+    NOT_USED = "recording_not_used"
+    UNTIMED = "recordings_untimed"
+    KIND = "kind_of_test"
+    ALTERNATIVE_ASSUMED = "alternative_assumed"
+    LAYER_ASKED = "layer_asked_for"
 
 
 def probabilities(each: Mapping[str, Sequence[_Fit]]) -> dict[str, float]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.errors import InputError, doubt_lines
+from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.wording import Argument
 from legfem.data import Instrument
@@ -15,6 +15,7 @@ from legfem.data.recording import Origin
 from legfem.inverse.catalogue import DEEP_C10, RATIO
 from legfem.inverse.library_build import build_library
 from legfem.inverse.library_tasks import middle_of
+from legfem.inverse.notice import FitNotice, Notice, doubted
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis
@@ -23,6 +24,7 @@ from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.nuisances import Accuracy
 from legfem.specimens.agreement import TestsAgreement, agreement_of_tests
 from legfem.specimens.artefacts import SizeDependence, size_dependence
+from legfem.specimens.details import SpecimenNotice
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts, tissue_asked_for
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.sizes import LeftOut, Sizes, SpecimenRecording, bare, fibres_text, kind_in
@@ -189,7 +191,7 @@ def _diagnosed(
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     observed, stiff = observed.with_channels(library.beside.names), stiffness_doubts(folder, middle)
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
-    observed = replace(observed, remarks=(*doubt_lines(doubts), *observed.remarks))
+    observed = replace(observed, notices=(*doubted(doubts), *observed.notices))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
     diagnosis = diagnose_body(
         observed,
@@ -207,36 +209,20 @@ def _diagnosed(
 
 def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Observations:
     observed = observe([one.trial for one in used])
-    remarks = list(observed.remarks)
+    told, timed = list(observed.notices), used[0].recording.timed
     if folder.instrument is None:
-        remarks.append(
-            "specimen.toml states no instrument accuracy: the errors are those from sample to "
-            "sample and between repeats. What drifts slowly, or is the same in all trials, cannot be "
-            "distinguished from physics. State the data sheet's figures under [instrument]."
-        )
-    if not used[0].recording.timed:
-        remarks.append(
-            "The recordings are tables of stretch and stress: forces and displacements are those of a body of the "
-            "stated size, or of a cube of 10 mm, and nothing is known of time."
-        )
+        told.append(Notice.of(FitNotice.NO_ACCURACY_STATED, file=FILE))
+    if not timed:
+        told.append(Notice.of(SpecimenNotice.UNTIMED))
     if note := kind_in(used[0].sizes).note:
-        remarks.append(note)
+        told.append(Notice.of(SpecimenNotice.KIND, text=note))
     if folder.alternatives:
-        first = folder.alternatives[0]
-        remarks.append(
-            f"The folder leaves open how the test was done: {first} is assumed, and slip at the faces is weighed."
-        )
+        told.append(Notice.of(SpecimenNotice.ALTERNATIVE_ASSUMED, first=folder.alternatives[0]))
     if len(folder.tissues) > 1:
-        still = (
-            ", and they are taken not to relax: if they do, the error goes into C10" if used[0].recording.timed else ""
-        )
-        remarks.append(
-            f"C10 is that of the layer {tissue_asked_for(folder).name}, whose stiffness "
-            f"specimen.toml leaves open; the others' is as stated there{still}."
-        )
+        told.append(Notice.of(SpecimenNotice.LAYER_ASKED, layer=tissue_asked_for(folder).name, timed=timed))
     if observed.repeats < 2:
-        remarks.append("No protocol was repeated, so the errors between trials are the instruments' figures alone.")
-    return replace(observed, remarks=tuple(remarks))
+        told.append(Notice.of(FitNotice.NOT_REPEATED))
+    return replace(observed, notices=tuple(told))
 
 
 def _check_fibres(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:

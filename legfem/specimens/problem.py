@@ -6,7 +6,7 @@ First contact is found along with the law.
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -189,7 +189,8 @@ class SpecimenProblem:
         in_air = [one.name for one in fitted if one.course.in_air]
         undetermined = [Notice.of(SpecimenNotice.RATIO_UNDETERMINED, text=why)] if why else []
         found_here = notices_about(result, in_air, (*self.prepared.notices, *undetermined, *told))
-        return replace(result, notices=(*doubted(self._doubts()), *found_here))
+        unused = (Notice.of(SpecimenNotice.NOT_USED, **asdict(one)) for one in self.prepared.left_out)
+        return replace(result, notices=(*doubted(self._doubts()), *unused, *found_here))
 
     def _missed(
         self, found: Found[SpecimenReadings], covariance: FloatArray
