@@ -294,8 +294,8 @@ def of_compromise(log: SearchLog) -> Iterator[Notice]:
         yield Notice.of(FitNotice.COMPROMISE, by=log.compromise)
 
 
-def of_failed_solves(log: SearchLog, reach: float | None = None) -> Iterator[Notice]:
-    """Say how many full solves stopped short of a depth (mm), where, and why."""
+def of_failed_solves(log: SearchLog, reach: str = "") -> Iterator[Notice]:
+    """Say how many full solves stopped short of a reach in words, where, and why."""
     if log.failed_solves:
         failed = [one for one in log.solves if not one.complete]
         yield Notice.of(

@@ -56,7 +56,7 @@ def notices_about(fit: Fit[LegDetails]) -> tuple[Notice, ...]:
     for one in fit.tests:
         found += begun_in_air(curve_of(one), one.name if several else "")
     found += at_limits(fit)
-    found += of_failed_solves(log, None if several else float(curve_of(fit.tests[0]).displacement[-1]))
+    found += of_failed_solves(log, "" if several else f"{curve_of(fit.tests[0]).displacement[-1]:g} mm")
     found += far_from_priors(fit.estimates)
     if details.subject.typical_shape:
         found.append(Notice.of(LegNotice.TYPICAL_SHAPE, force_percent=100 * TYPICAL_FORCE_SD))

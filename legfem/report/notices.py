@@ -57,11 +57,11 @@ def words() -> Mapping[str, Mapping[str, Any]]:
     return tomllib.loads((RESOURCES / "notices.toml").read_text(encoding="utf-8"))
 
 
-def _clause(template: str, value: Any, name: str, joined: str) -> str:
+def _clause(template: str, value: Any, name: str) -> str:
     entries = value if value and isinstance(value, tuple | list) and isinstance(value[0], tuple | list) else None
     if entries is None:
         return _Formatter().vformat(template, (), {name: value})
-    return joined.join(_Formatter().vformat(template, one, {}) for one in entries)
+    return "; ".join(_Formatter().vformat(template, one, {}) for one in entries)
 
 
 def _filled(notice: Notice) -> dict[str, Any]:
@@ -71,7 +71,7 @@ def _filled(notice: Notice) -> dict[str, Any]:
         given[name] = values[given[name]]
     for name, template in said.get("clauses", {}).items():
         without = said.get("without", {}).get(name, "")
-        given[name] = _clause(template, given[name], name, said.get("joined", "; ")) if given[name] else without
+        given[name] = _clause(template, given[name], name) if given[name] else without
     return given
 
 
