@@ -34,7 +34,7 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from studies.command_line import Jobs, new_app
-from studies.lab.recording import InstrumentNoise, record_path
+from studies.making.recording import InstrumentNoise, record_path
 
 DEFINITION = Path(__file__).parent / "frauziols" / "reconstruction.toml"
 PAPER_D = 28.0

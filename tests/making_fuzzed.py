@@ -19,7 +19,7 @@ from legfem.legs.loading import load_subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.folder import load_specimen
 from legfem.stockings.loading import load_leg
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 COARSE = (2.6, 2.8, 5.0)

@@ -10,7 +10,7 @@ import felupe as fem
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from studies.other_code.pressing import OtherMuscle
+from studies.making.pressing import OtherMuscle
 
 _STEP = 0.25
 """mm: an element at the punch's edge must not turn over."""

@@ -80,7 +80,7 @@ from legfem.study.doe.command import study_web_page
 from legfem.study.doe.design import read_definition
 from legfem.study.doe.runs import Record, Workshop, simulate
 from legfem.study.doe.study import StudyResult, study
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 
 COMMAND = "legfem identify --subject-dir 'my <leg>'"
 DEPTH = 4.0

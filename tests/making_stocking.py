@@ -9,7 +9,7 @@ import numpy as np
 from legfem.geometry.leg_shape import LegShape
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.leg_sizes import SolidMeshSettings
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 PLANTED_KPA = (2.5, 6.0)

@@ -8,7 +8,7 @@ from making_identification import DEPTH, curve_of, identify, pressed_leg
 
 from legfem.data import segment_all
 from legfem.data.alignment import align_branches, loading_branch
-from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
+from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 DRAWS, RATE, PRESSED = 16, 0.5, DEPTH - 2.0
 

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.imaging.outlines import smoothed
 from legfem.stockings.contour_distances import ContourAccuracy
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 
 
 def test_without_smoothing_the_errors_are_the_segmentation_s():

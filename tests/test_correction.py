@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
@@ -18,7 +17,6 @@ from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import Calibration, calibrate
 from legfem.study.correction.cases import CorrectionCase
-from studies.correction_checks import check
 
 GRID = np.linspace(0, 25, 51)
 
@@ -103,17 +101,3 @@ def test_a_calibration_is_kept_and_gone_on_with(tmp_path: Path):
     assert np.all(np.abs(P) < 0.5)
     read = read_correction(found.correction.write(tmp_path / "correction.json"))
     assert read.given["leg"]["length"] == 90
-
-
-@pytest.mark.slow
-def test_checks_press_the_mesh_and_compare_elements(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("studies.correction_checks.REACH", 1.0)
-    mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=4, growth=0.5, far_size=40)
-    case = CorrectionCase(IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=mesh), depth=5.0)
-    check(case, tmp_path, tmp_path / "cases", 1, Silent(), MPI.COMM_SELF)
-    found = json.loads((tmp_path / "checks.json").read_text())["cases"]
-    assert [one["reached_mm"] for one in found] == [1.0] * 6 + [5.0] * 3
-    assert not any(one["softened"] for one in found)
-    accurate, coarse, finer = (one["force_N"] for one in found[6:])
-    assert coarse > finer > accurate
-    assert "first-order tetrahedra" in capsys.readouterr().out

@@ -24,7 +24,7 @@ from legfem.meshing.structured import IdealisedLeg, LegMeshSettings, MeridianMes
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
 from legfem.stockings.equilibrium import LegModel3D
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 from studies.reconstruct import solve_once
 
 LAW = NeoHookean(5e-3, 0.2)

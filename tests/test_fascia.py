@@ -14,7 +14,7 @@ from legfem.mechanics.terms import Fascia
 from legfem.mechanics.terms.membranes import face_strain, free_volume_ratio
 from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.solid_leg import mesh_solid_leg
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 
 STIFFNESS = 0.2
 """N/mm."""

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from making_diagnosed import diagnosed
 
+from legfem.data import segment_all
 from legfem.inverse.correction import read_correction
 from legfem.inverse.fibre_correction import read_fibres
+from legfem.inverse.observations import observe
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.mechanisms import Solution
 from legfem.solve.path import ForceCurve
+from legfem.solve.protocol import Protocol
+from legfem.study.correction.cases import CorrectionCase
 from studies.fibres.concealed import CASES, HEADER, cells, score
+from studies.fibres.plane_base import NOT_OFFERED, PlaneLegVariants, offered
 from studies.fibres.table import AT_RATIO, base_case, fibrous, smooth_log, varied
+from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 
 def test_concealed_truths_are_of_other_legs_and_meshes_than_the_tables():
@@ -21,6 +29,30 @@ def test_concealed_truths_are_of_other_legs_and_meshes_than_the_tables():
         assert leg.fat == 0.0 != table["leg"]["fat"]
         assert one.case.material.mechanisms
     assert len({(one.ratio, one.in_air) for one in CASES}) == len(CASES) == 10
+
+
+def test_mechanisms_that_the_idealised_leg_lacks_are_missing_with_a_reason():
+    time = np.linspace(0.0, 47.5, 476)
+    course = Course(time, 0.4 * time, (0.4 * time) ** 1.5 / 4)
+    recordings = record([course] * 3, LabErrors(gain_sd=0.01, air=2.0), np.random.default_rng(2027))
+    observed = observe(segment_all(recordings, INSTRUMENT))
+    tabulated, missing = offered(observed, read_correction(REFERENCE))
+    assert [m.name for m in tabulated] == ["compressibility"]
+    assert missing == dict(NOT_OFFERED)
+
+
+@pytest.mark.parametrize(
+    ("protocol", "solution"),
+    [
+        (Protocol.ramp(5.0, 0.4), Solution()),
+        (Protocol.ramp(5.0, 1.0), Solution("porous")),
+        (Protocol.ramp(5.0, 1.0), Solution(parameters={"deep.C30": 1.0})),
+        (Protocol.ramp(5.0, 1.0), Solution(tilt_deg=3.0)),
+    ],
+)
+def test_the_idealised_leg_refuses_what_it_cannot_show(protocol, solution):
+    with pytest.raises(ValueError, match="idealised leg"):
+        PlaneLegVariants(CorrectionCase()).follow(protocol, {}, solution)
 
 
 def test_what_is_listed_is_counted():

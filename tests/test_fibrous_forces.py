@@ -18,7 +18,7 @@ from legfem.mechanics.terms import Fibres
 from legfem.specimens.kind import AXES
 from legfem.specimens.laws import SpecimenTissue
 from legfem.specimens.sizes import FibrousTest
-from studies.other_code.pressing import BULK, OtherMuscle, pulled_bar
+from studies.making.pressing import BULK, OtherMuscle, pulled_bar
 
 
 @pytest.mark.parametrize("direction", ["load", "across"])

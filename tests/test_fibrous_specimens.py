@@ -31,9 +31,8 @@ from legfem.specimens.laws import SpecimenTissue, request_of_texts
 from legfem.specimens.nuisances import OwnStiffness
 from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text, slipping
 from legfem.specimens.variants import SpecimenVariants
-from studies.fibrous_specimens.__main__ import page
-from studies.fibrous_specimens.planting import SETUPS, Found, Outcome, plants
-from studies.sites.identifying import Interval
+from studies.cases.bars import SETUPS, Found, Outcome, page, plants
+from studies.cases.outcomes import Interval
 
 ON_BLOCK = PULLED.replace(
     '[uniaxial]\ndirection = "tension"\nlength_mm = 10.0\narea_mm2 = 100.0',

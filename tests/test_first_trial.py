@@ -13,7 +13,7 @@ from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.observations import observe
 from legfem.inverse.verdict import Diagnosis
 from legfem.solve.protocol import Protocol
-from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
+from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 C20 = 0.7
 ASKED = (

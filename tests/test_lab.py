@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import kurtosis
 
 from legfem.legs.loading import load_subject
-from studies.lab.outcomes import Rate
-from studies.lab.recording import INSTRUMENT, Course, LabErrors, flicker, record
-from studies.lab.stated import (
+from studies.cases.outcomes import Rate
+from studies.making.recording import INSTRUMENT, Course, LabErrors, flicker, record
+from studies.making.stated import (
     CONTOURS_MM,
     GAINS,
     LEAST_FAT_MM,

@@ -12,7 +12,7 @@ from legfem.meshing.leg_sizes import SolidMeshSettings
 from legfem.meshing.solid_leg import mesh_solid_leg
 from legfem.solve.linear import LinearSettings
 from legfem.solve.settings import NewtonSettings
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 
 
 def test_lagged_factors_lead_to_the_same_state_with_fewer_factorisations():

@@ -17,7 +17,7 @@ from legfem.stockings.fabric import (
     fitted_stocking,
     stocking_load,
 )
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 
 
 def _leg(skin: np.ndarray) -> LegShape:

@@ -23,7 +23,7 @@ from legfem.geometry.leg_shape import (
 from legfem.geometry.leg_surface import PartSurface
 from legfem.geometry.motion import displaced, rigidly_moved, without_layer
 from legfem.imaging.outlines import read_shape, smoothed
-from studies.legs.shapes import horizontal_curvature, round_leg
+from studies.making.shapes import horizontal_curvature, round_leg
 
 
 def cone(slope: float = 0.1) -> LegShape:

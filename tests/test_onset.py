@@ -12,7 +12,7 @@ from making import CROSSCHECK, press
 
 from legfem.data import Instrument, Scales, among_repeats, segment
 from legfem.data.contact import LEG, Contact
-from studies.lab.recording import Course, LabErrors, record
+from studies.making.recording import Course, LabErrors, record
 
 type Curve = Callable[[np.ndarray], np.ndarray]
 """Force (N) over the displacement after contact (mm)."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from legfem.data import mean_loading_curve, segment_all
-from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
+from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 DEPTH, RATE = 12.0, 0.5
 LABS, AIR = 60, LabErrors(gain_sd=0.01, air=4.0)

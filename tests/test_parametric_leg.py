@@ -10,7 +10,7 @@ import shapely
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, fat_thickness_around, largest_girth, perimeter
-from studies.legs.shapes import ParametricLeg, horizontal_curvature, parametric_leg, read_legs
+from studies.making.shapes import ParametricLeg, horizontal_curvature, parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from legfem.geometry.section import girth, minimal_fat_thickness
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.solve.path import ForceCurve
-from studies.reach import __main__ as command
-from studies.reach.pressing import Reached, ReachTask, differences, drawn_leg
+from studies.cases.__main__ import app
+from studies.cases.reach import Reached, differences, drawn_leg, page
 
 
 def test_legs_are_drawn_within_their_ranges_and_alike_for_one_seed():
@@ -69,7 +69,7 @@ def test_the_page_counts_and_names_legs_that_stop():
         _outcome(jumps=2),
         _outcome(complete=False, reached_mm=12.5, reason="it folded"),
     ]
-    text = command.page([(ReachTask(k, 5, True), one) for k, one in enumerate(found)])
+    text = page(found)
     assert "3/4 = 75 %" in text.replace("%", " %").replace("  ", " ")
     assert "1/2" in text and "0.40 %" in text and "0.10 %" in text
     assert "it folded" in text and "12.50" in text
@@ -78,12 +78,12 @@ def test_the_page_counts_and_names_legs_that_stop():
 @pytest.mark.slow
 def test_a_second_run_goes_on_where_the_first_stopped(tmp_path: Path):
     def run(number: int) -> list[dict]:
-        asked = ["--n", str(number), "--seed", "5", "--compare", "0", "--jobs", "1"]
-        ended = CliRunner().invoke(command.app, [*asked, "--out", str(tmp_path)])
+        asked = ["reach", "--n", str(number), "--seed", "5", "--jobs", "1"]
+        ended = CliRunner().invoke(app, [*asked, "--out", str(tmp_path)])
         assert ended.exit_code == 0, ended.output
-        return json.loads((tmp_path / "result.json").read_text())["legs"]
+        return json.loads((tmp_path / "result.json").read_text())["cases"]
 
     (first,) = run(1)
     again, second = run(2)
     assert again == first and first["complete"]
-    assert second["number"] == 1 and second["factorisations"] > 20
+    assert second["leg"]["number"] == 1 and second["factorisations"] > 20

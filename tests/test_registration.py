@@ -20,8 +20,8 @@ from legfem.imaging.registration import (
     register_shapes,
     register_surfaces,
 )
-from studies.legs.scans import ScanSettings, SegmentationNoise, simulated_scan
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.scans import ScanSettings, SegmentationNoise, simulated_scan
+from studies.making.shapes import parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 PLANTED = RigidTransform.of_angles((4.0, -3.0, 12.0), np.array([6.0, -8.0, 15.0]))

@@ -11,7 +11,6 @@ import pytest
 from making import write_subject
 from making_results import measured_curve, result
 from matplotlib.image import imread
-from scipy.stats import chi2
 
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.elastography import FibreRatio
@@ -29,7 +28,6 @@ from legfem.report.render import brief, plain_page
 from legfem.report.results import write_report
 from legfem.report.style import save
 from legfem.report.words import number
-from studies.frauziols.cost_figure import confidence_ellipse, cost_figure, linear_cost
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +101,6 @@ def test_origin_of_the_data_comes_first(both, subject, origin):
     for text in (plain_page(page, []), brief(page)):
         assert text.index(f"*** {origin.upper()} DATA ***") < text.index(page.headline.sentence[:20])
     assert f"{origin} data" in kind_of([other]).figure([other]).get_suptitle()
-    assert f"{origin} data" in cost_figure(other).get_suptitle()
 
 
 def test_terminal_is_told_how_the_laws_compare(both, subject):
@@ -138,33 +135,17 @@ def test_report_survives_numbers_that_are_missing(both, subject):
     text = text_of([bare], subject)
     assert "no emulator" in text and "not known" in text
     assert "nan" not in text
-    cost_figure(bare)
 
 
 def test_figures_are_written_and_not_empty(both, tmp_path):
     before = dict(matplotlib.rcParams)
-    figures = {"fit": kind_of(both).figure(both), "a": cost_figure(both[0]), "b": cost_figure(both[1])}
+    figures = {"fit": kind_of(both).figure(both)}
     for name, figure in figures.items():
         png, svg = save(figure, tmp_path, name, svg=True)
         image = imread(png)
         assert image.shape[0] > 800 and image[..., :3].std() > 0.05
         assert svg.stat().st_size > 10_000
     assert dict(matplotlib.rcParams) == before
-
-
-def test_region_is_that_of_the_covariance(both):
-    found = both[1]
-    c10, c20 = (estimate.shown for estimate in found.estimates.values())
-    apart = (confidence_ellipse(found) - [c10.value, c20.value]) / [c10.standard_error, c20.standard_error]
-    r = found.correlation("deep.C10", "deep.C20")
-    distance = np.einsum("ni,ij,nj->n", apart, np.linalg.inv([[1, r], [r, 1]]), apart)
-    np.testing.assert_allclose(distance, chi2.ppf(0.95, 2), rtol=1e-6)
-
-
-def test_cost_near_the_optimum_is_the_cost_there(both):
-    for found in both:
-        at = [np.array(estimate.shown.value) for estimate in found.estimates.values()]
-        assert linear_cost(found, *at) == pytest.approx(found.cost.value, rel=1e-6)
 
 
 def test_report_folder_is_complete_and_can_be_written_again(tmp_path):

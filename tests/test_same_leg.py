@@ -13,7 +13,7 @@ from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import rigidly_moved
 from legfem.imaging.same_leg import doubts_about_registration, doubts_about_second_scan, registered
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 TOML = Path("leg.toml")

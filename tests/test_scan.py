@@ -15,7 +15,7 @@ from legfem.geometry.section_from_outlines import Clearances
 from legfem.geometry.slices import signed_distances
 from legfem.imaging.label_volume import LabelVolume
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
-from studies.legs.scans import ScanSettings, SegmentationNoise, coverage, simulated_scan
+from studies.making.scans import ScanSettings, SegmentationNoise, coverage, simulated_scan
 
 
 def leg(length: float = 40.0) -> LegShape:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.sealed.cases import PROGRAMMES, SUBSETS, Laid, channel_cases, subsets_of
-from studies.sealed.diagnosing import Said
-from studies.sealed.page import names_f1, page
+from studies.cases.sealed import Said
+from studies.cases.sealed_draw import PROGRAMMES, SUBSETS, Laid, channel_cases, subsets_of
+from studies.cases.sealed_page import names_f1, page
 
 
 def said(case: int, truth: list[str], first: list[str], subset: str = "all", **others) -> Said:

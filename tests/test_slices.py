@@ -9,7 +9,7 @@ from making import circle
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
 from legfem.geometry.slices import SliceSet, calf_levels, signed_distances, slice_distances
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 
 
 def barrel(shift: float = 0.0) -> LegShape:

@@ -19,7 +19,7 @@ from legfem.meshing.leg_sizes import SolidMeshSettings, settings_for_cells
 from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
 from legfem.meshing.solid_leg import mesh_solid_leg
 from legfem.meshing.structured import END, LegMesh
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 
 
 def measure(leg: LegMesh, tag: int) -> float:

@@ -15,7 +15,7 @@ from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.course import borne, branch_ratios, clock, course_of, read_specimen
 from legfem.specimens.details import compared, rms_percent
 from legfem.specimens.nuisances import OnsetEffect
-from studies.lab import recording as lab
+from studies.making import recording as lab
 
 
 def test_the_memory_is_that_of_branches_walked_step_by_step() -> None:

@@ -10,16 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from legfem.common.errors import InputError
 from legfem.common.progress import Silent
-from legfem.inverse.correction import read_correction
-from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.diagnosis import Diagnoser
 from legfem.stockings.identification import StockingSettings
-from studies.concealed import diagnosing as running
-from studies.concealed import scoring
-from studies.planted import __main__ as planted
-from studies.planted.truths import Planted, PlantedTruth
+from studies.cases.planted import KIND, Planted, PlantedTruth, planted_truths
 from studies.solvers import __main__ as solvers
 from studies.solvers.case import SolverCase, SolverWork
 from studies.stockings import command as stockings
@@ -46,14 +39,17 @@ class Study:
 
 
 def planted_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
-    study = Study(lambda seed: planted.run(4, seed, folder, 1), 4, folder / "result.json")
-
-    def identified(context: None, truth: PlantedTruth) -> Planted:
+    def identified(context: Path, truth: PlantedTruth) -> Planted:
         study.calls.append(truth)
         c10 = truth.c10_kpa + 1e-3 * len(study.calls)
         return Planted(truth, c10, (0.1, 9.0), 1.0, (0.0, 9.0), "yes", "yes", len(study.calls))
 
-    monkeypatch.setattr(planted, "identify_truth", identified)
+    kind = replace(KIND, run=identified)
+
+    def run(seed: int) -> None:
+        kind.count(planted_truths(4, seed), folder, folder, 1, Silent())
+
+    study = Study(run, 4, folder / "result.json")
     return study
 
 
@@ -119,26 +115,7 @@ def scans_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
     return study
 
 
-def concealed_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
-    for k in range(3):
-        (folder / "cases" / f"case{k:03d}").mkdir(parents=True)
-        (folder / "cases" / f"case{k:03d}" / "contours.csv").write_text(f"{k}")
-    diagnoser = Diagnoser(folder / "library", read_correction(REFERENCE), 1)
-    study = Study(
-        lambda seed: running.run_cases(folder, diagnoser, 1, Silent(), seed), 3, folder / "diagnoses" / "case000.json"
-    )
-
-    def diagnosed(context: object, case: Path) -> dict[str, object]:
-        study.calls.append(case)
-        found = {"verdict": "consistent", "models": [], "wall_s": 0.0, "processor_s": 0.0}
-        return {**found, "full_solutions": len(study.calls)}
-
-    monkeypatch.setattr(running, "_diagnose", diagnosed)
-    monkeypatch.setattr(running, "_one_a_leg", lambda *_: [])
-    return study
-
-
-@pytest.fixture(params=[planted_study, solvers_study, stockings_study, claims_study, scans_study, concealed_study])
+@pytest.fixture(params=[planted_study, solvers_study, stockings_study, claims_study, scans_study])
 def study(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Study]:
     return request.param(tmp_path, monkeypatch)
 
@@ -180,29 +157,12 @@ def test_an_interrupted_study_goes_on(study: Study, monkeypatch: pytest.MonkeyPa
     assert study.done() == 1
 
 
-def test_legs_and_cases_that_changed_are_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_legs_and_scans_that_changed_are_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     identified = stockings_study(tmp_path / "a", monkeypatch)
     identified.done()
     (tmp_path / "a" / "legs" / "noisy" / "2" / "leg.toml").write_text("id = 2")
     assert identified.done() == 1
-    concealed = concealed_study(tmp_path / "b", monkeypatch)
-    concealed.done()
-    (tmp_path / "b" / "cases" / "case001" / "contours.csv").write_text("other")
-    assert concealed.done() == 1
     scans = scans_study(tmp_path / "c", monkeypatch)
     scans.done()
     (tmp_path / "c" / "noisy" / "3" / "made").unlink()
     assert scans.done() == 1
-
-
-def test_scores_want_diagnoses_by_this_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    concealed_study(tmp_path, monkeypatch).done(option=0)
-    diagnoser = Diagnoser(tmp_path / "library", read_correction(REFERENCE), 1)
-    monkeypatch.setattr(scoring, "read_sealed", lambda *_: {})
-    monkeypatch.setattr(scoring.Metric, "read", lambda path: None)
-    monkeypatch.setattr(scoring, "_changes", lambda *_: None)
-    monkeypatch.setattr(scoring, "_scored", lambda found, *_: found["full_solutions"])
-    assert scoring.score_cases(tmp_path, 1, diagnoser) == [1, 2, 3]
-    monkeypatch.setattr("legfem.jobs.store.code_fingerprint", lambda *modules: "changed")
-    with pytest.raises(InputError, match="add --run"):
-        scoring.score_cases(tmp_path, 1, diagnoser)

@@ -14,7 +14,7 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.motion import RigidTransform, rigidly_moved
 from legfem.stockings.leg import GAP, default_veins
 from legfem.stockings.loading import LEGS, load_leg
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS as SHAPES
 
 

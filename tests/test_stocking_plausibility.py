@@ -20,7 +20,7 @@ from legfem.stockings.fabric import Stocking
 from legfem.stockings.leg import Posture, StockingLeg
 from legfem.stockings.levels import MakersLevels
 from legfem.stockings.loading import LEAST_LENGTH_MM, doubts_about_leg, load_leg
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 TOML = Path("leg.toml")

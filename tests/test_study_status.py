@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from legfem.common.errors import UnsolvedError
 from legfem.solve.newton import NewtonOutcome, NewtonSolver
+from studies.cases.__main__ import app as cases_app
 from studies.people import __main__ as people
 from studies.people.__main__ import app as people_app
 from studies.people.probe import SolvedPoint
@@ -61,8 +62,7 @@ def test_planted_truths_whose_solver_never_converges_end_in_one_line(tmp_path, m
         return NewtonOutcome(False, "made to fail", 1, 1, np.inf)
 
     monkeypatch.setattr(NewtonSolver, "solve", failing)
-    app = import_module("studies.planted.__main__").app
-    done = CliRunner().invoke(app, ["--n", "1", "--jobs", "1", "--out", str(tmp_path)])
+    done = CliRunner().invoke(cases_app, ["planted", "--n", "1", "--jobs", "1", "--out", str(tmp_path)])
     assert done.exit_code == 1, done.output
     assert "nothing was solved" in done.output.strip().splitlines()[-1]
 
@@ -73,8 +73,6 @@ def test_planted_truths_whose_solver_never_converges_end_in_one_line(tmp_path, m
         ("fibres", "correction_of", ["--coarse", "--jobs", "1"]),
         ("leg3d", "identified", []),
         ("leg3d", "identified", ["--code", "felupe"]),
-        ("sites", "identified", ["--n", "1", "--jobs", "1"]),
-        ("fibrous_specimens", "identified", ["--n", "1", "--jobs", "1"]),
     ],
 )
 def test_a_study_that_cannot_be_solved_ends_in_one_line(tmp_path, monkeypatch, study, work, options):

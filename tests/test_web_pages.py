@@ -36,7 +36,7 @@ from legfem.specimens.laws import SpecimenTissue
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.command import study_web_page
 from legfem.study.doe.tables import not_seen, to_measure
-from studies.legs.shapes import round_leg
+from studies.making.shapes import round_leg
 
 MOST_BYTES = 700_000
 LEGS_IN_3D = ("stocking", "identification-3d")

@@ -36,7 +36,7 @@ from studies.cohort.simulated import (
     recorded,
 )
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app, write_results
-from studies.lab.recording import INSTRUMENT
+from studies.making.recording import INSTRUMENT
 
 app = new_app()
 _ENDS = float(np.log(GRID_KPA[0])), float(np.log(GRID_KPA[-1]))

@@ -32,10 +32,10 @@ from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import Calf, calf_section
+from studies.cases.planted import TRUTH_SETTINGS
 from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
-from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
-from studies.other_code.plane_leg import Lump, OtherCase, OtherCode
-from studies.planted.truths import TRUTH_SETTINGS
+from studies.making.plane_leg import Lump, OtherCase, OtherCode
+from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 app = new_app()
 SHAPES, DEPTH_MM, RATE_MM_PER_S, TRIALS = 8, 14.0, 0.5, 3
@@ -185,7 +185,7 @@ def all_pressed(
     for shape in range(SHAPES):
         if not (bare / f"shape-{shape}").exists():
             write_leg(bare / f"shape-{shape}", shape, "right", (), f"shape {shape}")
-    store = Store(folder / "curves", list[float], modules=("studies.other_code.plane_leg", "studies.planted.truths"))
+    store = Store(folder / "curves", list[float], modules=("studies.making.plane_leg", "studies.cases.planted"))
     with Workers(pressed, bare, processes) as workers:
         made = finish(workers, tasks, store, progress, "pressing", lambda task, _: f"shape {task[0]}, {task[1]:g} kPa")
     return [np.array(one) for one in made]

@@ -30,8 +30,8 @@ from legfem.mechanisms.rig import EndEffects
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material
-from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
-from studies.worked.ends import DEPTH_MM, MECHANISMS, PLANE, RATE_MM_PER_S, TRIALS, plane_library, plane_responses
+from studies.fibres.plane_base import DEPTH_MM, MECHANISMS, PLANE, RATE_MM_PER_S, TRIALS, plane_library, plane_responses
+from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 MESH = LegMeshSettings(contact_size=4.5, depth_size=9, edge_size=5, growth=0.45, far_size=24)
 SEED, GAIN_SD, AIR_MM = 2026, 0.01, 2.0

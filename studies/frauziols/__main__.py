@@ -8,8 +8,6 @@ from mpi4py import MPI
 
 from legfem.common.command_line import FiniteNumbers, check_out_folder, command_context, study_context, usable_cores
 from legfem.common.documents import write_atomically, write_document
-from legfem.report.style import save
-from legfem.study import reproduce
 from legfem.study.correction import command as correction_command
 from legfem.study.correction.calibration import Calibration
 from legfem.study.correction.command import CorrectionOutputs
@@ -19,7 +17,6 @@ from studies.command_line import DONE_IS_KEPT, Jobs, Out, Seed, new_app
 from studies.frauziols import convergence as convergence_study
 from studies.frauziols.claims import claims_page, gather_figures, verdict_documents, verdicts
 from studies.frauziols.correction_figure import draw_correction
-from studies.frauziols.cost_figure import cost_figure
 
 app = new_app()
 
@@ -53,19 +50,6 @@ def claims(seed: Seed = 1, subject: str = "3", out: Out = None, jobs: Jobs = Non
             write_document(folder / "claims.json", {"schema": 1, "claims": verdict_documents(found, titles)})
             typer.echo("\n".join(f"{one.claim}: {one.verdict}" for one in found))
             typer.echo(f"verdicts: {folder / 'verdict.md'}")
-
-
-@app.command()
-def costs(seed: Seed = 1, out: Out = None, jobs: Jobs = None) -> None:
-    """Draw the sum of squares of the paper's Eq. 12 over the parameters, of its four subjects.
-
-    Example: python -m studies.frauziols costs
-    """
-    with study_context("reproduce", out, jobs, DONE_IS_KEPT) as (folder, processes):
-        for name, fits in reproduce.run(seed, folder, processes).items():
-            for fit in fits:
-                drawn = save(cost_figure(fit), folder / f"subject-{name}", f"cost-{fit.law}")
-                typer.echo(f"cost: {drawn[0]}")
 
 
 @app.command()

@@ -18,7 +18,7 @@ from legfem.jobs.store import Store
 from legfem.meshing.structured import IdealisedLeg
 from legfem.solve.path import ForceCurve
 from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of
-from studies.other_code.pressing import OtherMuscle, OtherPressing, other_law, spread
+from studies.making.pressing import OtherMuscle, OtherPressing, other_law, spread
 
 type Ints = NDArray[np.int_]
 

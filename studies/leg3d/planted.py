@@ -25,7 +25,7 @@ from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomi
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.structured import IdealisedLeg, LegMeshSettings
 from legfem.solve.path import ForceCurve
-from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
+from studies.making.recording import INSTRUMENT, Course, LabErrors, record
 
 LEG = IdealisedLeg(radius=40.0, bone_radius=12.0, length=70.0, fat=9.0, fascia=0.6, ends="held")
 CYLINDER = Cylinder(length=30.0)

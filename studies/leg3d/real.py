@@ -19,9 +19,9 @@ from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.path import ForceCurve
-from studies.lab.recording import INSTRUMENT
 from studies.leg3d.meshes import refined, stiffened
 from studies.leg3d.planted import recorded, whole_curve, with_fibres
+from studies.making.recording import INSTRUMENT
 
 FINER, CONTACT_SIZE = 1.3, 3.5
 """Division of the default sizes, and elements under the cylinder (mm)."""

@@ -20,7 +20,7 @@ from legfem.stockings.equilibrium import EquilibriumSolver, LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
 from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures
-from studies.legs.shapes import ParametricLeg, horizontal_curvature, parametric_leg
+from studies.making.shapes import ParametricLeg, horizontal_curvature, parametric_leg
 from studies.stockings.truth import D1
 
 PAPER_KPA = (3.25, 8.17)

@@ -17,7 +17,7 @@ from legfem.common.progress import progress_on
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Contents, Store, finish, key_of
 from legfem.stockings.identification import StockingSettings
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings import command as page
 from studies.stockings.claims import Correlation, Pressures, Variant, correlations, sized_state, solve_variant, variants
 from studies.stockings.truth import NOISE, TRUTHS, Recovery, recover, true_leg, write_subject

@@ -23,8 +23,8 @@ from legfem.stockings.equilibrium import Equilibrium, EquilibriumSolver, LegMode
 from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
 from legfem.stockings.identification import StockingSettings, identify_in_stocking
 from legfem.stockings.loading import load_leg
-from studies.legs.scans import SegmentationNoise, simulated_scan
-from studies.legs.shapes import ParametricLeg, parametric_leg
+from studies.making.scans import SegmentationNoise, simulated_scan
+from studies.making.shapes import ParametricLeg, parametric_leg
 
 VOXEL_SD = 0.15
 """Error (mm) of outlines of a perfect segmentation on the paper's voxels, before smoothing, which

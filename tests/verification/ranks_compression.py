@@ -17,7 +17,7 @@ from legfem.stockings.equilibrium import LegModel3D
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
 from legfem.stockings.leg import default_veins
 from legfem.stockings.pressures import PressureProbe, tissue_pressures
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.shapes import parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[2] / "studies" / "stockings" / "legs.toml"
 

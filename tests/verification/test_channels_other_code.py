@@ -16,8 +16,8 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from studies.channels.layers import FINER, drawn, leg_of
-from studies.other_code.plane_leg import OtherCase, OtherCode
+from studies.cases.layers import FINER, drawn, leg_of
+from studies.making.plane_leg import OtherCase, OtherCode
 
 pytestmark = pytest.mark.slow
 DEPTH = 9.0

@@ -38,8 +38,8 @@ from legfem.legs.plan import with_channels
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import TissueMechanism, mechanism_named
 from legfem.solve.protocol import Protocol
-from studies.lab.recording import flicker
-from studies.other_code.plane_leg import OtherCase, OtherCode
+from studies.making.plane_leg import OtherCase, OtherCode
+from studies.making.recording import flicker
 
 pytestmark = pytest.mark.slow
 DEPTH, RATE, LATE_S, C10_KPA = 9.0, 0.5, 0.1, 0.75

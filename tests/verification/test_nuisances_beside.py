@@ -21,7 +21,7 @@ from legfem.legs.loading import load_subject
 from legfem.legs.nuisances import AIM_SD_MM, displaced_geometries
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanisms import mechanism_named
-from studies.other_code.plane_leg import OtherCase, OtherCode
+from studies.making.plane_leg import OtherCase, OtherCode
 
 pytestmark = pytest.mark.slow
 DEPTH, C10_KPA, FACTOR, FINER = 10.0, 1.0, 2.2, 2.0

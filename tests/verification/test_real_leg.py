@@ -16,7 +16,7 @@ from legfem.imaging.leg_source import LegSource
 from legfem.legs.finite_element_models import plane_strain_test
 from legfem.legs.folder import folder_of_leg
 from legfem.legs.loading import load_subject
-from studies.legs.shapes import parametric_leg, read_legs
+from studies.making.shapes import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 real_leg = pytest.mark.skipif(not REAL_LEG.is_file(), reason="needs ../shared/data/leg_geometry")

@@ -112,7 +112,7 @@ def test_another_code_s_sliding_face_gives_the_force():
     from legfem.legs.finite_element_models import tissues_of
     from legfem.legs.loading import load_subject
     from legfem.legs.schema import SUBJECTS
-    from studies.other_code.plane_leg import OtherCase, OtherCode
+    from studies.making.plane_leg import OtherCase, OtherCode
 
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     other = OtherCode(subject, OtherCase(0.7, 0.8, sliding=0.5)).solve(10.0)

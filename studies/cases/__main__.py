@@ -1,0 +1,36 @@
+"""``python -m studies.cases KIND``: the table of kinds, each a command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from studies.cases import bars, layers, planted, reach, sealed_command, sites
+from studies.cases.machine import Kind, command_of
+from studies.command_line import new_app
+
+KINDS: dict[str, Kind[Path, Any, Any]] = {
+    "planted": planted.KIND,
+    "layers": layers.KIND,
+    "calf-layers": layers.CALVES,
+    "sites": sites.KIND,
+    "bars": bars.KIND,
+    "reach": reach.KIND,
+}
+app = new_app()
+for name, kind in KINDS.items():
+    app.command(name)(command_of(name, kind))
+app.command("sealed")(sealed_command.sealed)
+app.command("picture")(sealed_command.picture)
+
+
+@app.callback(no_args_is_help=True)
+def cases() -> None:
+    """Draw cases whose truth is known, run them as a user would, and count what came of them.
+
+    Example: python -m studies.cases planted --n 40
+    """
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.cases")

@@ -1,0 +1,51 @@
+"""How outcomes are counted: shares with their intervals, and intervals beside truths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scipy.stats import binomtest
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A share with its 95 % interval (Clopper and Pearson)."""
+
+    count: int
+    total: int
+
+    @property
+    def share(self) -> float:
+        """The share; NaN of nothing."""
+        return self.count / self.total if self.total else float("nan")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the share."""
+        low, high = binomtest(self.count, self.total).proportion_ci(0.95)
+        return float(low), float(high)
+
+    def __str__(self) -> str:
+        """Return it as text."""
+        if not self.total:
+            return "no case"
+        low, high = self.interval
+        return f"{self.count}/{self.total} = {self.share:.0%} ({low:.0%} to {high:.0%})"
+
+
+@dataclass(frozen=True)
+class Interval:
+    """What was found of one parameter, kPa."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def width(self) -> float:
+        """Of the interval."""
+        return self.high - self.low
+
+    def covers(self, truth: float) -> bool:
+        """Tell whether the interval holds a truth."""
+        return self.low <= truth <= self.high

@@ -1,0 +1,283 @@
+"""One diagnosis of a sealed recording with some of its channels, and what it says beside the truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from legfem.common.progress import Progress, Silent
+from legfem.common.units import mpa_to_kpa
+from legfem.data import Recording
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.correction import TabulatedCorrection
+from legfem.inverse.library import Library
+from legfem.inverse.library_build import build_library
+from legfem.inverse.library_tasks import middle_of
+from legfem.inverse.mechanism import Mechanism, TissueMechanism
+from legfem.inverse.responses import SolvedResponses
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.correction_of_leg import choose_correction
+from legfem.legs.diagnosis import (
+    STIFFENING,
+    Diagnoser,
+    accuracy_of,
+    diagnose_body,
+    ruled_out_of,
+    shown_mechanisms,
+    with_correction,
+)
+from legfem.legs.finite_element_models import solved_responses
+from legfem.legs.subject import Subject
+from legfem.mechanisms import OCCURRENCES, mechanisms
+from legfem.report.diagnosis_headline import headline
+from studies.cases.instruments import recorded
+from studies.cases.sealed_case import DEPTH_MM, SealedCase, sealed_leg
+from studies.cases.sealed_draw import PROGRAMMES, SUBSETS, subsets_of, true_sights, truths_of
+from studies.cases.truth import Truths
+from studies.making.recording import INSTRUMENT
+
+DEEPEST_MM = DEPTH_MM + 1.6
+"""Of a library: with an error of first contact."""
+AIR_MM, AT_TOUCH_MM = 4.0, 0.04
+"""Greatest travel before first touch of loadings alone, and of tests that are stated to begin at touch."""
+WRONG = 0.15
+"""Of C10: a "yes" beside a value that is further off is what may not be."""
+SURE = 0.8
+
+
+@dataclass(frozen=True)
+class Said:
+    """What one diagnosis said of a case; kPa."""
+
+    case: int
+    kind: str
+    concealed: str
+    """What was, in words."""
+    subset: str
+    truth: list[str]
+    verdict: str
+    listed: list[list[str]]
+    """Mechanisms of the explanations that are listed, the first first."""
+    probability: float
+    """Of the first statement, ..."""
+    stated: list[str]
+    """... its mechanisms, none where nothing shows or something unknown does, ..."""
+    unknown: bool
+    """... and whether something unknown is said to be there, by itself, beside a name, or in a part set aside."""
+    may_hide: list[str]
+    """Mechanisms that are said to be possible unseen, and would move C10."""
+    answer: str
+    c10: float
+    interval: tuple[float, float]
+    true_c10: float
+    seconds: float
+
+    @property
+    def first(self) -> list[str]:
+        """Mechanisms of the first explanation."""
+        return self.listed[0] if self.listed else []
+
+    @property
+    def right(self) -> bool:
+        """Whether the first thing said is the truth: nothing, the effects, or something unknown."""
+        if self.kind == "none":
+            return self.verdict == "consistent"
+        if not self.truth:
+            return self.unknown
+        return self.verdict in ("named", "ambiguous") and set(self.first) == set(self.truth)
+
+    @property
+    def in_list(self) -> bool:
+        """Whether the truth is among what is listed."""
+        return self.right or any(set(names) == set(self.truth) for names in self.listed)
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the first name is of nothing that is there."""
+        return bool(self.first) and not set(self.first) & set(self.truth)
+
+    @property
+    def told(self) -> bool:
+        """Whether a cause is named or listed, if only one of two, said to be unknown, or said to be possible unseen."""
+        names = {name for one in self.listed for name in one} | set(self.may_hide)
+        return self.unknown or bool(names & set(self.truth))
+
+    @property
+    def sure(self) -> bool | None:
+        """Whether what is said with `SURE` or more is right; None where nothing is, or that nothing shows."""
+        if self.probability < SURE or (self.verdict == "consistent" and self.kind != "none"):
+            return None
+        if self.verdict == "consistent":
+            return True
+        if not self.stated:
+            return not self.truth or self.kind == "outside"
+        return set(self.stated) <= set(self.truth)
+
+    @property
+    def holds(self) -> bool:
+        """Whether C10's interval holds the truth."""
+        return self.interval[0] <= self.true_c10 <= self.interval[1]
+
+    @property
+    def wrong_yes(self) -> bool:
+        """Whether it says yes beside a C10 that is more than `WRONG` off."""
+        return self.answer.startswith("Yes") and abs(self.c10 / self.true_c10 - 1.0) > WRONG
+
+    @property
+    def half_width(self) -> float:
+        """Of C10's interval, over the truth."""
+        return 0.5 * (self.interval[1] - self.interval[0]) / self.true_c10
+
+
+def say(found: Diagnosis, case: SealedCase, subset: str, seconds: float) -> Said:
+    """Return what a diagnosis says, beside the truth."""
+    first = found.explained.statements()[0]
+    low, high = found.shown_interval(DEEP_C10)
+    named = found.models and found.models[0].in_part
+    return Said(
+        case.number,
+        case.kind,
+        "+".join(name for name, _ in (*case.effects, *case.outside)) or "nothing",
+        subset,
+        list(truths_of(case)),
+        found.verdict,
+        [list(model.names) for model in found.models],
+        first.probability,
+        list(first.names),
+        found.verdict == "unexplained" or bool(named) or found.aside is not None,
+        sorted({limit.name for limit, _ in found.hidden}),
+        headline(found, ()).heading,
+        mpa_to_kpa(found.best.value(DEEP_C10)),
+        (low, high),
+        case.c10_kpa,
+        seconds,
+    )
+
+
+@dataclass(eq=False)
+class Lab:
+    """Records cases, and diagnoses them.
+
+    Parameters
+    ----------
+    folder
+        Of solutions.
+    correction
+        Of a cylinder's ends.
+    seed
+        Of legs and errors.
+    confirms
+        Whether full solutions confirm the leading explanations, as in a user's diagnosis; else a leg's library alone
+        is asked, which takes a fraction of the time.
+    subsets
+        Of channels, by which cases are diagnosed.
+    """
+
+    folder: Path
+    correction: TabulatedCorrection
+    seed: int
+    confirms: bool = False
+    subsets: tuple[str, ...] = tuple(SUBSETS)
+    _libraries: dict[str, tuple[Library, SolvedResponses]] = field(default_factory=dict, repr=False)
+    _middles: dict[int, float] = field(default_factory=dict, repr=False)
+    _recorded: dict[tuple[int, str], list[Recording] | None] = field(default_factory=dict, repr=False)
+    _truths: dict[int, Truths] = field(default_factory=dict, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave libraries and models out: every process has its own."""
+        return {**self.__dict__, "_libraries": {}, "_recorded": {}, "_truths": {}}
+
+    def recordings(self, case: SealedCase, programme: str) -> list[Recording] | None:
+        """Return a case's recordings with all channels; None where a solution stopped."""
+        if case.leg not in self._truths:
+            true, sights = sealed_leg(case.leg, self.seed).true, true_sights(case.leg, self.seed)
+            self._truths = {case.leg: Truths(true, self.folder / "truth", sights)}
+        truth = self._truths[case.leg].of(case, PROGRAMMES[programme])
+        if truth is None:
+            return None
+        return recorded(case, self.seed, truth, AIR_MM if programme == "loading" else AT_TOUCH_MM)
+
+    def subject(self, case: SealedCase, programme: str, names: Sequence[str]) -> Subject | None:
+        """Return the leg as the lab states it, with some channels of its recordings; None where a solution stopped."""
+        key = case.number, programme
+        if key not in self._recorded:
+            # Of one case at a time, in its two programmes.
+            self._recorded = {one: kept for one, kept in self._recorded.items() if one[0] == case.number}
+            self._recorded[key] = self.recordings(case, programme)
+        recordings = self._recorded[key]
+        if recordings is None:
+            return None
+        return replace(
+            sealed_leg(case.leg, self.seed).stated,
+            recordings=tuple(replace(r, channels=tuple(c for c in r.channels if c.name in names)) for r in recordings),
+            instrument=INSTRUMENT,
+            starts_at_contact=programme == "holds",
+            plane_strain=True,
+            plane_strain_stated=True,
+        )
+
+    def library(self, case: SealedCase, programme: str, progress: Progress) -> tuple[Library, SolvedResponses] | None:
+        """Return a leg's library for a case's recordings, and its full solutions.
+
+        They are about one stiffness and to one depth, whatever the case; nothing where a solution stopped.
+        """
+        subject = self.subject(case, programme, SUBSETS["all"][1])
+        if subject is None:
+            return None
+        diagnoser, law = Diagnoser(self.folder, self.correction), subject.tissues["deep"].law
+        observed = diagnoser.observations(subject)
+        able, _ = shown_mechanisms(observed, self.correction)
+        keys = [stations.key for stations in observed.protocols] if any(_follows_path(one) for one in able) else []
+        key = repr((case.leg, sorted(keys)))
+        if key not in self._libraries:
+            deeper = replace(observed, depths=(*observed.depths, DEEPEST_MM))
+            fine, coarse = solved_responses(subject, deeper, self.folder)
+            if case.leg not in self._middles:
+                self._middles[case.leg] = middle_of(observed, coarse, STIFFENING[law])
+            middle = self._middles[case.leg]
+            library = build_library(fine, coarse, observed, able, 1, progress, STIFFENING[law], middle)
+            self._libraries[key] = library, fine
+        return self._libraries[key]
+
+    def diagnose(self, subject: Subject, library: Library, solved: SolvedResponses | None) -> Diagnosis:
+        """Diagnose recordings by a library, and by full solutions where there are any."""
+        observed = Diagnoser(self.folder, self.correction).observations(subject).with_channels(library.beside.names)
+        ends = choose_correction("auto", subject)
+        return diagnose_body(
+            observed,
+            INSTRUMENT,
+            subject.tissues["deep"].law,
+            library,
+            solved,
+            Silent(),
+            accuracy_of(subject),
+            ends,
+            0,
+            ruled_out_of(subject, ends),
+            with_correction(mechanisms(), self.correction),
+            OCCURRENCES,
+        )
+
+    def said(self, case: SealedCase, subset: str) -> Said | None:
+        """Return what a diagnosis of some of a recording's channels says; None where a solution stopped."""
+        programme, names = SUBSETS[subset]
+        subject, known = self.subject(case, programme, names), self.library(case, programme, Silent())
+        if subject is None or known is None:
+            return None
+        library, solved = known
+        begun = time.process_time()
+        found = self.diagnose(subject, library, solved if self.confirms else None)
+        return say(found, case, subset, time.process_time() - begun)
+
+
+def _follows_path(mechanism: Mechanism) -> bool:
+    return isinstance(mechanism, TissueMechanism) and mechanism.along_path
+
+
+def said_each(lab: Lab, case: SealedCase) -> list[Said]:
+    """Return what is said of a case, by the lab's subsets of channels; nothing where a solution stopped."""
+    found = (lab.said(case, subset) for subset in subsets_of(case) if subset in lab.subsets)
+    return [one for one in found if one is not None]

@@ -1,1 +1,0 @@
-"""Both layers' stiffness from force and ultrasound, of legs that another code pressed."""

@@ -1,1 +1,0 @@
-"""Sealed cases: recordings in which left-out physics is concealed, to prove the diagnosis on."""

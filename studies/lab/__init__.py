@@ -1,1 +1,0 @@
-"""Errors as labs have them: wider than the diagnosis assumes, and of other shapes."""

@@ -1,1 +1,0 @@
-"""Does the experiment that is proposed end an ambiguity? On sealed cases, beside a random one."""

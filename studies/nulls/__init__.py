@@ -1,1 +1,0 @@
-"""Recordings without any left-out physics: how often some is named all the same."""

@@ -1,1 +1,0 @@
-"""Whether the intervals cover planted truths."""

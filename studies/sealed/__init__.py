@@ -1,1 +1,0 @@
-"""What further channels are worth on the same sealed recordings, beside force alone."""

@@ -1,1 +1,0 @@
-"""Two worked examples: physics that the first paper left out, found in simulated recordings."""
