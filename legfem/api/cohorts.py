@@ -28,6 +28,7 @@ from legfem.api.loading import (
     load_leg,
     of_another_kind,
     opened,
+    wrong,
 )
 from legfem.api.results import Identification, Result
 from legfem.cohort.anomalies import missing, suspicions
@@ -49,6 +50,7 @@ from legfem.cohort.statistics import statistics, statistics_document
 from legfem.common.documents import json_types, versions_of, write_document
 from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.progress import Progress, progress_on
+from legfem.common.wording import Argument, Remedy
 from legfem.geometry.section import fat_thickness, girth
 from legfem.inverse.notice import Notice
 from legfem.jobs.engines import Died, Engine, EngineName, engine_named, outcomes
@@ -244,7 +246,7 @@ def _check_apart(out: Path, members: Members) -> None:
     own = {members.folder.resolve()} | ({members.table.resolve().parent} if members.table is not None else set())
     if out.resolve() in own:
         raise InputError(
-            "--out",
+            Argument("out"),
             str(out),
             "is where the study's own cohort.csv stands, or would",
             "name another folder, or one in it",
@@ -255,10 +257,10 @@ def _check_priors(options: Options) -> None:
     """Refuse priors of legs beside a fit of how people differ."""
     if priors := options.given.get("prior"):
         raise InputError(
-            "--population",
+            Argument("population"),
             ", ".join(priors),
             "would count twice: each leg's folder states it already",
-            "leave out --prior",
+            Remedy("leave out ", Argument("prior")),
         )
 
 
@@ -272,9 +274,9 @@ _TAKES: Mapping[str, tuple[str, ...]] = {
 def _options(task: Task, given: Mapping[str, Any], library: Given | None) -> Options:
     for name in given:
         if name not in _TAKES[task]:
-            raise InputError(f"--{name}", "given", f"has no effect with --do {task}", "leave it out")
+            raise wrong(name, "given", f"has no effect on {task}", "leave it out")
     if library is not None and task != "diagnose":
-        raise InputError("--library", "given", f"has no effect with --do {task}", "leave it out")
+        raise wrong("library", "given", f"has no effect on {task}", "leave it out")
     return Options(task, given, "" if library is None else str(library))
 
 
@@ -328,7 +330,7 @@ def done_with(options: Options, out: Path, member: Member) -> Made:
     except (InputError, UnsolvedError) as error:
         # The row says whose files they are, wherever the study lies.
         problem = " ".join(str(error).split()).replace(f"{member.folder}{os.sep}", "")
-        option = error if isinstance(error, InputError) and error.source.startswith("--") else None
+        option = error if isinstance(error, InputError) and isinstance(error.args[0], Argument) else None
         return Made([Row(member.name, problem=problem)], worth=option is None, refused=option)
     except Exception as error:  # a fault of legfem's own costs this row alone, too
         folder.mkdir(parents=True, exist_ok=True)

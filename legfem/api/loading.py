@@ -1,12 +1,11 @@
 """What a call is about, by id or by its folder, and its arguments, checked before anything is done.
 
-Every room names what is wrong by the command's option (``--leave-out``). `in_python_words` stands around the functions
-of the front door and names the keyword instead (``leave_out``); the commands call the functions without it.
+Every room names arguments and commands as values (`legfem.common.wording`). `in_python_words` stands around the
+functions of the front door and says keywords (``leave_out``); the commands call the functions without it.
 """
 
 import functools
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from legfem.common.command_line import check_out_folder
 from legfem.common.errors import InputError, log_doubts, missing_module
+from legfem.common.wording import Argument, Command, Door, Remedy
 from legfem.data.folder import Catalogue
 from legfem.legs.loading import load_sites as load_sites_folder
 from legfem.legs.loading import load_subject as load_subject_folder
@@ -27,34 +27,42 @@ if TYPE_CHECKING:
     from legfem.stockings.leg import StockingLeg
 
 
-_REMEDIES = (
-    (r"legfem identify takes it", "load the folder with lf.load_subject"),
-    (r"legfem stocking takes it", "load the folder with lf.load_leg"),
-    (r"give it as --specimen-dir", "load the folder with lf.load_specimen"),
-    (r"\blegfem (identify|diagnose) --model 3d", r'lf.\1(leg, model="3d")'),
-    (r"\blegfem (identify|diagnose)\b", r"lf.\1(folder)"),
-    (r"--(site|model) ([\w.-]+)", r'\1="\2"'),
-    (r"add --identify ([\w.]+), or --fix '[^']*'", r"put \1 into identify or fix"),
-    (r"--prior, as in ('[^']*')", r"prior=[\1]"),
-    (r"--(prior|site|model|correction)\b", r"\1="),
-)
+_LISTS = frozenset({"leave_out", "prior", "specimens"})
+_REPEATED = _LISTS | {"fix", "identify"}
+
+
+def in_python(part: Argument | Command) -> str:
+    """Return an argument or a command as a call has it; a `legfem.common.wording.Door`."""
+    if isinstance(part, Argument):
+        if not part.value:
+            return part.name
+        return f'{part.name}=["{part.value}"]' if part.name in _REPEATED else f'{part.name}="{part.value}"'
+    if part.name not in ("identify", "diagnose", "stocking", "cohort"):
+        return str(part)
+    return f"lf.{part.name}({', '.join(['leg' if part.arguments else 'folder', *map(in_python, part.arguments)])})"
 
 
 @contextmanager
 def in_python_words() -> Iterator[None]:
-    """Name a call's keywords where an InputError names a command's options, and say how to get a missing package."""
+    """Say an InputError as a call does, and how to get a missing package."""
     try:
         yield
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(missing_module(error), name=error.name) from None
     except InputError as error:
-        source, field = (_keyword(text) for text in (error.source, error.field))
-        remedy = error.remedy
-        for option, keyword in _REMEDIES:
-            remedy = re.sub(option, keyword, remedy)
-        if (source, field, remedy) == (error.source, error.field, error.remedy):
-            raise
-        raise InputError(source, field, error.problem, remedy) from None
+        raise error.worded(in_python) from None
+
+
+class _LoadWith(Remedy):
+    """Another function that loads such a folder; commands are told otherwise."""
+
+    def __init__(self, function: str, *otherwise: str | Argument | Command) -> None:
+        super().__init__(*otherwise)
+        self.function = function
+
+    def worded(self, door: Door) -> str:
+        """Return the text in a door's words."""
+        return f"load the folder with lf.{self.function}" if door is in_python else super().worded(door)
 
 
 def front[**Given, Found](call: Callable[Given, Found]) -> Callable[Given, Found]:
@@ -77,7 +85,6 @@ _PATHS = {
     "out": "a folder's path",
     "table": "a file's path",
 }
-_LISTS = frozenset({"leave_out", "prior", "specimens"})
 _PAIRS = frozenset({"c10_bounds", "c20_bounds"})
 
 
@@ -97,17 +104,10 @@ def _check_kind(name: str, value: object) -> None:
         raise of_another_kind(name, value, "two numbers of kPa")
 
 
-def _keyword(text: str) -> str:
-    """Return the keyword of an option; what isn't one as it is."""
-    if not text.startswith("--"):
-        return text
-    return text.removeprefix("--").removeprefix("no-").replace("-", "_")
-
-
-def wrong(name: str, given: object, problem: str, remedy: str) -> InputError:
-    """Return what is wrong with an argument, by the option of its name."""
+def wrong(name: str, given: object, problem: str, remedy: str | Remedy) -> InputError:
+    """Return what is wrong with an argument."""
     shown = given if isinstance(given, str) else repr(given)
-    return InputError(f"--{name.replace('_', '-')}", shown, problem, remedy)
+    return InputError(Argument(name), shown, problem, remedy)
 
 
 def check_whole(name: str, value: object, least: int) -> None:
@@ -177,9 +177,9 @@ def of_another_kind(name: str, given: object, wanted: str) -> InputError:
 type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
 _TAKEN_BY = {
-    "subject.toml": "legfem identify takes it",
-    "leg.toml": "legfem stocking takes it",
-    "specimen.toml": "give it as --specimen-dir",
+    "subject.toml": _LoadWith("load_subject", Command("identify"), " takes it"),
+    "leg.toml": _LoadWith("load_leg", Command("stocking"), " takes it"),
+    "specimen.toml": _LoadWith("load_specimen", "give it as ", Argument("specimen_dir")),
 }
 
 
@@ -278,7 +278,7 @@ def named(
         return opened(SUBJECTS.named(subject, subject_dir), site or "")
     if subject is None and subject_dir is None:
         return load_specimen(specimen_dir)
-    raise InputError("--subject", "--specimen-dir", "is given as well", "leave one out")
+    raise InputError(Argument("subject"), Argument("specimen_dir"), "is given as well", "leave one out")
 
 
 def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
@@ -295,7 +295,7 @@ def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
     if isinstance(found, SitedLeg):
         names = ", ".join(each.site for each in found.sites)
         problem = f"the leg has {len(found.sites)} ({names}), and here one is taken"
-        raise wrong("site", "missing", problem, f"give --site {found.sites[0].site}")
+        raise wrong("site", "missing", problem, Remedy("give ", Argument("site", found.sites[0].site)))
     assert isinstance(found, Subject)
     return found
 
