@@ -1,6 +1,6 @@
 """What a channel is: its name, unit and usual accuracy, and what a file that adds one has to say of it."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.channels import Sight
-from legfem.channels.laid import STEP_DEG, STEP_MM, Laid
+from legfem.channels.laid import AS_STATED, STEP_DEG, STEP_MM, Laid
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 
@@ -22,28 +22,28 @@ Channels = Mapping[str, tuple[float, FloatArray]]
 
 @dataclass(frozen=True)
 class ChannelAccuracy:
-    """Standard deviations of a channel's errors, in the channel's unit unless stated."""
+    """Standard deviations of a channel's errors, in its unit unless stated; relative ones are dimensionless."""
 
     reading: float
-    """Of a single reading, independent of the others."""
+    """Standard deviation of a single reading, independent of the others."""
     bias: float = 0.0
-    """Of an error that is the same in all of a site's readings."""
+    """Standard deviation of an error that all of a site's readings share."""
     gain: float = 0.0
-    """Of a relative error that is the same in all of a site's readings, dimensionless."""
+    """Standard deviation of a relative error that all of a site's readings share."""
     slow: float = 0.0
-    """Of an error that changes slowly along the test."""
+    """Standard deviation of an error that changes slowly along the test."""
     lag: float = 0.0
-    """Lag of the channel's clock behind the recording's, s."""
+    """Standard deviation of the channel's clock from the recording's, s."""
     shift: float = 0.0
-    """Of where an image lies in the section, in either direction, or a film along the face, mm."""
+    """Standard deviation of an image's place in the section, in either direction, or of a film's along the face, mm."""
     turn: float = 0.0
-    """Of how an image is turned against the section, degrees."""
+    """Standard deviation of an image's rotation in the section, degrees."""
     apart: float = 0.0
-    """Distance over which the errors of readings at different places of one frame are alike, mm."""
+    """Correlation length of the errors of one frame's readings, mm."""
     each: float = 0.0
-    """Of a relative error of each place's own, the same in all of its readings, dimensionless."""
+    """Standard deviation of each place's relative error, which all of its readings share."""
     creep: float = 0.0
-    """Relative error for every tenfold of the time under load, the same in all of a site's readings."""
+    """Standard deviation of the relative error per decade of time under load, which all of a site's readings share."""
     threshold: float | None = None
     """Below which readings say nothing, and are left out."""
 
@@ -78,8 +78,8 @@ class ChannelKind:
     words: str
     usual: ChannelAccuracy
     model_share: float = 0.0
-    model_alike: float = 10.0
-    """Distance over which that error is alike at different places, mm."""
+    model_length: float = 10.0
+    """Correlation length of that error between places, mm."""
     models: frozenset[str] = frozenset({"2d"})
     """Which models give it: of a leg's section (2d), of a leg in 3D (3d), or of a specimen."""
     at_rest: float = 0.0
@@ -110,6 +110,11 @@ class ChannelKind:
     def courses(self, places: int) -> tuple[str, ...]:
         """Return the names of its courses along a test: one, or one for each of a number of places."""
         return tuple(f"{self.name}:{k}" for k in range(places)) if places else (self.name,)
+
+    def by_course(self, values: FloatArray, rates: FloatArray) -> Channels:
+        """Return values (k,) at places, and their derivatives (p, k), by the names of its courses."""
+        each = zip(self.courses(len(values)), values, rates.T, strict=True)
+        return {name: (float(value), by) for name, value, by in each}
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,14 +251,17 @@ class ChannelPlan:
     frames: bool = False
 
 
-class ChannelFile(ABC):
-    """What one file of ``legfem/channels/kinds`` adds: kinds that are read in the same way."""
+class ChannelFile:
+    """What one file of ``legfem/channels/kinds`` adds: kinds that are read in the same way.
+
+    One has `read`, or `laid` where its kinds are read in images.
+    """
 
     kinds: ClassVar[tuple[ChannelKind, ...]]
 
-    @abstractmethod
     def read(self, seen: "Seen") -> Channels:
         """Return what there is of its kinds in a state; collective over the system's ranks."""
+        return self.laid(seen, AS_STATED)
 
     def laid(self, seen: "Seen", image: Laid) -> Channels:
         """Return what there is in a state of its kinds that are read in images, of one that is laid elsewhere."""
@@ -320,8 +328,9 @@ class FramesFile[Where](ChannelFile):
     """
 
     entry: ClassVar[str]
-    """Of ``[channels]``."""
+    """Key of the file in ``[channels]``."""
     columns: ClassVar[tuple[str, ...]]
+    """Names of the table's columns after ``time_s``."""
 
     @abstractmethod
     def of_frames(self, frames: Sequence[Frames], site: Where) -> Sequence[Sequence[Read]]:

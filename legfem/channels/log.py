@@ -1,14 +1,14 @@
 """Channels of a pressed model along a path: what reads them off each state, and the log of all of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from legfem.channels import Sight
-from legfem.channels.laid import WAYS, Laid, laid_course
+from legfem.channels.kind import ChannelFile, Channels
+from legfem.channels.laid import WAYS, laid_course
 from legfem.channels.seen import ReadState, Seen, SeenModel, SeenSpecimen
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
@@ -16,19 +16,7 @@ from legfem.geometry.indenter import TravelLine
 from legfem.solve.sensitivity import SensitivityTracker
 
 
-class Reads(Protocol):
-    """What reads channels: the file of a kind, see `legfem.channels.kind.ChannelFile`."""
-
-    def read(self, seen: Seen) -> Mapping[str, tuple[float, FloatArray]]:
-        """Return value and derivatives (p,) by a course's name."""
-
-    def laid(self, seen: Seen, image: Laid) -> Mapping[str, tuple[float, FloatArray]]:
-        """Return those of images that are laid elsewhere."""
-
-
-def _of_images(
-    file: Reads, seen: Seen, stated: Mapping[str, tuple[float, FloatArray]]
-) -> dict[str, tuple[float, FloatArray]]:
+def _of_images(file: ChannelFile, seen: Seen, stated: Channels) -> dict[str, tuple[float, FloatArray]]:
     """Return what a step in each of the ways does that images may lie elsewhere.
 
     Where one to a side shows nothing, beyond the tissue, it is the step to the other; nothing where both don't.
@@ -63,7 +51,7 @@ class ChannelReader:
     """
 
     system: System
-    files: Sequence[Reads]
+    files: Sequence[ChannelFile]
     sights: tuple[Sight, ...] = ()
     stated: TravelLine | None = None
     specimen: SeenSpecimen | None = None
@@ -72,7 +60,7 @@ class ChannelReader:
     def _model(self) -> SeenModel:
         return SeenModel(self.system, self.sights, self.stated, self.specimen)
 
-    def read(self, state: ReadState) -> Mapping[str, tuple[float, FloatArray]]:
+    def read(self, state: ReadState) -> Channels:
         """Return the channels there are in a state; collective over the system's ranks."""
         seen, found = Seen(self._model, state), dict[str, tuple[float, FloatArray]]()
         for file in self.files:

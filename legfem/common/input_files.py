@@ -218,9 +218,9 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Text = Annotated[str, Field(min_length=1)]
 Title = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f\x7f\u202a-\u202e\u2066-\u2069]*$", max_length=500)]
-"""Of one line: it is shown on terminals and pages."""
+"""Text of one line: it is shown on terminals and pages."""
 PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$", max_length=100)]
-"""Of a file or folder too: results are written under it, and must not leave their folder."""
+"""A name that a file or folder may have too: results are written under it, and must not leave their folder."""
 
 
 class FileTable(BaseModel):

@@ -26,15 +26,19 @@ from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import local_line, smooth_displacement
 
 _GAIN = 0.02
-"""By which repeats differ in stiffness, as a standard deviation."""
+"""Standard deviation of a repeat's stiffness, relative."""
 _FARTHEST_MM = 2.0
-"""By which a first contact may err, as a standard deviation, before the curves are compared."""
+"""Standard deviation of a first contact before the curves are compared."""
 _WHITE = 0.1
 """Share of a reading's variance that is white on the grid."""
 _STEP_MM = 0.25
-_ROUNDS, _SETTLED_MM = 12, 1e-3
+"""Step of the grid."""
+_ROUNDS = 12
+"""Most rounds of the alignment."""
+_SETTLED_MM = 1e-3
+"""Shift below which the alignment has settled."""
 _FEWEST = 8
-"""Points that show anything."""
+"""Fewest points that show anything."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +106,9 @@ class Aligned:
     contact_sd: float
     """Standard error of their common contact, mm; 0 where it is known."""
     shift_sd: float
-    """Of one trial's place beside the others', mm."""
+    """Standard error of one trial's place against the others', mm."""
     zero_sd: float
-    """Of one trial's zero, N."""
+    """Standard error of one trial's zero, N."""
     from_air: bool = False
     """Whether air before it shows where zero is, and the curves' rise where contact is."""
 
@@ -187,7 +191,7 @@ def _placed(branches: Sequence[Branch], contacts: Sequence[Contact], instrument:
         curves = np.array([local_line(b.depth, b.force, grid, 0.5 * _STEP_MM).value for b in moved])
         force = curves.mean(axis=0)
         slope = Polynomial.fit(grid, force, 5).deriv()(grid)
-        lower = cholesky(_own_errors(grid, force, slope, instrument), lower=True)
+        lower = cholesky(_trial_errors(grid, force, slope, instrument), lower=True)
         # A trial whose contact lies further on reads less by the slope.
         effects = solve_triangular(lower, np.column_stack([-slope, np.ones(len(grid))]), lower=True)
         differences = solve_triangular(lower, (contrast @ curves).T, lower=True).T
@@ -217,13 +221,13 @@ def _zeros_sd(contacts: Sequence[Contact], instrument: Instrument) -> FloatArray
     return np.array([c.baseline_error if c.in_air else unseen for c in contacts])
 
 
-def _own_errors(grid: FloatArray, force: FloatArray, slope: FloatArray, instrument: Instrument) -> FloatArray:
+def _trial_errors(grid: FloatArray, force: FloatArray, slope: FloatArray, instrument: Instrument) -> FloatArray:
     """Return the covariance (n, n), N^2, of what a trial errs by besides its place and its zero."""
     apart = np.abs(grid[:, None] - grid[None, :])
-    alike = slow_correlation(grid) + _WHITE * np.eye(len(grid))
+    correlation = slow_correlation(grid) + _WHITE * np.eye(len(grid))
     wander = instrument.displacement_sd * slope
     return np.asarray(
-        max(instrument.force_sd, 1e-4 * float(np.ptp(force))) ** 2 * alike
+        max(instrument.force_sd, 1e-4 * float(np.ptp(force))) ** 2 * correlation
         + _GAIN**2 * np.outer(force, force)
         + np.outer(wander, wander) * np.exp(-apart / WANDER_LENGTH_MM)
     )

@@ -21,8 +21,10 @@ from legfem.data.recording import RecordedChannel, Recording, backwards, channel
 from legfem.geometry.indenter import Site
 
 _LONGEST_HEADER = 200
-TRIAL, SITE = "{trial}", "{site}"
-"""In the name of a file: the name of the trial that it belongs to, and of the leg's site."""
+TRIAL = "{trial}"
+"""Stands for the trial's name in the name of a file."""
+SITE = "{site}"
+"""Stands for the site's name in the name of a file."""
 
 
 _OF_IMAGES_AND_FILMS = {
@@ -38,12 +40,12 @@ _OF_IMAGES_AND_FILMS = {
 
 _ERRORS = {"sd": "reading", "bias": "bias", "slow": "slow"}
 """Keys of standard deviations in a channel's unit, and what of its accuracy each is."""
-_OF = {"sd": "a reading", "bias": "a constant error", "slow": "an error that changes slowly within a trial"}
-"""What each of these is the standard deviation of."""
+_ERROR_WORDS = {"sd": "a reading", "bias": "a constant error", "slow": "an error that changes slowly within a trial"}
+"""What the key is the standard deviation of, in words."""
 
 
 def _key(error: str, unit: str) -> str:
-    """Return the key of one of these, for a channel in a unit."""
+    """Return the key of an error, for a channel in a unit."""
     return error if unit == "-" else f"{error}_{unit}"
 
 
@@ -126,9 +128,9 @@ class RecordedChannelEntry(FileTable):
 
 
 def _field(error: str, unit: str) -> Any:
-    """Return the type and description of one of these."""
+    """Return the type and description of an error's key."""
     of = "without a unit" if unit == "-" else f"in {unit}"
-    said = f"Standard deviation of {_OF[error]}, for a channel {of}."
+    said = f"Standard deviation of {_ERROR_WORDS[error]}, for a channel {of}."
     return ((Positive if error == "sd" else NotNegative) | None, Field(None, description=said))
 
 
@@ -146,14 +148,14 @@ def _channels(title: str, names: Iterable[str]) -> type[FileTable]:
 
 _OF_LEGS_FRAMES = (entry for entry, file in OF_FRAMES.items() if not {*file.kinds}.isdisjoint(OF_LEGS))
 ChannelsEntry = _channels("ChannelsEntry", (*(kind.name for kind in OF_LEGS), *_OF_LEGS_FRAMES))
-"""``[channels]`` of a leg: an entry for each of what was recorded beside the force."""
+"""Channel entries of a leg's file."""
 SpecimenChannelsEntry = _channels(
     "SpecimenChannelsEntry", (kind.name for kind in CHANNELS.values() if "specimen" in kind.models)
 )
-"""The same of specimens."""
+"""Channel entries of a specimen's file."""
 
 LONGEST_LAG_S = 1.0
-"""Of a channel's clock, from which on it is refused, s."""
+"""Lag of a channel's clock from which on it is refused."""
 
 
 def with_channels(
@@ -234,8 +236,8 @@ def _channel_file(
             f"give one a trial, and write {TRIAL} for the trial's name, as in us-{TRIAL}.csv",
         )
     path = toml.parent / entry.file.replace(SITE, site).replace(TRIAL, recording.trial)
-    beside = None if recording.source is None else recording.source.parent / path.name
-    return beside if beside is not None and beside.is_file() and not path.is_file() else path
+    nearby = None if recording.source is None else recording.source.parent / path.name
+    return nearby if nearby is not None and nearby.is_file() and not path.is_file() else path
 
 
 def is_channel_file(path: Path, given: FileTable, site: str = "") -> bool:
@@ -344,11 +346,13 @@ def read_channel(path: Path, kind: ChannelKind, column: str | None = None) -> tu
     return time, values
 
 
-def _of_instrument(path: Path, kind: ChannelKind, column: str | None, own: InputError) -> tuple[FloatArray, FloatArray]:
+def _of_instrument(
+    path: Path, kind: ChannelKind, column: str | None, refusal: InputError
+) -> tuple[FloatArray, FloatArray]:
     try:
         sheets = read_sheets(path)
     except InputError:
-        raise own from None
+        raise refusal from None
     columns = [one for sheet in sheets for one in sheet.columns]
     timed = [c for c in columns if c.quantity == "time"]
     quantity: Quantity = "force" if kind.is_force else "displacement"

@@ -65,10 +65,10 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
     names = ", ".join(f"'{c.name}'" for c in sheet.columns)
     name_it = Remedy("name it with ", Argument(quantity, "NAME:UNIT"))
     if not candidates:
-        alike = [c for c in sheet.columns if names_quantity(c.name, quantity)]
+        named_so = [c for c in sheet.columns if names_quantity(c.name, quantity)]
         why = f"no column is named, or has a unit, like it (of {names})"
-        if alike:
-            why = f"'{alike[0].unit}' of '{alike[0].name}' is not a unit of {quantity}"
+        if named_so:
+            why = f"'{named_so[0].unit}' of '{named_so[0].name}' is not a unit of {quantity}"
         raise InputError(path, f"recordings.{quantity}", why, name_it)
     named = [c for c in candidates if names_quantity(c.name, quantity)]
     able = named or candidates
@@ -159,8 +159,8 @@ def _same_signal(a: Column, b: Column) -> bool:
     one, other = (c.values * c.factor for c in (a, b))
     if np.ptp(one) == 0 or np.ptp(other) == 0:
         return bool(np.ptp(one) == np.ptp(other) == 0)
-    alike = abs(np.corrcoef(one, other)[0, 1]) > 1 - 1e-6
-    return bool(alike and abs(np.ptp(one) / np.ptp(other) - 1) < 0.01)
+    proportional = abs(np.corrcoef(one, other)[0, 1]) > 1 - 1e-6
+    return bool(proportional and abs(np.ptp(one) / np.ptp(other) - 1) < 0.01)
 
 
 # How sure the force has to follow the displacement for their directions to be told.

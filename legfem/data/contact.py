@@ -11,24 +11,28 @@ from legfem.data.noise import Instrument, slow_correlation
 from legfem.data.recording import Recording
 from legfem.data.smoothing import sample_noise, without_outliers
 
-_DEPTH_FITTED, _AIR_FITTED = 3.0, 6.0
-"""Ways of `Scales` after and before a rough contact that are fitted."""
+_DEPTH_FITTED = 3.0
+"""Ways of `Scales` after a rough contact that are fitted."""
+_AIR_FITTED = 6.0
+"""Ways of `Scales` before a rough contact that are fitted."""
 _MAX_POINTS = 200
-# Drop in cost, in units of the errors' variance, below which air isn't believed.
+"""Points that are fitted at most."""
 _LEAST_GAIN = 10.0
+"""Drop in cost, in variances of the errors, below which air isn't believed."""
 _BY_NOISE = 2.0
-"""Likewise, of each further trial."""
+"""What each further trial adds to that drop."""
 _MOST_STIFFENING = 0.4
 """By which the force's slope may grow, relative, over one way of `Scales`."""
 _SHAPE_ERROR = 0.03
-"""Of a way: what the fitted shapes may misplace contact by, however little noise there is."""
+"""Share of a way by which the fitted shapes may misplace contact, however little noise there is."""
 _UNEVEN = ((0.0, 1.0), (0.15, 0.6), (0.3, 0.15), (0.5, 0.01))
 """By how much the power that a force begins with may be higher than an even body's, and how likely that is."""
 _OF_FORCE = 0.02
-"""Of the force: what the shapes misdescribe."""
+"""Share of the force that the shapes misdescribe."""
 _TRAVELS = 10.0
+"""A specimen's travel over its way of `Scales`."""
 _FEWEST = 8
-"""Samples."""
+"""Fewest samples that show an onset."""
 
 
 @dataclass(frozen=True)
@@ -241,7 +245,7 @@ class _Near:
     whitening: FloatArray
     """(n, n), 1/N."""
     level: FloatArray
-    """Of unit length: what a force that is the same throughout becomes."""
+    """Unit vector that a constant force becomes."""
     left: FloatArray
     """Force, whitened, without its level."""
 

@@ -173,9 +173,9 @@ def with_lab(toml: Path, content: Mapping[str, Any], tables: Collection[str]) ->
     shared = read_toml(path, "a lab's folder")
     checked(path, shared, LabFile)
     for name in tables:
-        own = content.get(name, {})
-        if name in shared and isinstance(own, Mapping) and not (own and name == "instrument"):
-            whole[name] = {**shared[name], **own}
+        given = content.get(name, {})
+        if name in shared and isinstance(given, Mapping) and not (given and name == "instrument"):
+            whole[name] = {**shared[name], **given}
     return whole
 
 

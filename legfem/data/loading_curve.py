@@ -32,7 +32,7 @@ from legfem.data.segmentation import Segmentation, segment
 from legfem.data.smoothing import LocalLine, local_line
 
 _AIR_MM = 10.0
-"""Before first contact that counts."""
+"""Way in air before first contact that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,18 +198,18 @@ def _above_air(
 
     Without air that is the mean of the trials' curves (R, n), N.
     """
-    step, own = grid[1] - grid[0], replace(noise, gain_sd=0.0, shift_sd=0.0)
+    step, level = grid[1] - grid[0], replace(noise, gain_sd=0.0, shift_sd=0.0)
     ends = -2.0 * noise.common_shift_sd
     air = -step * np.arange(1, int(_AIR_MM / step) + 1)[::-1] if aligned.from_air else grid[:0]
     seen = [_in_air(one, air[air <= ends], step) for one in aligned.branches]
     if any(len(places) for places, _ in seen):
-        own = replace(own, offset_sd=ANY_LEVEL * own.slow_sd, repeat_dof=0)
+        level = replace(level, offset_sd=ANY_LEVEL * level.slow_sd, repeat_dof=0)
     least = 1e-12 * float(np.max(curves**2))
     precision, weighed = np.zeros((len(grid), len(grid))), np.zeros(len(grid))
     for (places, fit), curve in zip(seen, curves, strict=True):
         every, nothing = np.concatenate([places, grid]), np.zeros(len(places) + len(grid))
         white = np.concatenate([noise.white_sd**2 * fit.leverage, white_variance]) + least
-        inverse = np.linalg.inv(own.trial_covariance(every, nothing, nothing) + np.diag(white))[len(places) :]
+        inverse = np.linalg.inv(level.trial_covariance(every, nothing, nothing) + np.diag(white))[len(places) :]
         precision += inverse[:, len(places) :]
         weighed += inverse @ np.concatenate([fit.value, curve])
     covariance = np.linalg.inv(precision)
@@ -225,11 +225,11 @@ def _in_air(branch: Branch, places: FloatArray, step: float) -> tuple[FloatArray
 
 
 _LEVELS = np.linspace(0.1, 0.4, 7)
-"""Of the least peak: where depths are compared, near contact and above the noise."""
-_ALIKE = 0.05
-"""Of the depth: what repeats differ by in stiffness, as a standard deviation."""
-_READ = 0.05
-"""mm: what a depth at a force errs by."""
+"""Shares of the least peak at which depths are compared, near contact and above the noise."""
+_STIFFNESS_SD = 0.05
+"""Standard deviation of a repeat's stiffness, relative."""
+_DEPTH_SD_MM = 0.05
+"""Standard deviation of the depth at a force."""
 _FEWEST = 8
 """Samples of loading."""
 
@@ -254,8 +254,9 @@ def among_repeats(trials: Sequence[Segmentation]) -> tuple[Segmentation, ...]:
     for k, one in enumerate(trials):
         others = np.delete(depths, k, axis=0).mean(axis=0)
         # A repeat that is stiffer differs in proportion to the depth, one whose contact is elsewhere by one way.
-        design = np.column_stack([np.ones_like(others), _ALIKE * others])
-        design, left = np.vstack([design / _READ, [0.0, 1.0]]), np.append((depths[k] - others) / _READ, 0.0)
+        design = np.column_stack([np.ones_like(others), _STIFFNESS_SD * others])
+        design = np.vstack([design / _DEPTH_SD_MM, [0.0, 1.0]])
+        left = np.append((depths[k] - others) / _DEPTH_SD_MM, 0.0)
         apart = abs(float(np.linalg.lstsq(design, left)[0][0]))
         known = one.contact.known or not apart > one.contact.displacement_error
         found.append(one if known else one.touching(replace(one.contact, displacement_error=apart)))

@@ -14,13 +14,15 @@ from legfem.data.recording import Recording
 from legfem.data.smoothing import sample_noise
 
 EXPECTED_GAIN_SD = 0.01
-"""Of the gain from trial to trial, before they are compared: repeats on one site."""
+"""Standard deviation of the gain between repeats on one site, before they are compared."""
 WANDER_LENGTH_MM = 5.0
 """Way over which a displacement sensor's slow error changes."""
 JITTER_LENGTH_MM = 0.5
 """Way over which smoothed displacement errs alike: half of what it is smoothed over."""
-_LEAST_SLOW, _LEAST_WANDER = 0.12, 0.04
-"""Shares of a stated accuracy's variance that are slow at least, however much jitter is seen."""
+_LEAST_SLOW = 0.12
+"""Least share of a load cell's variance that is slow, however much jitter is seen."""
+_LEAST_WANDER = 0.04
+"""Least share of a displacement sensor's variance that is slow, however much jitter is seen."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Instrument:
 
 
 UNSTATED = Instrument(0.0, 0.0, stated=False)
-"""Of which nothing is known: a recording's own scatter counts."""
+"""An instrument of which nothing is known: the recording's scatter counts."""
 
 
 def seen_instrument(recordings: Sequence[Recording]) -> Instrument:
@@ -80,7 +82,7 @@ class Differences:
     contrasts: FloatArray
     """(m, R - 1), N: orthonormal contrasts between R trials; see `contrasts_of`."""
     covariance: Callable[[FloatArray], FloatArray]
-    """Of one trial's values, (m, m), N^2, by the sizes (k,)."""
+    """Covariance of one trial's values, (m, m), N^2, by the sizes (k,)."""
 
 
 def contrasts_of(values: FloatArray) -> FloatArray:
@@ -134,11 +136,14 @@ def slow_correlation(places: FloatArray) -> FloatArray:
     return np.asarray(np.mean([np.exp(-apart / way) for way in _SLOW_WAYS], axis=0))
 
 
-ANY_LEVEL, ANY_PLACE_MM = 100.0, 1.0
-"""Standard deviations that leave a level, in slow errors, and a first contact open."""
-# Log-standard deviation of what is expected of each component before looking at the repeats.
+ANY_LEVEL = 100.0
+"""Standard deviation, in slow errors, that leaves a level open."""
+ANY_PLACE_MM = 1.0
+"""Standard deviation that leaves first contact open."""
 _VAGUENESS = 1.0
+"""Log-standard deviation of what is expected of each component before looking at the repeats."""
 _EXPECTED_LENGTH_MM = 1.0
+"""Correlation length of slow errors that is expected."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +157,7 @@ class NoiseEstimate:
     """
 
     force_sd: float
-    """Of one reading about its own trial's true curve (slow and white), N."""
+    """Standard deviation of one reading about the trial's true curve (slow and white), N."""
     white_sd: float
     """Sample-to-sample part, N."""
     slow_sd: float

@@ -10,7 +10,7 @@ from legfem.data.smoothing import STILL, local_line, pace, sample_noise, velocit
 
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
 _HELD_SHARE = 0.05
-"""Of the recording's way: a still stretch of less way holds whatever its speed."""
+"""Share of the recording's way below which a still stretch is a hold, whatever its speed."""
 
 
 def phases_of_motion(time: FloatArray, displacement: FloatArray, unit: float) -> NDArray[np.str_]:

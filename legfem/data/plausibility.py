@@ -15,35 +15,44 @@ from legfem.data.segmentation import Segmentation
 from legfem.data.smoothing import sample_noise, without_outliers
 
 _MANY_ROWS = 200
-"""Of loading: with one a second it would take minutes."""
+"""Rows of loading that would take minutes with one a second."""
 _LEVEL_SHARES = np.geomspace(0.02, 0.7, 40)
-"""Of a loading's way, that may be level at its end."""
+"""Shares of a loading's way that may be level at its end."""
 _LEVEL_EXACTLY = 0.1
-"""Of a loading's way, above which one value to the last digit is no chance."""
-_FEW, _LEVEL, _OF_NOISE, _BEYOND_NOISE = 8, 0.1, 2.0, 6.0
-"""Samples at least; its rise over that before at most, its scatter over the noise at most, and the
-rise before over the noise at least. On 98 public recordings of beef and silicone nothing is."""
+"""Share of a loading's way over which one value to the last digit is no chance."""
+# No level end is found so on 98 public recordings of beef and silicone.
+_FEW = 8
+"""Fewest samples of a level end."""
+_LEVEL = 0.1
+"""Largest rise of a level end over that before it."""
+_OF_NOISE = 2.0
+"""Largest scatter of a level end over the noise."""
+_BEYOND_NOISE = 6.0
+"""Least rise before a level end over the noise."""
 _SPIKE = 0.15
-"""Of the force's range: corners of loadings sampled at 10 Hz have up to 0.07."""
-
-
+"""Share of the force's range that a spike exceeds: corners of loadings sampled at 10 Hz have up to 0.07."""
 _OFFSET = 0.05
-"""Of the force's rise: what it may read at first touch, or back where it began, or gain in a hold."""
+"""Share of the force's rise that it may read at first touch, or back where it began, or gain in a hold."""
 _ALL = 0.8
-"""Of the rise: what stands at the start of a press that was recorded from its end."""
+"""Share of the force's rise that stands at the start of a press that was recorded from its end."""
 _STUCK = 0.1
-"""Of it: what a skin that sticks may pull with where the recording began."""
+"""Share of the force's rise that a skin that sticks may pull with where the recording began."""
 _OFF_START = 0.05
-"""Of the travel: what a displacement that counts from first touch may start at."""
+"""Share of the travel at which a displacement that counts from first touch may start."""
 _NEAR_START = 0.05
-_JUMP, _LEVEL_FORCE = 0.08, 0.03
-"""Of the travel, and of the force's rise: what a drive doesn't go from one sample to the next, ..."""
-_JUMP_OF_FORCE, _TIMES_WAY = 0.2, 3.0
-"""Of the force's whole range, and of the usual way between readings: what a force doesn't do within such a way."""
-_GAP = 0.1
-"""Of the travel."""
+"""Share of the travel that counts as where a recording begins."""
+_JUMP = 0.08
+"""Share of the travel that no drive goes from one sample to the next."""
+_LEVEL_FORCE = 0.03
+"""Share of the force's range within which it stays as it is while the displacement jumps."""
 _TIMES_STEP = 12.0
-"""... nor as many times as far as from sample to sample else, while the force stays as it is."""
+"""Times the median step that no drive goes, nor clock leaves out, from one sample to the next."""
+_JUMP_OF_FORCE = 0.2
+"""Share of the force's range by which it doesn't change within a usual step of the displacement."""
+_TIMES_WAY = 3.0
+"""Times the median step of the displacement that is still a usual one."""
+_GAP = 0.1
+"""Share of the travel of the loading that may go by unrecorded."""
 
 
 _FORCES = {"mN": 1e-3, "kN": 1e3, "µN": 1e-6}
@@ -173,7 +182,7 @@ def _force_jump_doubts(trial: Segmentation) -> Iterator[Doubt]:
 
 
 _JOINED = 0.3
-"""Of the whole way and force, between two readings."""
+"""Share of the whole way and force by which both go back where a second press begins."""
 
 
 def _gap_doubts(trial: Segmentation) -> Iterator[Doubt]:
@@ -357,11 +366,13 @@ def spike(force: FloatArray) -> int | None:
 
 
 _SAME_NOISE = 0.95
+"""Least rank correlation of two copies' noise."""
 _LEAST_NOISE_N = 5e-4
 """Below it noise may be no more than rounding, which copies and repeats share."""
 _FEWEST = 20
+"""Fewest samples that can be compared."""
 _LIKE_SIGNS = 0.7
-"""Of changes of slope: a quick look before the ranks."""
+"""Least share of changes of slope with like signs in copies: a quick look before the ranks."""
 
 
 def refuse_copies(other: Recording, recordings: Sequence[Recording]) -> None:
@@ -388,7 +399,7 @@ def _copied(one: Recording, other: Recording) -> bool:
         return True
     n = min(len(one), len(other))
     pairs = [(one.force[:n], other.force[:n]), _at_times(one, other), _at_times(other, one)]
-    return any(_alike(*pair) for pair in pairs)
+    return any(_share_noise(*pair) for pair in pairs)
 
 
 def _at_times(one: Recording, other: Recording) -> tuple[FloatArray, FloatArray]:
@@ -398,7 +409,7 @@ def _at_times(one: Recording, other: Recording) -> tuple[FloatArray, FloatArray]
     return np.interp(asked[within], since, one.force), other.force[within]
 
 
-def _alike(a: FloatArray, b: FloatArray) -> bool:
+def _share_noise(a: FloatArray, b: FloatArray) -> bool:
     a2, b2 = np.diff(a, 2), np.diff(b, 2)
     if len(a) < _FEWEST or np.mean(a2 * b2 > 0) < _LIKE_SIGNS:
         return False

@@ -20,7 +20,7 @@ _DROP_SHARE = 0.05
 _SATURATED_SAMPLES = 10
 _NEIGHBOURS = 9
 MINIMAL_SAMPLES = 20
-"""Of a loading."""
+"""Fewest samples of a loading."""
 GRADES = {"A": "good", "B": "usable", "C": "look at it first", "D": "not to be used"}
 """What grades mean."""
 BEST_GRADE = "A"

@@ -31,7 +31,7 @@ PUBLISHED_C10 = {
     "deep": Published(0.5, 15.0, "kPa", f"{PAPER} and what it cites"),
     "superficial": Published(1.0, 30.0, "kPa", f"{PAPER}, Table 2"),
 }
-"""Of legs' tissues."""
+"""Published C10 of legs' tissues."""
 _STRESS = {"Pa": 1e-3, "MPa": 1e3}
 _LENGTH = {"cm": 10.0, "m": 1e3, "micrometres": 1e-3}
 

@@ -79,10 +79,10 @@ def _other_dialect(path: Path, area: float | None) -> Recording | None:
         if area is not None:
             columns = {c.name: c for c in sheets[0].columns}
             unit = columns["pressure"].unit if "pressure" in columns else None
-            own = SourceColumns(
+            pressing = SourceColumns(
                 SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("pressure", unit or "")
             )
-            return recording_of(path, sheets, own, area)
+            return recording_of(path, sheets, pressing, area)
         found = propose(path, sheets).channels
     except InputError:
         return None

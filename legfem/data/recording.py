@@ -124,7 +124,7 @@ class Recording:
 
 
 MOST = 1e9
-"""Of any reading in s, mm or N: beyond it a file is misread or damaged."""
+"""Largest reading in s, mm or N: beyond it a file is misread or damaged."""
 
 
 _A_DATE = 1e8
@@ -291,7 +291,7 @@ HEADER = ("time_s", "displacement_mm", "force_N")
 
 
 OWN_COLUMNS = SourceColumns(SourceColumn("time", "s"), SourceColumn("displacement", "mm"), SourceColumn("force", "N"))
-"""Of legfem's own CSV."""
+"""Columns of legfem's CSV."""
 
 
 def read_own(path: Path) -> Recording | None:

@@ -19,8 +19,9 @@ from legfem.data.smoothing import sample_noise, smooth_displacement, without_out
 from legfem.data.stress_tables import roughness
 
 _SHORTEST_SEGMENT = 8
+"""Fewest samples of a segment."""
 _CORNER = 0.1
-"""Of a way of `Scales`."""
+"""Share of a way of `Scales` that a segment leaves out next to others."""
 
 
 @dataclass(frozen=True)

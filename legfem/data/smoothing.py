@@ -10,7 +10,7 @@ from legfem.common.units import FloatArray
 
 _MAX_POINTS = 8000
 STILL = 0.15
-"""Of the typical speed: below it the indenter counts as still."""
+"""Share of the typical speed below which the indenter counts as still."""
 
 
 @dataclass(frozen=True, eq=False)

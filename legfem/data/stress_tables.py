@@ -20,7 +20,7 @@ _STRAIN = r"strain|dehnung|^eps(ilon)?|^ε|shear|^gamma|^γ"
 _STRESS = r"stress|spannung|sigma|^σ|contrainte|^p$|^p1?1$|^tau$|^τ"
 _NOMINAL, _TRUE = r"nominal|engineering|piola|pk1|^p$|^p1?1$", r"true|cauchy|sigma|^σ"
 _ORDER = 3
-"""Of the divided differences that noise is seen by: a curve of loading is a parabola over four neighbours."""
+"""Order of the divided differences that noise is seen by: a curve of loading is a parabola over four neighbours."""
 _LEAST_ROWS = 6
 
 

@@ -247,7 +247,7 @@ class BallIndentation(AxisymmetricTest[BallOnLayer]):
 
 
 _TOUCHING = 2e-3
-"""Of the depth, at which a return between plates ends."""
+"""Share of the depth at which a return between plates ends."""
 
 
 class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
@@ -356,8 +356,10 @@ class HalfwayTest:
         return replace(least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by, beside, beside_by))
 
 
-_STEPS, _ELEMENTS = 20, 5
-"""Of a shallow test: steps to its depth, and elements across half of its contact."""
+_STEPS = 20
+"""Steps to the depth of a shallow test."""
+_ELEMENTS = 5
+"""Elements across half of a shallow test's contact."""
 
 
 def settings_to(depth: float) -> AxisymmetricSettings:

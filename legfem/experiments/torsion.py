@@ -21,7 +21,7 @@ from legfem.experiments.homogeneous import FORCE, ClosedFormTest
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _RADII = 0.5 * (1 + _NODES)
-"""Of the radius: where the integral is evaluated."""
+"""Shares of the radius at which the integral is evaluated."""
 
 
 class TorsionTest(ClosedFormTest[TwistedCylinder]):

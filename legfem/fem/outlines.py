@@ -174,7 +174,7 @@ def _gathered(spaces: LegSpaces, cells: NDArray[np.int32], edges: NDArray[np.int
 
 
 _OUTSIDE = 0.3
-"""Of a cell's size, by which a point may lie beyond the mesh: outlines are chords of what was drawn."""
+"""Share of a cell's size by which a point may lie beyond the mesh: outlines are chords of what was drawn."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ _SHAPES = edge_shapes(0.5 * (_POINTS + 1))
 _REACH_MM = 6.0
 """Way of sliding for which the tangent's pattern is made; farther ones extend it."""
 _PROJECTIONS = 6
-"""Of Newton's method for the nearest point, from that of the chord."""
+"""Newton steps to the nearest point, from that of the chord."""
 
 
 @dataclass(eq=False)

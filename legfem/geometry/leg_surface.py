@@ -69,9 +69,9 @@ def tube(levels: int, around: int) -> NDArray[np.int64]:
 
 
 _SPACING = 2.0
-"""Of the points among which the nearest is looked for first (mm)."""
+"""Spacing of the points among which the nearest is looked for first (mm)."""
 _CORRECTIONS = 4
-"""Of a position around the leg; they converge quadratically near the surface."""
+"""Newton steps for a position around the leg; they converge quadratically near the surface."""
 _WRAPPED = 6  # points repeated beyond the contour's start and end, for a periodic spline
 
 

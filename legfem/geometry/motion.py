@@ -210,8 +210,10 @@ class RigidTransform:
         return RigidTransform(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
 
 
-_STEPS, _CLOSE = 12, 1e-12
-"""Of Newton's method for where a line crosses a level; its end, over the segment's length."""
+_STEPS = 12
+"""Iterations of Newton's method for where a line crosses a level."""
+_CLOSE = 1e-12
+"""Step over the segment's length at which it ends."""
 
 
 def resliced(points: Mapping[str, FloatArray], levels: ArrayLike | None = None) -> LegShape:

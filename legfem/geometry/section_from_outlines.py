@@ -27,7 +27,7 @@ BRIDGE = 10.0
 _MOST_WINDING = 5.0
 """Times its hull's that an outline is long: muscles' furrows make it twice as long."""
 _SPECK = 0.02
-"""Of the largest piece's area; smaller ones are no muscle."""
+"""Share of the largest piece's area below which a piece is no muscle."""
 
 
 @dataclass(frozen=True)

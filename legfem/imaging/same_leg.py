@@ -31,7 +31,7 @@ _DOUBTED = 1.6
 """Times the stated error of an outline: one leg's bones, drawn twice with it, come to lie within 1.41 of it, and within
 0.85 where the error is a wave of some centimetres."""
 _FITS_BETTER = 0.6
-"""Of the distance: what a mirror image leaves of it where that is the leg."""
+"""Share of the distance that a mirror image leaves where that is the leg."""
 
 
 def check_scans_differ(bare: LegShape, compressed: LegShape, toml: Path) -> None:

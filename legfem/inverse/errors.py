@@ -44,7 +44,7 @@ _SHAPE_LENGTH_MM = 10.0
 """Of what outlines that are off, and two effects at once, do beyond the sum of their single effects
 (`ChannelKind.model_share`): with skin and fascia 1 mm off, an aim of 1 mm and bones of 0.5 to 1.4 mm, 0.15 mm of the
 skin's rise at 20 mm; fat 2.7 and fascia 12 times as stiff, 0.12 mm at 10 mm; 0.03 mm of thickness each. Along the
-displacement; from place to place it is alike over `ChannelKind.model_alike`."""
+displacement; from place to place it is alike over `ChannelKind.model_length`."""
 
 
 def reading_covariance(
@@ -89,7 +89,7 @@ def model_covariance(one: ChannelReadings, since_touch: FloatArray) -> FloatArra
     of_meshes = _MODEL_SHARE**2 * np.outer(changes, changes) * np.exp(-0.5 * (apart / _MODEL_LENGTH_MM) ** 2)
     deeper = one.kind.model_share * one.displacement
     total = of_meshes + np.outer(deeper, deeper) * np.exp(-0.5 * (apart / _SHAPE_LENGTH_MM) ** 2)
-    return np.asarray(total * one.alike(one.kind.model_alike))
+    return np.asarray(total * one.alike(one.kind.model_length))
 
 
 def _excess_of_repeats(one: ChannelReadings, own: FloatArray, repeated: Sequence[Sequence[int]]) -> float:

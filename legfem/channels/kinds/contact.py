@@ -72,7 +72,7 @@ MOMENT = ChannelKind(
     ChannelAccuracy(reading=0.3, bias=1.0, gain=0.02, slow=0.5, lag=0.01),
 )
 _PRESSED = 0.2
-"""Of the largest force along the travel, from which on another is compared with it."""
+"""Share of the largest force along the travel from which on another force is compared with it."""
 
 
 class ContactForces(ChannelFile):
@@ -133,7 +133,7 @@ def _squared(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 _BERNSTEIN = np.array([[comb(i, j) / comb(4, j) for j in range(5)] for i in range(5)])
 """From the coefficients of a polynomial of fourth degree to its Bernstein coefficients from 0 to 1."""
 _SEEN = ChannelAccuracy(reading=0.7, bias=1.0, gain=0.03, slow=0.3, lag=0.1)
-"""Of an edge that fades: skin that is close to the face looks as if it touched."""
+"""Accuracy of an edge that fades: skin that is close to the face looks as if it touched."""
 WIDTH = ChannelKind("contact_width", "mm", "width of the contact along the cylinder's face", _SEEN, 0.02)
 
 
@@ -198,8 +198,8 @@ class ContactWidths(ChannelFile):
 _FILM = ChannelAccuracy(
     reading=0.5, bias=0.3, gain=0.1, slow=0.2, lag=0.1, shift=1.0, each=0.05, creep=0.05, threshold=1.0
 )
-"""Of thin-film sensors on a curved face: a tenth of the reading, a twentieth of each sensel's own and as much more for
-each decade of time; a film is laid around the cylinder by hand."""
+"""Accuracy of thin-film sensors on a curved face: a tenth of the reading, a twentieth of each sensel by itself, and as
+much more for each decade of time; a film is laid around the cylinder by hand."""
 PRESSURE = ChannelKind(
     "contact_pressure",
     "kPa",
@@ -208,16 +208,19 @@ PRESSURE = ChannelKind(
     0.03,
     # Its sum is the force, which is measured: what outlines that are off by 0.3 to 1 mm do beyond the sum of their
     # single effects has either sign within the contact, 0.2 to 0.6 kPa at 20 mm on sensels of 6 mm.
-    model_alike=5.0,
+    model_length=5.0,
 )
 _BLUR_MM = 1.5
 _MOST_SENSELS = 24
 """More are taken together, neighbours in twos, threes and so on."""
 _MORE_THAN_FORCE = 1.5
+"""Sum of the pressures over the force from which on they are refused."""
 _NARROWEST_DEG = 1.6
 """A film that covers half the face has angles to π/2 in radians; none covers a thirtieth of it."""
-_PLANNED_SENSELS, _PLANNED_MM, _PLANNED_DEG = 8, 24.0, 80.0
-"""Of a film that a plan asks for: how many, and how far they reach to either side at most."""
+_PLANNED_SENSELS = 8
+"""Sensels of a film that a plan asks for."""
+_PLANNED_MM, _PLANNED_DEG = 24.0, 80.0
+"""How far that film reaches to either side at most, whichever is less."""
 
 
 class ContactPressures(FramesFile[Site]):

@@ -45,19 +45,23 @@ FACE_STRAIN = ChannelKind(
     models=frozenset({"specimen"}),
 )
 HEIGHTS = (0.0, 0.25, 0.5, 0.75)
-"""Of half the height: farther out the side comes onto the plates, or grips shade it."""
+"""Shares of half the height at which strains are read: farther out the side meets the plates, or grips shade it."""
 ACROSS, ALONG = 0, 1
 PLACES = tuple((height, float(ACROSS)) for height in HEIGHTS) + tuple((height, float(ALONG)) for height in HEIGHTS[1:])
 """Height and direction of every reading; along, the strain from the middle on is one up to the first height."""
 _SHORT_OF = 0.05
-"""Of half the height: a height is read if points reach so near to it, above the middle and below."""
-_OUTSIDE, _MOST_OUTSIDE = 1.05, 0.1
-"""Of half the height or width, beyond which points lie outside; and of points, how many may."""
+"""How near points must reach to a height that is read, above the middle and below, over half the height."""
+_OUTSIDE = 1.05
+"""Share of half the height or width beyond which a point lies outside the face."""
+_MOST_OUTSIDE = 0.1
+"""Largest share of points that may lie outside."""
 _LEAST_POINTS = 8
 _TRAVEL = 0.05, 4.0
-"""Of the strain that the travel says, between which the face's are."""
-_AT_REST, _STANDING = 0.05, 0.3
-"""Of the same: what counts as rest, and what the face may be strained by then."""
+"""Bounds of the face's strains over the strain that the travel says."""
+_AT_REST = 0.05
+"""Share of the travel's strain below which the specimen rests."""
+_STANDING = 0.3
+"""Largest strain of the face at rest, over the travel's strain."""
 
 
 def _shares(heights: FloatArray, knots: Sequence[float]) -> FloatArray:
@@ -92,8 +96,7 @@ class FaceStrains(FramesFile[Sequence[Face]]):
         radius, half = map(float, seen.model.places.max(axis=0))
         moved = seen.on_side(half * _SAMPLED)
         strains = np.hstack([moved[..., 0] / radius @ _TO_ACROSS.T, moved[..., 1] / half @ _TO_ALONG.T])
-        names = FACE_STRAIN.courses(len(PLACES))
-        return {name: (float(one[0]), one[1:]) for name, one in zip(names, strains.T, strict=True)}
+        return FACE_STRAIN.by_course(strains[0], strains[1:])
 
     def apart(self, places: FloatArray) -> FloatArray:
         """Return how far readings of one direction are apart, in half heights."""

@@ -55,9 +55,9 @@ _BETWEEN = {FAT.name: ("skin", "fascia"), MUSCLE.name: ("deep", "bone"), TISSUE.
 _LAYERS = {FAT.name: ("superficial", "fat"), MUSCLE.name: ("deep", "muscle")}
 """Names of a specimen's layers."""
 _APART_MM, _APART = 3.0, 0.35
-"""Of a thickness from the section's own: mm, or a share of it where that is more."""
+"""Largest departure of a thickness from what is stated: in mm, or as a share of it where that is more."""
 _MOST = 2.0
-"""Of the stated thickness: more is no reading of it."""
+"""Greatest reading over the stated thickness."""
 _IN_MUSCLE_MM = 8.0
 """Under the fascia: where a figure marks the muscle."""
 

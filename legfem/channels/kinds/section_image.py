@@ -35,7 +35,7 @@ from legfem.channels.kind import (
     Read,
     ReadingsAtSite,
 )
-from legfem.channels.laid import AS_STATED, Laid
+from legfem.channels.laid import Laid
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import BONES, across, first_crossing
@@ -66,7 +66,7 @@ def tissue_points(frames: Sequence[Frames], site: Site, beyond: float) -> list[N
         If most don't.
     """
     inside = [_in_tissue(one.columns[:, :2], site, beyond) for one in frames]
-    kept, every = sum(int(own.sum()) for own in inside), sum(len(one.columns) for one in frames)
+    kept, every = sum(int(one.sum()) for one in inside), sum(len(one.columns) for one in frames)
     if 2 * kept < every:
         raise FramesError(
             "x_mm, y_mm",
@@ -117,7 +117,8 @@ def cell_means(
 _PLANNED_DEPTHS_MM, _PLANNED_ASIDE_MM = (5.0, 12.0, 19.0, 26.0), (-12.0, 0.0, 12.0)
 """Below the skin and to the left of the travel: middles of the cells that a plan asks for."""
 _PLANNED_INSIDE_MM = 3.0
-"""Of every tissue's outer bound and of bone: outlines that are off, and images that lie elsewhere, show them too."""
+"""Distance of planned cells from every tissue's outer bound and from bone: outlines that are off, and images that lie
+elsewhere, show them too."""
 
 
 def planned_cells(site: Site) -> list[tuple[float, float]]:
@@ -132,7 +133,7 @@ def planned_cells(site: Site) -> list[tuple[float, float]]:
 
 
 _TRACKING = ChannelAccuracy(reading=0.3, gain=0.02, slow=0.1, lag=0.1, shift=2.0, turn=3.0, apart=4.0)
-"""Of a cell; what is slow is tracking's drift from frame to frame. The image is laid into the section by hand."""
+"""Accuracy of a cell; the slow error is tracking's drift. The image is laid into the section by hand."""
 INSIDE = ChannelKind(
     "section_displacement",
     "mm",
@@ -143,9 +144,13 @@ INSIDE = ChannelKind(
 )
 _MOST_CELLS = 20
 _OUTSIDE_MM = 1.0
+"""How far a point may lie outside the tissue."""
 _TOO_FAR, _TOO_FAR_MM = 1.3, 3.0
-_AT_REST_MM, _RESTING_MM = 2.0, 0.5
-"""By how much points may have moved where the cylinder has by less than this."""
+"""Largest movement of a point: this times the cylinder's, and so many mm more."""
+_AT_REST_MM = 2.0
+"""Largest movement of points before the cylinder touches."""
+_RESTING_MM = 0.5
+"""Depth of the cylinder below which the tissue counts as unloaded."""
 
 
 class SectionDisplacements(FramesFile[Site]):
@@ -155,10 +160,6 @@ class SectionDisplacements(FramesFile[Site]):
     entry = INSIDE.name
     columns = ("x_mm", "y_mm", "ux_mm", "uy_mm")
 
-    def read(self, seen: "Seen") -> Channels:
-        """Return the displacements at the places where somebody looked."""
-        return self.laid(seen, AS_STATED)
-
     def laid(self, seen: "Seen", image: Laid) -> Channels:
         """Return the displacements that an image shows there."""
         places = seen.places(INSIDE.name)
@@ -167,12 +168,7 @@ class SectionDisplacements(FramesFile[Site]):
         at = places[:, :2]
         values, rates = map(image.shown, seen.moves(image.truly(at, at.mean(axis=0))))
         rows, way = np.arange(len(places)), places[:, 2].astype(int)
-        return {
-            name: (float(value), rate)
-            for name, value, rate in zip(
-                INSIDE.courses(len(places)), values[rows, way], rates[:, rows, way].T, strict=True
-            )
-        }
+        return INSIDE.by_course(values[rows, way], rates[:, rows, way])
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse displacements that are too large, against the travel, or not counted from first touch."""
@@ -223,20 +219,16 @@ class SectionDisplacements(FramesFile[Site]):
         points = [one.columns[kept, :2] for one, kept in zip(frames, inside, strict=True)]
         cells = cells_of(points, site.touch, _MOST_CELLS)
         places = tuple((round(float(x), 3), round(float(y), 3), float(way)) for x, y in cells.middles for way in (0, 1))
-        return [
-            [_means(one.time[kept], own, one.columns[kept, 2:], places)]
-            for one, kept, own in zip(frames, inside, cells.of_trial, strict=True)
-        ]
+        found = []
+        for one, kept, cell in zip(frames, inside, cells.of_trial, strict=True):
+            times, numbers, means = cell_means(one.time[kept], cell, one.columns[kept, 2:])
+            course = np.column_stack([2 * numbers, 2 * numbers + 1]).ravel()
+            found.append([Read(INSIDE.name, np.repeat(times, 2), means.ravel(), course, places)])
+        return found
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return a point under the cylinder, within the tissue."""
         return np.asarray(site.deepest + 2 * CELL_MM * site.direction)
-
-
-def _means(time: FloatArray, cell: NDArray[np.int_], moved: FloatArray, places: tuple[tuple[float, ...], ...]) -> Read:
-    times, cells, means = cell_means(time, cell, moved)
-    course = np.column_stack([2 * cells, 2 * cells + 1]).ravel()
-    return Read(INSIDE.name, np.repeat(times, 2), means.ravel(), course, places)
 
 
 STRAIN = ChannelKind(
@@ -263,10 +255,6 @@ class SectionStrains(FramesFile[Site]):
     entry = STRAIN.name
     columns = ("x_mm", "y_mm", "strain")
 
-    def read(self, seen: "Seen") -> Channels:
-        """Return the strains at the places where somebody looked."""
-        return self.laid(seen, AS_STATED)
-
     def laid(self, seen: "Seen", image: Laid) -> Channels:
         """Return the strains that an image shows there, along a beam that is turned with it."""
         places = seen.places(STRAIN.name)
@@ -276,9 +264,7 @@ class SectionStrains(FramesFile[Site]):
         half = 0.5 * WINDOW_MM * way
         ahead, ahead_rates = map(image.shown, seen.moves(image.truly(places + half, middle)))
         behind, behind_rates = map(image.shown, seen.moves(image.truly(places - half, middle)))
-        values, rates = ((ahead - behind) @ way) / WINDOW_MM, ((ahead_rates - behind_rates) @ way) / WINDOW_MM
-        names = STRAIN.courses(len(places))
-        return {name: (float(value), rate) for name, value, rate in zip(names, values, rates.T, strict=True)}
+        return STRAIN.by_course(((ahead - behind) @ way) / WINDOW_MM, ((ahead_rates - behind_rates) @ way) / WINDOW_MM)
 
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse strains in per cent, of the other sign, or not counted from first touch."""
@@ -319,8 +305,8 @@ class SectionStrains(FramesFile[Site]):
         cells = cells_of(points, site.touch, _MOST_STRAIN_CELLS)
         places = tuple((round(float(x), 3), round(float(y), 3)) for x, y in cells.middles)
         found = []
-        for one, kept, own in zip(frames, inside, cells.of_trial, strict=True):
-            times, course, means = cell_means(one.time[kept], own, one.columns[kept, 2:])
+        for one, kept, cell in zip(frames, inside, cells.of_trial, strict=True):
+            times, course, means = cell_means(one.time[kept], cell, one.columns[kept, 2:])
             found.append([Read(STRAIN.name, times, means[:, 0], course, places)])
         return found
 

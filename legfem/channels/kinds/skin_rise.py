@@ -28,7 +28,7 @@ from legfem.channels.kind import (
     Read,
     ReadingsAtSite,
 )
-from legfem.channels.laid import AS_STATED, Laid
+from legfem.channels.laid import Laid
 from legfem.common.units import FloatArray
 from legfem.geometry.indenter import Site
 from legfem.geometry.section import across, first_crossing
@@ -41,9 +41,9 @@ _CAMERAS = ChannelAccuracy(reading=0.2, bias=0.2, gain=0.01, slow=0.2, lag=0.05,
 _OFFSETS_MM = (25.0, 40.0, -25.0, -40.0)
 """Distances to the left of the travel at which the skin's rise is told; negative ones lie to the right."""
 _NEAR_MM = 4.0
-"""Of an offset, on either side: points that a parabola goes through."""
+"""Distance from an offset within which a parabola is fitted to points."""
 _PRESSED = 0.03
-"""Of the largest force: a first frame at more shows a leg that is pressed."""
+"""Share of the largest force from which on a first frame shows a leg that is pressed."""
 
 
 def _rise(offset: float) -> ChannelKind:
@@ -63,12 +63,11 @@ class SkinRises(FramesFile[Site]):
     entry = "skin_profile"
     columns = ("x_mm", "y_mm")
 
-    def read(self, seen: "Seen") -> Channels:
-        """Return the rises, of those whose line meets the skin."""
-        return self.laid(seen, AS_STATED)
-
     def laid(self, seen: "Seen", image: Laid) -> Channels:
-        """Return the rises that an image shows, shifted, and turned about the axis of the cylinder at first touch."""
+        """Return the rises that an image shows, shifted, and turned about the axis of the cylinder at first touch.
+
+        None of a line that doesn't meet the skin.
+        """
         stated, found = seen.profile, dict[str, tuple[float, FloatArray]]()
         origin, direction = image.truly(stated.origin, stated.origin), image.turned(stated.direction)
         skin = replace(stated, origin=origin, direction=direction)

@@ -46,8 +46,8 @@ def titles_and_units(
     first, last = (0, units or len(full)) if units != 0 else (min(1, len(full) - 1), len(full))
     scores = [sum(map(names_something, cells)) for cells in full[first:last]]
     named = last - 1 - int(np.argmax(scores[::-1]))
-    own = None if units is None else [text.strip("()[]<> ") or None for text in full[units]]
-    return rows[named], own
+    stated = None if units is None else [text.strip("()[]<> ") or None for text in full[units]]
+    return rows[named], stated
 
 
 def _paired(row: Sequence[Cell], count: int) -> Sequence[Cell]:

@@ -91,7 +91,7 @@ OWN: dict[Quantity, str] = {"time": "s", "displacement": "mm", "force": "N", "pr
 FORCE_OF = {"mg": "mgf", "g": "gf", "gram": "gf", "grams": "gf", "kg": "kgf", "lb": "lbf", "lbs": "lbf", "oz": "ozf"}
 """What a scale's unit of mass means where a force is measured in it."""
 _WRONG_MICRO = re.compile(r"^(?:Â[µμ]|æ)(?=[mNs]$)")
-"""Of UTF-8 read as cp1252, and of cp437."""
+"""A micro sign of UTF-8 read as cp1252, and one of cp437."""
 
 
 def unit_named(name: str) -> Unit | None:
@@ -149,11 +149,11 @@ def name_and_unit(label: str) -> tuple[str, str | None]:
     return (ended["name"], found) if ended and unit_named(found) is not None else (label, None)
 
 
-def one_unit(named: str | None, beside: str | None) -> str | None:
+def one_unit(named: str | None, stated: str | None) -> str | None:
     """Return the unit that a column's name states, or what stands beside it; both where they differ, which is none."""
-    if named and beside and (one := unit_named(named)) and (other := unit_named(beside)) and one != other:
-        return f"{named} or {beside}"
-    return beside or named
+    if named and stated and (one := unit_named(named)) and (other := unit_named(stated)) and one != other:
+        return f"{named} or {stated}"
+    return stated or named
 
 
 def names_quantity(label: str, quantity: Quantity) -> bool:

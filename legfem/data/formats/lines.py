@@ -153,8 +153,8 @@ def _without_labels(lines: list[str]) -> tuple[list[str], tuple[str, ...]]:
     if begin is None or len(filled) < FEWEST_ROWS:
         return lines, ()
     names = [(label, unit) for label, _, unit in parted[begin]]
-    alike = [[(label, unit) for label, _, unit in parted[k]] == names for k in filled]
-    if len(names) < 2 or sum(alike) <= _MOSTLY * len(alike):
+    same = [[(label, unit) for label, _, unit in parted[k]] == names for k in filled]
+    if len(names) < 2 or sum(same) <= _MOSTLY * len(same):
         return lines, ()
     found = [",".join(n for _, n, _ in cells) if cells else line for cells, line in zip(parted, lines, strict=True)]
     head = ",".join(f"{label} ({unit})" if unit else label for label, unit in names)

@@ -16,7 +16,7 @@ from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.model import Body, Memoryless, RegionTerm, Skin
 
 _ITERATIONS = 5
-"""Of Newton's method for J, from 1: its error is below 3e-10 up to stretches of 0.7 and 1.3."""
+"""Steps of Newton's method for J, from 1: its error is below 3e-10 up to stretches of 0.7 and 1.3."""
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ class Calibrated:
     meshes: tuple[CaseOutcome, ...]
     """Outcomes of the reference, the finest mesh first."""
     outcomes: tuple[CaseOutcome, ...]
-    """Of all cases."""
+    """Outcomes of all cases."""
 
     @property
     def reference(self) -> CaseOutcome:

@@ -108,7 +108,7 @@ class CaseOutcome:
     steps: int
     """Steps of the 3D model."""
     rejected: int
-    """Of these."""
+    """Steps of the 3D model that were tried again."""
     softened: bool
     """Whether a contact had to be softened to get there."""
     factorisations: int

@@ -45,8 +45,10 @@ PARAMETERS: Mapping[str, Kind] = {
 OF_THE_GEOMETRY = ("fascia.thickness", "indenter.diameter")
 """Parameters whose change needs another mesh."""
 
-LONGEST_MM, DEEPEST_MM = 200.0, 60.0
-"""Of a factor that is a length, and of a press: what a leg has room for."""
+LONGEST_MM = 200.0
+"""Largest factor that is a length."""
+DEEPEST_MM = 60.0
+"""Deepest press that a leg has room for."""
 
 _TISSUES = {"deep": "deep", "superficial": "fat", "fascia": "fascia"}
 
