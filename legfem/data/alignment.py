@@ -179,7 +179,10 @@ def _placed(branches: Sequence[Branch], contacts: Sequence[Contact], instrument:
     """Return branches brought onto each other; None where they have too little in common."""
     count = len(branches)
     contrast, centring = helmert(count), np.eye(count) - 1 / count
-    came, zeros_sd = np.array([c.estimate - c.displacement for c in contacts]), _zeros_sd(contacts, instrument)
+    came, seen = np.array([c.estimate - c.displacement for c in contacts]), [c.baseline for c in contacts if c.in_air]
+    # Where no air shows a trial's zero, it may be as far off as the others'.
+    unseen = float(np.hypot(instrument.force_sd, np.sqrt(np.mean(np.square(seen))) if seen else 0.0))
+    zeros_sd = np.array([c.baseline_error if c.in_air else unseen for c in contacts])
     shifts, zeros = came.copy(), np.zeros(count)
     priors = np.diag(np.concatenate([np.full(count, 1 / _FARTHEST_MM), 1 / zeros_sd]))
     for _ in range(_ROUNDS):
@@ -212,13 +215,6 @@ def _placed(branches: Sequence[Branch], contacts: Sequence[Contact], instrument:
         float(np.sqrt(np.mean(np.diag(spread)[count:]))),
         float(away @ np.linalg.pinv(apart) @ away),
     )
-
-
-def _zeros_sd(contacts: Sequence[Contact], instrument: Instrument) -> FloatArray:
-    """Return how well each trial's zero is known (R,), N: where no air shows it, it may be as far off as elsewhere."""
-    seen = [c.baseline for c in contacts if c.in_air]
-    unseen = float(np.hypot(instrument.force_sd, np.sqrt(np.mean(np.square(seen))) if seen else 0.0))
-    return np.array([c.baseline_error if c.in_air else unseen for c in contacts])
 
 
 def _trial_errors(grid: FloatArray, force: FloatArray, slope: FloatArray, instrument: Instrument) -> FloatArray:

@@ -277,25 +277,23 @@ def _of_frames(
 def _with_frames(
     toml: Path, path: Path, entry: RecordedChannelEntry, found: Sequence[Read], recording: Recording
 ) -> Recording:
+    """Return a recording with the channels that frames give, without what is below an instrument's threshold."""
     taken = {one.name for one in recording.channels} & {one.name for one in found}
     if taken:
         raise InputError(path, "channels", f"{', '.join(taken)} is given already", "keep one of the two")
-    channels = [_at_places(path, one, entry.accuracy(CHANNELS[one.name], toml)) for one in found]
+    channels = []
+    for one in found:
+        kind = CHANNELS[one.name]
+        accuracy = entry.accuracy(kind, toml)
+        told = np.full(len(one.values), accuracy.threshold is None)
+        if accuracy.threshold is not None:
+            told = one.values >= accuracy.threshold
+        if not told.any():
+            problem = f"no reading reaches {accuracy.threshold:g} {kind.unit}"
+            raise InputError(path, one.name, problem, "give a lower threshold, or leave the file out")
+        course = None if one.course is None else one.course[told]
+        channels.append(RecordedChannel(one.name, one.time[told], one.values[told], accuracy, path, course, one.places))
     return replace(recording, channels=(*recording.channels, *channels))
-
-
-def _at_places(path: Path, one: Read, accuracy: ChannelAccuracy) -> RecordedChannel:
-    """Return a channel that frames give, without what is below the instrument's threshold."""
-    told = np.ones(len(one.values), dtype=bool) if accuracy.threshold is None else one.values >= accuracy.threshold
-    if not told.any():
-        raise InputError(
-            path,
-            one.name,
-            f"no reading reaches {accuracy.threshold:g} {CHANNELS[one.name].unit}",
-            "give a lower threshold, or leave the file out",
-        )
-    course = None if one.course is None else one.course[told]
-    return RecordedChannel(one.name, one.time[told], one.values[told], accuracy, path, course, one.places)
 
 
 def _with_file(

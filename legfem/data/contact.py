@@ -275,7 +275,9 @@ def _near(d: FloatArray, force: FloatArray, rough: float, instrument: Instrument
         return None
     slow = replace(instrument, force_sd=noise).slow_force_sd(white) if instrument.stated else white
     pressed = _OF_FORCE * np.maximum(y - y[:_FEWEST].mean(), 0.0)
-    whitening = _whitening(x, white / np.sqrt(size), slow, pressed, scales.way)
+    # What no shape describes errs slowly too.
+    covariance = slow_correlation(x / scales.way) * (slow**2 + np.outer(pressed, pressed))
+    whitening = np.linalg.inv(np.linalg.cholesky(covariance + np.diag((white / np.sqrt(size)) ** 2)))
     level = whitening.sum(axis=1)
     level /= np.sqrt(level @ level)
     left = whitening @ y
@@ -339,15 +341,6 @@ def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Float
     step = np.floor((x - x.min()) / np.ptp(x) * _MAX_POINTS * (1 - 1e-12)).astype(int)
     _, index, counts = np.unique(step, return_inverse=True, return_counts=True)
     return np.bincount(index, x) / counts, np.bincount(index, y) / counts, counts.astype(float)
-
-
-def _whitening(x: FloatArray, white: FloatArray, slow: float, shape: FloatArray, way: float) -> FloatArray:
-    """Return the matrix (n, n), 1/N, that makes readings with white and slow errors independent of unit variance.
-
-    What no shape describes (n,), N, errs slowly too.
-    """
-    covariance = slow_correlation(x / way) * (slow**2 + np.outer(shape, shape))
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + np.diag(white**2))))
 
 
 def _places(

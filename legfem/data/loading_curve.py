@@ -138,9 +138,15 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
         [np.interp(grid, b.depth, b.leverage) * variance for b, variance in zip(branches, readings, strict=True)],
         axis=0,
     )
-    noise = estimate_components(
-        grid, curves, smooth, slope, white_variance + jitter * slope**2, _expected(aligned, instrument, white)
+    expected = Expectation(
+        offset_sd=aligned.zero_sd,
+        shift_sd=max(aligned.shift_sd, 0.2 * instrument.displacement_sd),
+        common_shift_sd=aligned.contact_sd,
+        slow_sd=instrument.slow_force_sd(white),
+        white_sd=white,
+        placed=aligned.from_air,
     )
+    noise = estimate_components(grid, curves, smooth, slope, white_variance + jitter * slope**2, expected)
     force, covariance = _above_air(aligned, noise, grid, curves, white_variance)
     rest = replace(noise, slow_sd=0.0)
     if aligned.from_air:
@@ -169,17 +175,6 @@ def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> Lo
         n_samples=frozen_array(np.sum([fit.count for fit in fits], axis=0)),
         noise=noise,
         contacts=contacts,
-    )
-
-
-def _expected(aligned: Aligned, instrument: Instrument, white: float) -> Expectation:
-    return Expectation(
-        offset_sd=aligned.zero_sd,
-        shift_sd=max(aligned.shift_sd, 0.2 * instrument.displacement_sd),
-        common_shift_sd=aligned.contact_sd,
-        slow_sd=instrument.slow_force_sd(white),
-        white_sd=white,
-        placed=aligned.from_air,
     )
 
 

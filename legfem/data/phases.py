@@ -43,7 +43,9 @@ def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[n
     still = STILL * speed
     velocity = local_line(t, d, t, half, min(5, len(t))).slope
     motion = np.where(np.abs(velocity) <= still, 0, np.sign(velocity)).astype(int)
-    motion = _without_blips(motion, max(2, window // 2))
+    for start, end in runs_of(motion):
+        if end - start < max(2, window // 2) and start > 0:
+            motion[start:end] = motion[start - 1]
     motion = _fitted_corners(t, d, motion, window)
     runs = runs_of(motion)
     least = least_way(d, unit)
@@ -69,14 +71,6 @@ def runs_of(marks: NDArray[np.generic]) -> list[tuple[int, int]]:
     """Return the first number and the one after the last of each run of equal marks."""
     edges = [0, *(int(k) + 1 for k in np.flatnonzero(marks[1:] != marks[:-1])), len(marks)]
     return list(pairwise(edges))
-
-
-def _without_blips(motion: NDArray[np.int_], shortest: int) -> NDArray[np.int_]:
-    motion = motion.copy()
-    for start, end in runs_of(motion):
-        if end - start < shortest and start > 0:
-            motion[start:end] = motion[start - 1]
-    return motion
 
 
 def _fitted_corners(t: FloatArray, d: FloatArray, motion: NDArray[np.int_], window: int) -> NDArray[np.int_]:

@@ -18,7 +18,7 @@ from legfem.data.formats.labels import OWN, Quantity, unit_named
 from legfem.data.formats.sheet import Column, Sheet
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +182,14 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
     InputError
         If a sheet, column or unit isn't there, or time doesn't increase.
     """
-    sheet = _sheet_named(path, sheets, channels.sheet)
+    named = [one for one in sheets if one.name == channels.sheet]
+    if channels.sheet is None and len(sheets) == 1:
+        named = [*sheets]
+    if len(named) != 1:
+        names = ", ".join(f"'{one.name}'" for one in sheets)
+        problem = f"there is not exactly one table {channels.sheet!r}"
+        raise InputError(path, "recordings.sheet", problem, f"name of {names}")
+    sheet = named[0]
     values = [_converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES]
     if _first_is_doubled(values[0]):
         values = [one[1:] for one in values]
@@ -209,16 +216,6 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
 
 
 _OF_PULLS = re.compile(r"tensile|(?<!ex)tension|\bzug|traction|tracción|trazione", re.IGNORECASE)
-
-
-def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet:
-    if name is None and len(sheets) == 1:
-        return sheets[0]
-    found = [sheet for sheet in sheets if sheet.name == name]
-    if len(found) == 1:
-        return found[0]
-    names = ", ".join(f"'{sheet.name}'" for sheet in sheets)
-    raise InputError(path, "recordings.sheet", f"there is not exactly one table {name!r}", f"name of {names}")
 
 
 def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: SourceColumn, area: float | None) -> FloatArray:
@@ -325,8 +322,12 @@ def read_own_table(path: Path, area: float | None) -> Recording:
             f"{backwards(time, rows[0])})",
             "sort the rows by time, remove repeated ones, and save each trial in a file of its own",
         )
-    channels = tuple(_sparse(kind, time, table[name]) for name, kind in further.items())
-    return Recording(time, displacement, factor * force, path.stem, path, channels)
+    channels = []
+    for name, kind in further.items():
+        values = table[name].to_numpy(dtype=np.float64)
+        there = ~np.isnan(values)
+        channels.append(RecordedChannel(kind.name, time[there], values[there], kind.usual))
+    return Recording(time, displacement, factor * force, path.stem, path, tuple(channels))
 
 
 def _first_line(path: Path) -> str:
@@ -337,11 +338,6 @@ def _channel_columns(path: Path) -> dict[str, ChannelKind]:
     """Return the columns of further channels in a table's first line."""
     known = {kind.column: kind for kind in IN_COLUMNS}
     return {name: known[name] for cell in _first_line(path).split(",") if (name := cell.strip()) in known}
-
-
-def _sparse(kind: ChannelKind, time: FloatArray, values: "pd.Series[float]") -> RecordedChannel:
-    read = values.notna().to_numpy()
-    return RecordedChannel(kind.name, time[read], values.to_numpy()[read], kind.usual)
 
 
 def _pressure_column(path: Path, area: float) -> tuple[str, float]:

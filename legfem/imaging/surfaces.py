@@ -51,7 +51,9 @@ def read_surfaces(paths: Mapping[str, Sequence[Path]]) -> dict[str, list[Any]]:
             raise InputError("surfaces", part, "the part is missing", "give its file")
     surfaces = {part: [read_surface(file) for file in files] for part, files in paths.items()}
     # Before anything else: levels in mm don't meet a leg in metres.
-    _check_units(surfaces[SKIN][0], paths[SKIN][0])
+    skin = surfaces[SKIN][0]
+    pieces = _pieces(skin, CuttingPlane.at_level(float(skin.bounds[:, 2].mean())))
+    check_girth(max((piece.exterior.length for piece in pieces), default=0.0), paths[SKIN][0])
     return surfaces
 
 
@@ -67,7 +69,10 @@ def read_surface(path: Path) -> Any:
     if not path.is_file():
         raise InputError(path, "file", "not found", "check the path")
     try:
-        surface = trimesh.Trimesh(*_read_polydata(path)) if _is_polydata(path) else trimesh.load(path, force="mesh")
+        with path.open("rb") as file:
+            legacy = re.search(rb"^DATASET\s+POLYDATA", file.read(1000), re.M | re.I)
+        polydata = legacy or path.suffix.lower() == ".vtp"
+        surface = trimesh.Trimesh(*_read_polydata(path)) if polydata else trimesh.load(path, force="mesh")
     except ImportError:  # trimesh looks for the encoding of what it takes for text
         raise InputError(path, "file", "is neither a whole binary STL nor text", "save it again") from None
     except Exception as error:  # the readers raise all kinds
@@ -181,13 +186,6 @@ def _check_ends(skin: Polygon, plane: CuttingPlane, low: float, high: float, sou
         )
 
 
-def _check_units(skin: Any, path: Path) -> None:
-    """Check the girth at the middle of the skin's height."""
-    middle = CuttingPlane.at_level(float(skin.bounds[:, 2].mean()))
-    pieces = _pieces(skin, middle)
-    check_girth(max((piece.exterior.length for piece in pieces), default=0.0), path)
-
-
 type _Triangles = NDArray[np.intp]
 type _Numbers = NDArray[np.generic]
 
@@ -203,14 +201,6 @@ _UNPACKED: dict[str, Callable[[bytes], bytes]] = {
     "vtkLZMADataCompressor": lzma.decompress,
 }
 _TO_LPS = np.array([-1.0, -1.0, 1.0])
-
-
-def _is_polydata(path: Path) -> bool:
-    """Return whether a file says that it is VTK's polydata."""
-    if path.suffix.lower() == ".vtp":
-        return True
-    with path.open("rb") as file:
-        return bool(re.search(rb"^DATASET\s+POLYDATA", file.read(1000), re.M | re.I))
 
 
 def _read_polydata(path: Path) -> tuple[FloatArray, _Triangles]:

@@ -307,7 +307,9 @@ class ContactPressures(FramesFile[Site]):
             raise FramesError(
                 "angle_deg", f"is within ± {np.abs(angles).max():.3g}, as it would be in radians", "give it in degrees"
             )
-        ends = np.deg2rad(_ends(angles)) * site.indenter.radius
+        between = 0.5 * (angles[1:] + angles[:-1])
+        ends = np.concatenate([[2 * angles[0] - between[0]], between, [2 * angles[-1] - between[-1]]])
+        ends = np.deg2rad(ends) * site.indenter.radius
         group = np.arange(len(angles)) // -(-len(angles) // _MOST_SENSELS)
         first = np.flatnonzero(np.diff(group, prepend=-1))
         edges = np.append(ends[first], ends[-1])
@@ -334,11 +336,6 @@ def _step(t: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a smooth step from 0 at -1 to 1 at 1, and its slope."""
     inside = np.clip(t, -1.0, 1.0)
     return 0.5 + 0.75 * inside - 0.25 * inside**3, 0.75 * (1 - inside**2)
-
-
-def _ends(middles: FloatArray) -> FloatArray:
-    between = 0.5 * (middles[1:] + middles[:-1])
-    return np.concatenate([[2 * middles[0] - between[0]], between, [2 * middles[-1] - between[-1]]])
 
 
 def _of_trial(

@@ -115,17 +115,6 @@ def is_litter(path: Path) -> bool:
     return left or path.name.startswith((".", "~$")) or "__MACOSX" in path.parts
 
 
-def _reader_of(path: Path) -> Reader | None:
-    """Return what reads a file: by what it begins with, whatever it is called, or else by its ending."""
-    with path.open("rb") as file:
-        begin = file.read(32)
-    reader = next((reader for mark, reader in _BEGIN.items() if begin.startswith(mark)), None)
-    ending = path.suffix.lower()
-    # Many programs call text a workbook's name.
-    text = ending in _WORKBOOKS and b"\0" not in begin
-    return reader or (read_text if text else READERS.get(ending))
-
-
 def read_sheets(path: Path) -> list[Sheet]:
     """Read all tables of an instrument's file.
 
@@ -142,7 +131,12 @@ def read_sheets(path: Path) -> list[Sheet]:
     check_size(path, path.stat().st_size)
     refuse_force_curve(path)
     refuse_what_holds_no_table(path)
-    reader = _reader_of(path)
+    with path.open("rb") as file:
+        begin = file.read(32)
+    reader = next((reader for mark, reader in _BEGIN.items() if begin.startswith(mark)), None)
+    # Many programs call text a workbook's name.
+    text = ending in _WORKBOOKS and b"\0" not in begin
+    reader = reader or (read_text if text else READERS.get(ending))
     try:
         sheets = (reader or read_text)(path)
     except ModuleNotFoundError:

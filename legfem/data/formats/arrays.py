@@ -37,7 +37,7 @@ def read_tdms(path: Path) -> list[Sheet]:
         file = TdmsFile.read(content)
     for group in file.groups():
         channels = [c for c in group.channels() if len(c) and c.dtype.kind in "iufM"]
-        columns = [_column(c.name, _unit_of(c), _numbers(c)) for c in channels]
+        columns = [_of_channel(c) for c in channels]
         steps = {float(c.properties.get("wf_increment", 0.0)) for c in channels} - {0.0}
         remarks: tuple[str, ...] = ()
         if len(steps) == 1 and columns and not any("time" in c.name.lower() or c.unit == "s" for c in columns):
@@ -50,18 +50,13 @@ def read_tdms(path: Path) -> list[Sheet]:
     return sheets
 
 
-def _unit_of(channel: TdmsChannel) -> object:
-    if channel.dtype.kind == "M":
-        return "s"
-    return next((channel.properties[key] for key in _UNIT_PROPERTIES if channel.properties.get(key)), None)
-
-
-def _numbers(channel: TdmsChannel) -> FloatArray:
-    """Return a channel's values as numbers; times of day as seconds since the first."""
+def _of_channel(channel: TdmsChannel) -> Column:
+    """Return a channel as a column; times of day as seconds since the first."""
     values = np.asarray(channel[:])
     if values.dtype.kind == "M":
-        return (values - values[0]) / np.timedelta64(1, "s")
-    return values.astype(np.float64)
+        return _column(channel.name, "s", (values - values[0]) / np.timedelta64(1, "s"))
+    unit = next((channel.properties[key] for key in _UNIT_PROPERTIES if channel.properties.get(key)), None)
+    return _column(channel.name, unit, values.astype(np.float64))
 
 
 def read_lvm(path: Path) -> list[Sheet]:

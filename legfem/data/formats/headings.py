@@ -20,6 +20,11 @@ def text_of(cell: Cell) -> str:
     return str(cell or "").strip()
 
 
+def line_of(row: Sequence[Cell]) -> str:
+    """Return what a row says as one line of text."""
+    return " ".join(f"{cell:g}" if isinstance(cell, float) else text_of(cell) for cell in row)
+
+
 def width_of(row: Sequence[Cell]) -> int:
     """Return the number of cells without empty ones at the end."""
     filled = [k for k, cell in enumerate(row) if cell not in (None, "")]
@@ -90,8 +95,7 @@ _VALUED = re.compile(r"[:=]\s*[\d.,]+\s*[^\W\d_]*$")
 
 def _listed(above: Sequence[Sequence[Cell]], columns: Sequence[int]) -> list[list[Cell]]:
     """Return the names that stand a line each above the numbers, as ``Sig1  Time (min)``, as one row."""
-    texts = [" ".join(f"{cell:g}" if isinstance(cell, float) else text_of(cell) for cell in row) for row in above]
-    listed = [one for text in texts if (one := _LISTED.fullmatch(text.strip()))]
+    listed = [one for row in above if (one := _LISTED.fullmatch(line_of(row).strip()))]
     found = [one for one in listed if names_something(one["label"]) and not _VALUED.search(one["label"])]
     labels = {int(one["number"]): one["label"].strip() for one in found}
     if sorted(labels) not in ([c + 1 for c in columns], list(columns)):
@@ -175,7 +179,7 @@ def only_block(rows: Sequence[Sequence[Cell]]) -> tuple[Sequence[Sequence[Cell]]
     A table begins with a row of names; above the first that names quantities another may stand, with any names. One
     that has the longest one's names, or all quantities of it, may be another trial: it stays, and is refused as one.
     """
-    heads = [k for k, row in enumerate(rows) if _is_heading(row)]
+    heads = [k for k, row in enumerate(rows) if _texts(row) > 1 and sum(map(names_something, _names(row))) > 1]
     if not heads:
         return rows, ()
     begins = [
@@ -199,10 +203,6 @@ def only_block(rows: Sequence[Sequence[Cell]]) -> tuple[Sequence[Sequence[Cell]]
         kept[begin:last] = [[]] * (last - begin)
         told.append(f"another table is passed over: lines {begin + 1} to {last}, of {', '.join(map(repr, labels[:4]))}")
     return kept, tuple(told)
-
-
-def _is_heading(row: Sequence[Cell]) -> bool:
-    return _texts(row) > 1 and sum(map(names_something, _names(row))) > 1
 
 
 def _texts(row: Sequence[Cell]) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data.formats.headings import Cell, cell_at, text_of
+from legfem.data.formats.headings import Cell, cell_at, line_of, text_of
 from legfem.data.formats.labels import unit_named
 
 CLOCK = re.compile(
@@ -113,7 +113,7 @@ def times_by_rate(
     values : (n, columns) array
         The samples.
     """
-    told = {step: text for row in above if (text := _line(row)) and (step := _step_of(text))}
+    told = {step: text for row in above if (text := line_of(row).strip()) and (step := _step_of(text))}
     if len(told) != 1:
         return None
     ((step, text),) = told.items()
@@ -121,10 +121,6 @@ def times_by_rate(
     number = next((v - v[0] for v in counted if (np.diff(v) >= 1).all() and (v == np.round(v)).all()), None)
     times = step * (np.arange(len(values)) if number is None else number)
     return (times, text) if _LEAST_S <= times[-1] <= _LONGEST_S else None
-
-
-def _line(row: Sequence[Cell]) -> str:
-    return " ".join(f"{cell:g}" if isinstance(cell, float) else text_of(cell) for cell in row).strip()
 
 
 def _step_of(text: str) -> float | None:

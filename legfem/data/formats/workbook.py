@@ -130,8 +130,16 @@ def _tables(
     found: list[Sheet] = []
     told: list[tuple[str, str]] = []
     for name, given in pages:
-        rows = [[_cell(value) for value in row] for row in given]
-        sheet = _table(path, name, rows, remarks)
+        rows: list[list[Cell]] = [[_cell(value) for value in row] for row in given]
+        told_of = remarks
+        if mark := _decimal_mark(rows):
+            words = "points" if mark == "." else "commas"
+            told_of = (*remarks, f"numbers are text with decimal {words}: every number can be read this way")
+            rows = [
+                [float(c.replace(mark, ".")) if isinstance(c, str) and _NUMBER.fullmatch(c) else c for c in row]
+                for row in rows
+            ]
+        sheet = sheet_of_rows(path, name, rows, told_of)
         if sheet is not None:
             found.append(sheet)
         else:
@@ -139,15 +147,6 @@ def _tables(
     if not found and len(told) >= FEWEST_ROWS:
         raise InputError(path, "file", *told[0])
     return found
-
-
-def _table(path: Path, name: str, rows: list[list[Cell]], remarks: tuple[str, ...] = ()) -> Sheet | None:
-    mark = _decimal_mark(rows)
-    if mark is None:
-        return sheet_of_rows(path, name, rows, remarks)
-    words = "points" if mark == "." else "commas"
-    remark = f"numbers are text with decimal {words}: every number can be read this way"
-    return sheet_of_rows(path, name, [[_number(c, mark) for c in row] for row in rows], (*remarks, remark))
 
 
 def _cell(value: object) -> Cell:
@@ -171,9 +170,3 @@ def _decimal_mark(rows: Sequence[Sequence[Cell]]) -> str | None:
         return None
     marks = {"," if "," in text else "." for text in marked}
     return marks.pop() if len(marks) == 1 else None
-
-
-def _number(cell: Cell, mark: str) -> Cell:
-    if isinstance(cell, str) and _NUMBER.fullmatch(cell):
-        return float(cell.replace(mark, "."))
-    return cell

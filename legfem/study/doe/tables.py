@@ -121,15 +121,13 @@ def information_cells(result: StudyResult) -> Cells | None:
         }
         rows.append(
             {"parameter": label_of(name)}
-            | {column: ", ".join(map(_half, values)) or "-" for column, values in sds.items()}
+            | {
+                column: ", ".join(f"{1.96 * sd:.1%}" if 1.96 * sd < 10 else "> 1000 %" for sd in values) or "-"
+                for column, values in sds.items()
+            }
             | {"others within ranges: determined from": "never" if told is None else f"{told:g} mm"}
         )
     return row_cells(rows)
-
-
-def _half(sd: float) -> str:
-    half = 1.96 * sd
-    return f"{half:.1%}" if half < 10 else "> 1000 %"
 
 
 def versions() -> dict[str, str]:
@@ -372,6 +370,15 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
         return []
     depth, instrument = result.definition.depth, result.subject.instrument
     point = ", ".join(f"{label_of(name)} {value:.4g}" for name, value in zip(found.names, found.nominal, strict=True))
+    directions = []
+    for sd, vector in zip(*(one.T for one in found.directions(depth)), strict=True):
+        parts = " ".join(f"{v:+.2f} ln {label_of(name)}" for v, name in zip(vector, found.names, strict=True))
+        directions.append(f"{100 * sd:.2g} % (sd): {parts}" if sd < 1 else f"not determined: {parts}")
+    moved = [
+        f"If {in_words(assumed)} is assumed 10 % too high, C10 of the deep tissue changes by {10 * first:+.1f} % and "
+        f"C20 by {10 * second:+.1f} %."
+        for assumed, (first, second) in found.biases(depth).items()
+    ]
     return [
         web.WebTable("Smallest possible 95 % half-widths of the parameters, by depth", *cells),
         _half_widths(found),
@@ -387,8 +394,8 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
             "Combinations of parameters at full depth (eigenvectors of the information), the best determined first, "
             "each with its standard deviation:"
         ),
-        web.Bullets(_eigenvectors(found, depth)),
-        *([web.Bullets(moved)] if (moved := _moved(found, depth)) else []),
+        web.Bullets(directions),
+        *([web.Bullets(moved)] if moved else []),
     ]
 
 
@@ -408,20 +415,3 @@ def _half_widths(found: Information) -> Curves:
             for k, name in enumerate(found.names)
         ],
     )
-
-
-def _eigenvectors(found: Information, depth: float) -> list[str]:
-    lines = []
-    spread, vectors = found.directions(depth)
-    for k, sd in enumerate(spread):
-        parts = " ".join(f"{v:+.2f} ln {label_of(name)}" for v, name in zip(vectors[:, k], found.names, strict=True))
-        lines.append(f"{100 * sd:.2g} % (sd): {parts}" if sd < 1 else f"not determined: {parts}")
-    return lines
-
-
-def _moved(found: Information, depth: float) -> list[str]:
-    return [
-        f"If {in_words(assumed)} is assumed 10 % too high, C10 of the deep tissue changes by {10 * first:+.1f} % and "
-        f"C20 by {10 * second:+.1f} %."
-        for assumed, (first, second) in found.biases(depth).items()
-    ]
