@@ -9,6 +9,7 @@ import gzip
 import lzma
 import re
 import tomllib
+import zipfile
 from pathlib import Path
 
 import h5py
@@ -26,7 +27,7 @@ from making_odd_files import (
     workbook_beside_other_cells,
     written,
 )
-from openpyxl import Workbook
+from openpyxl import Workbook, load_workbook
 from typer.testing import CliRunner
 
 from legfem.channels.kinds import CHANNELS
@@ -240,6 +241,29 @@ def test_a_workbook_s_numbers_may_be_text_with_decimal_commas(tmp_path: Path) ->
             cell.value = "1,250"
     book.save(tmp_path / "b.xlsx")
     assert read_workbook(tmp_path / "b.xlsx") == []
+
+
+@pytest.mark.parametrize("stated", ["A1", "A1:D31", "A1:XFD1048576"])
+def test_a_workbook_is_read_whole_whatever_size_its_sheet_states(tmp_path: Path, stated: str) -> None:
+    path = workbook(tmp_path)
+    with zipfile.ZipFile(path) as given:
+        parts = {name: given.read(name) for name in given.namelist()}
+    name = next(one for one in parts if one.startswith("xl/worksheets/"))
+    parts[name] = re.sub(rb'<dimension ref="[^"]*"', b'<dimension ref="%s"' % stated.encode(), parts[name])
+    with zipfile.ZipFile(path, "w") as changed:
+        for one, content in parts.items():
+            changed.writestr(one, content)
+    (sheet,) = read_sheets(path)
+    np.testing.assert_allclose(sheet.columns[0].values, T / 60)
+
+
+def test_a_stray_cell_far_below_and_beside_is_passed_over(tmp_path: Path) -> None:
+    path = workbook(tmp_path)
+    book = load_workbook(path)
+    book.active["XFD90000"] = 1.0
+    book.save(path)
+    (sheet,) = read_sheets(path)
+    np.testing.assert_allclose(sheet.columns[0].values, T / 60)
 
 
 def _leg_with(folder: Path, name: str, content: str) -> Path:

@@ -34,6 +34,17 @@ def _with(recording, **changes):
     return Recording(**(given | changes))
 
 
+@pytest.mark.parametrize(("name", "words"), [("time", "no time passes"), ("displacement", "nothing moves")])
+def test_numbers_that_are_as_good_as_nothing_are_refused(tmp_path, name, words):
+    made = press()
+    lost = _with(made, **{name: 1e-310 * np.arange(1, len(made) + 1)})
+    path = tmp_path / "trial.csv"
+    table = {"time_s": lost.time, "displacement_mm": lost.displacement, "force_N": lost.force}
+    pd.DataFrame(table).to_csv(path, index=False)
+    with pytest.raises(InputError, match=words):
+        read_samples(path)
+
+
 def test_reading_keeps_every_sample(tmp_path):
     made = press(force_sd=0.03, displacement_sd=0.02, hold=5, unload=True)
     read = read_samples(write_recording(tmp_path / "trial7.csv", made))

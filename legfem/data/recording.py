@@ -1,7 +1,7 @@
 """One trial as it was recorded: read from named columns of a file or from legfem's own CSV, and written as that."""
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -194,7 +194,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
     if _first_is_doubled(values[0]):
         values = [one[1:] for one in values]
     time, displacement, force = since_start(values[0]), *values[1:]
-    _check_sizes(path, (time, displacement, force))
+    _check_sizes(path, time, displacement, force)
     rows = not_increasing(time)
     if rows:
         raise InputError(
@@ -260,8 +260,16 @@ _FAR = 3.0
 """Times all other readings that a code is, at least."""
 
 
-def _check_sizes(path: Path, values: Iterable[FloatArray]) -> None:
-    for one in values:
+_NOTHING = 1e-9
+"""s or mm: less is a number that lost its exponent, and no test."""
+
+
+def _check_sizes(path: Path, time: FloatArray, displacement: FloatArray, force: FloatArray) -> None:
+    """Check that readings are of sizes that a test may have."""
+    for name, one, what in (("time", time, "no time passes"), ("displacement", displacement, "nothing moves")):
+        if len(one) and 0 < (span := float(np.ptp(one))) < _NOTHING:
+            raise InputError(path, name, f"changes by {span:.2g} in all: {what}", "check its unit and its numbers")
+    for one in (time, displacement, force):
         wrong = one[~(np.abs(one) < MOST)]
         if len(wrong):
             problem = f"{len(wrong)} numbers cannot be readings, such as {wrong[0]:g}"
@@ -313,7 +321,7 @@ def read_own_table(path: Path, area: float | None) -> Recording:
         table = table.iloc[1:]
     time, displacement, force = (table[name].to_numpy(dtype=np.float64) for name in (*HEADER[:2], column))
     time = since_start(time)
-    _check_sizes(path, (time, displacement, force))
+    _check_sizes(path, time, displacement, force)
     rows = not_increasing(time)
     if rows:
         raise InputError(

@@ -43,6 +43,8 @@ def read_workbook(path: Path) -> list[Sheet]:
         reader = _Tables(content, read_only=True, data_only=True)
         reader.read()
         book = reader.wb
+        for page in book.worksheets:
+            page.reset_dimensions()  # as other programs state them they may be wrong
         try:
             return _tables(path, ((page.title, page.iter_rows(values_only=True)) for page in book.worksheets), remarks)
         finally:
