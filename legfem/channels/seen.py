@@ -229,9 +229,9 @@ class Seen:
         """The rank's nodes of a section's skin as the cylinder's face sees them."""
         system, state = self.model.system, self.state
         away, moving = self._skin_from_axis
-        ahead, beside = away @ system.direction, away @ self.left
-        squared = ahead**2 + beside**2
-        turning = (ahead * (moving @ self.left) - beside * (moving @ system.direction)) / squared
+        ahead, sideways = away @ system.direction, away @ self.left
+        squared = ahead**2 + sideways**2
+        turning = (ahead * (moving @ self.left) - sideways * (moving @ system.direction)) / squared
         far = np.sqrt(squared)
         out = away / far[:, None]
         along = np.einsum("kd,pkd->pk", out, moving)
@@ -239,7 +239,7 @@ class Seen:
         load = np.einsum("kd,kd->k", state.nodal_force, out)
         loading = np.einsum("pkd,kd->pk", state.nodal_force_rates, out)
         loading += np.einsum("kd,pkd->pk", state.nodal_force, swing)
-        return SkinOnFace(self.radius * np.arctan2(beside, ahead), self.radius * turning, load, loading)
+        return SkinOnFace(self.radius * np.arctan2(sideways, ahead), self.radius * turning, load, loading)
 
     def force(self, way: FloatArray) -> tuple[float, FloatArray]:
         """Return the contact's force along a unit vector (N), and its derivatives (p,)."""
@@ -302,16 +302,16 @@ class CrossedOutline:
     direction: FloatArray
     known: dict[bytes, Crossing | None]
 
-    def undeformed(self, beside: float) -> Crossing | None:
+    def undeformed(self, shift: float) -> Crossing | None:
         """Return where the line, shifted to its left (mm), first meets the undeformed outline."""
-        line = np.array([*self.origin, *self.direction, beside]).tobytes()
+        line = np.array([*self.origin, *self.direction, shift]).tobytes()
         if line not in self.known:
-            self.known[line] = first_crossing(self.places, self.origin, self.direction, beside)
+            self.known[line] = first_crossing(self.places, self.origin, self.direction, shift)
         return self.known[line]
 
-    def place(self, beside: float = 0.0) -> tuple[float, FloatArray] | None:
+    def place(self, shift: float = 0.0) -> tuple[float, FloatArray] | None:
         """Return where the shifted line first meets the deformed outline (mm), and the derivatives."""
-        found = first_crossing(self.points, self.origin, self.direction, beside)
+        found = first_crossing(self.points, self.origin, self.direction, shift)
         if found is None:
             return None
         return found.along, np.array([found.rate(one, self.direction) for one in self.rates])

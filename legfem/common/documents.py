@@ -61,9 +61,9 @@ def legfem_build() -> str:
 
 def versions_of(*names: str) -> dict[str, str]:
     """Return versions of ``legfem``, ``python`` and packages, by name; ``dolfinx`` is DOLFINx."""
-    own = {"legfem": legfem_build(), "python": platform.python_version()}
+    known = {"legfem": legfem_build(), "python": platform.python_version()}
     packages = {"dolfinx": "fenics-dolfinx"}
-    return {name: own.get(name) or package_version(packages.get(name, name)) for name in names}
+    return {name: known.get(name) or package_version(packages.get(name, name)) for name in names}
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -285,11 +285,10 @@ def _with_frames(
     for one in found:
         kind = CHANNELS[one.name]
         accuracy = entry.accuracy(kind, toml)
-        told = np.full(len(one.values), accuracy.threshold is None)
-        if accuracy.threshold is not None:
-            told = one.values >= accuracy.threshold
+        least = accuracy.threshold
+        told = np.ones(len(one.values), dtype=bool) if least is None else one.values >= least
         if not told.any():
-            problem = f"no reading reaches {accuracy.threshold:g} {kind.unit}"
+            problem = f"no reading reaches {least:g} {kind.unit}"
             raise InputError(path, one.name, problem, "give a lower threshold, or leave the file out")
         course = None if one.course is None else one.course[told]
         channels.append(RecordedChannel(one.name, one.time[told], one.values[told], accuracy, path, course, one.places))

@@ -49,12 +49,12 @@ def find_column(path: Path, sheet: Sheet, quantity: Quantity, given: str | None)
             raise InputError(path, Argument(quantity), f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = SourceColumn(name, unit or str(columns[0].unit))
         told = f"{quantity}: '{name}' in {channel.unit}, as you say"
-        beside = [
+        unread = [
             f"'{c.name}'" for c in sheet.columns if c.name != name and c.quantity == "force" and not channel_of(c)
         ]
-        if quantity == "force" and beside:
+        if quantity == "force" and unread:
             told += (
-                f"; not read: {', '.join(beside)}. Forces across the travel and along the leg are read from columns "
+                f"; not read: {', '.join(unread)}. Forces across the travel and along the leg are read from columns "
             )
             told += "called lateral_force and axial_force"
         return channel, told

@@ -348,12 +348,16 @@ class HalfwayTest:
         by = {
             name: 0.5 * (least.curve.sensitivities[name] + most.curve.sensitivity(name, at)) for name in sensitivities
         }
-        beside = {name: 0.5 * (values + most.curve.channel(name, at)) for name, values in least.curve.channels.items()}
-        beside_by = {
+        channels = {
+            name: 0.5 * (values + most.curve.channel(name, at)) for name, values in least.curve.channels.items()
+        }
+        channel_rates = {
             name: {p: 0.5 * (rates + most.curve.channel_sensitivity(name, p, at)) for p, rates in known.items()}
             for name, known in least.curve.channel_sensitivities.items()
         }
-        return replace(least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by, beside, beside_by))
+        return replace(
+            least, curve=ForceCurve(at, 0.5 * (least.curve.force + most.curve(at)), by, channels, channel_rates)
+        )
 
 
 _STEPS = 20

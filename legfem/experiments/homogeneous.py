@@ -161,8 +161,8 @@ class HomogeneousTest(ClosedFormTest[HomogeneousBody]):
         row, column = body.component
         found = {FORCE: sign * body.area * nominal[:, column, row]}
         # Fibres across make a bar's sides unlike.
-        alike = len(axes) == 2 and self.fibres is None
-        if not alike:
+        symmetric = len(axes) == 2 and self.fibres is None
+        if not symmetric:
             return found
         across = np.exp(free[0])
         return {**found, LATERAL_STRETCH.name: across, **homogeneous(across - 1, strain)}

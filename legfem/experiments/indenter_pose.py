@@ -141,12 +141,12 @@ class IndenterInPose[Kind: Indenting](ABC):
         """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
 
     @abstractmethod
-    def ahead(self, beside: FloatArray) -> FloatArray:
+    def ahead(self, across_travel: FloatArray) -> FloatArray:
         """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter.
 
         Parameters
         ----------
-        beside : (..., 2) array
+        across_travel : (..., 2) array
             Offsets (mm) along the first two directions of the pose's frame.
         """
 
@@ -177,13 +177,13 @@ class CylinderInPose(IndenterInPose[Cylinder]):
         """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
         return self.given.radius, self.given.length / 2
 
-    def ahead(self, beside: FloatArray) -> FloatArray:
+    def ahead(self, across_travel: FloatArray) -> FloatArray:
         """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
         size = self.given
-        past = _over(np.abs(beside[..., 0]), size.length / 2 - size.edge_radius)
+        past = _over(np.abs(across_travel[..., 0]), size.length / 2 - size.edge_radius)
         # Towards the ends the rounding makes it thinner.
         radius = size.radius - size.edge_radius + _root(size.edge_radius**2 - past**2)
-        return _root(radius**2 - beside[..., 1] ** 2)
+        return _root(radius**2 - across_travel[..., 1] ** 2)
 
     def profile(self) -> FloatArray:
         """Return its outline: positions along the axis and the radii there, (n, 2), mm."""
@@ -207,10 +207,10 @@ class PunchInPose(CylinderInPose):
         """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
         return self.given.length / 2, 0.0
 
-    def ahead(self, beside: FloatArray) -> FloatArray:
+    def ahead(self, across_travel: FloatArray) -> FloatArray:
         """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
         size = self.given
-        past = _over(np.linalg.norm(beside, axis=-1), size.radius - size.edge_radius)
+        past = _over(np.linalg.norm(across_travel, axis=-1), size.radius - size.edge_radius)
         return size.length / 2 - size.edge_radius + _root(size.edge_radius**2 - past**2)
 
 
@@ -232,9 +232,9 @@ class BallInPose(IndenterInPose[Ball]):
         """Distance from its middle to a flat body that it touches, and half the contact line's length, mm."""
         return self.given.radius, 0.0
 
-    def ahead(self, beside: FloatArray) -> FloatArray:
+    def ahead(self, across_travel: FloatArray) -> FloatArray:
         """Return the distance of its front surface ahead of its middle (mm), NaN beside the indenter."""
-        return _root(self.given.radius**2 - np.sum(beside**2, axis=-1))
+        return _root(self.given.radius**2 - np.sum(across_travel**2, axis=-1))
 
     def profile(self) -> FloatArray:
         """Return its outline: positions along the axis and the radii there, (n, 2), mm."""

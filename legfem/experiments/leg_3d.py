@@ -155,8 +155,8 @@ class LegIndentation3D(IndentationTest):
                     "give a point inside the leg, and check the direction",
                 )
             turn, level = np.unravel_index(np.nanargmin(way), way.shape)
-            turns = _beside(round_it, int(turn))
-            low, high = _beside(along, int(level))
+            turns = _neighbours(round_it, int(turn))
+            low, high = _neighbours(along, int(level))
             levels = max(low, self._span[0]), min(high, self._span[1])
         return np.asarray(aim + np.nanmin(way) * frame[2])
 
@@ -183,7 +183,7 @@ class LegIndentation3D(IndentationTest):
         return IndentationModel(system, solver, settings.contact, radius, 1.0, settings.steps, reader)
 
 
-def _beside(values: FloatArray, k: int) -> tuple[float, float]:
+def _neighbours(values: FloatArray, k: int) -> tuple[float, float]:
     """Return the values two places before and after one."""
     step = float(values[1] - values[0])
     return float(values[k]) - 2 * step, float(values[k]) + 2 * step

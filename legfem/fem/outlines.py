@@ -80,7 +80,7 @@ class Crossing:
 
 
 def first_crossing(
-    points: FloatArray, origin: FloatArray, direction: FloatArray, beside: float = 0.0
+    points: FloatArray, origin: FloatArray, direction: FloatArray, shift: float = 0.0
 ) -> Crossing | None:
     """Return the first crossing of a line with an outline; None where there is none.
 
@@ -90,11 +90,11 @@ def first_crossing(
         Deformed nodes of the outline's edges, (m, 3, 2), mm.
     origin, direction
         A point on the line (mm) and its unit vector.
-    beside
+    shift
         How far the line is shifted to the left of its direction (mm).
     """
     away = points - origin
-    offset, along = away @ across(direction) - beside, away @ direction
+    offset, along = away @ across(direction) - shift, away @ direction
     first, last, middle = offset.T
     # The edge is within the hull of its Bezier points.
     bezier = 2 * middle - 0.5 * (first + last)
@@ -217,8 +217,8 @@ class PointsInside:
 
     def values(self, nodal: FloatArray) -> FloatArray:
         """Return fields (..., m, d) at the points from their values at the rank's nodes, (..., nodes, d)."""
-        own = np.einsum("pk,...pkd->...pd", self.shapes, nodal[..., self.nodes, :])
-        return np.asarray(self.comm.allreduce(own))
+        local = np.einsum("pk,...pkd->...pd", self.shapes, nodal[..., self.nodes, :])
+        return np.asarray(self.comm.allreduce(local))
 
 
 def _triangle_shapes(share: FloatArray) -> FloatArray:

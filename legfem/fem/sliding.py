@@ -74,16 +74,16 @@ class SlidingForces:
             raise InputError("model", self.term.name, "a sliding face is of one process", "run it without mpirun")
         self.values = dict(self.term.parameters)
         self._space_dofs = self.spaces.displacement_dofs.reshape(-1, 2)
-        (self._own, self._own_places), (self._other, self._other_places) = (
+        (self._fat, self._fat_places), (self._fascia, self._fascia_places) = (
             self._edges(tag) for tag in (UNDER_FAT, OUTER_FASCIA)
         )
         # All nodes one after the other, each between the inner two of a piece that its neighbours bend.
-        dofs = self._other[:, [0, 2]].reshape(-1, 2)
-        places = self._other_places[:, [0, 2]].reshape(-1, 2)
+        dofs = self._fascia[:, [0, 2]].reshape(-1, 2)
+        places = self._fascia_places[:, [0, 2]].reshape(-1, 2)
         around = (np.arange(len(dofs))[:, None] + np.arange(-1, 3)) % len(dofs)
         self._pieces, self._piece_places = dofs[around], places[around]
         self._steps = np.linalg.norm(np.diff(self._piece_places, axis=1), axis=2)
-        length = np.linalg.norm(self._own_places[:, 1] - self._own_places[:, 0], axis=1)
+        length = np.linalg.norm(self._fat_places[:, 1] - self._fat_places[:, 0], axis=1)
         self._weights = (0.5 * length[:, None] * _WEIGHTS).ravel()
         rest = np.zeros(int(self._space_dofs.max()) + 1)
         self._closed: FloatArray | float = 0.0
@@ -105,12 +105,12 @@ class SlidingForces:
     @cached_property
     def _pairs(self) -> tuple[_Ints, _Ints, FloatArray]:
         """Dofs (m, 2) of nodes at one place, of both tissues, and the lengths (m,) that they stand for, mm."""
-        dofs, index = np.unique(self._own.reshape(-1, 2), axis=0, return_index=True)
-        others = self._other.reshape(-1, 2)
-        _, near = cKDTree(self._other_places.reshape(-1, 2)).query(self._own_places.reshape(-1, 2)[index])
-        length = np.linalg.norm(self._own_places[:, 1] - self._own_places[:, 0], axis=1)
+        dofs, index = np.unique(self._fat.reshape(-1, 2), axis=0, return_index=True)
+        others = self._fascia.reshape(-1, 2)
+        _, near = cKDTree(self._fascia_places.reshape(-1, 2)).query(self._fat_places.reshape(-1, 2)[index])
+        length = np.linalg.norm(self._fat_places[:, 1] - self._fat_places[:, 0], axis=1)
         share = np.zeros(int(dofs.max()) + 1)
-        np.add.at(share, self._own[:, :, 0].ravel(), np.outer(length, [1 / 6, 1 / 6, 2 / 3]).ravel())
+        np.add.at(share, self._fat[:, :, 0].ravel(), np.outer(length, [1 / 6, 1 / 6, 2 / 3]).ravel())
         return dofs, others[near], share[dofs[:, 0]]
 
     def assign(self, values: Mapping[str, float]) -> None:
@@ -125,7 +125,7 @@ class SlidingForces:
 
     def _at(self, unknown: FloatArray) -> FloatArray:
         """Return the Gauss points (3 k, 2)."""
-        return np.einsum("qn,knd->kqd", _SHAPES, self._own_places + unknown[self._own]).reshape(-1, 2)
+        return np.einsum("qn,knd->kqd", _SHAPES, self._fat_places + unknown[self._fat]).reshape(-1, 2)
 
     def residual(self, unknown: FloatArray) -> FloatArray:
         """Return the forces (n,) of a state (n,), N per mm of the leg."""
@@ -136,10 +136,10 @@ class SlidingForces:
         found = np.zeros(len(unknown))
         scale = values[self._named("normal")] * self._weights * gap
         np.add.at(found, self._places, np.einsum("p,pi,pij->pj", scale, slope, self._spread))
-        own, other, share = self._pairs
-        away = values[self._named("shear")] * share[:, None] * (unknown[own] - unknown[other])
-        np.add.at(found, own, away)
-        np.add.at(found, other, -away)
+        fat, fascia, share = self._pairs
+        away = values[self._named("shear")] * share[:, None] * (unknown[fat] - unknown[fascia])
+        np.add.at(found, fat, away)
+        np.add.at(found, fascia, -away)
         return found
 
     def tangent(self, unknown: FloatArray) -> csr_matrix:
@@ -151,9 +151,9 @@ class SlidingForces:
         places = self._places
         width = places.shape[1]
         rows, columns = np.repeat(places, width, axis=1).ravel(), np.tile(places, (1, width)).ravel()
-        own, other, share = self._pairs
+        fat, fascia, share = self._pairs
         stiff = self.values[self._named("shear")] * np.repeat(share, 2)
-        a, b = own.ravel(), other.ravel()
+        a, b = fat.ravel(), fascia.ravel()
         rows, columns = np.concatenate([rows, a, b, a, b]), np.concatenate([columns, a, b, b, a])
         values = np.concatenate([blocks.ravel(), stiff, stiff, -stiff, -stiff])
         return coo_matrix((values, (rows, columns)), shape=(len(unknown), len(unknown))).tocsr()
@@ -165,10 +165,10 @@ class SlidingForces:
     def pattern(self, size: int) -> csr_matrix:
         """Return a matrix (n, n) of ones where the tangent may have entries while points slide a usual way."""
         middles = self._piece_places[:, 1]
-        reach = cKDTree(middles).query_ball_point(self._own_places[:, 2], _REACH_MM)
+        reach = cKDTree(middles).query_ball_point(self._fat_places[:, 2], _REACH_MM)
         rows, columns = [], []
-        for own, near in zip(self._own, reach, strict=True):
-            dofs = np.concatenate([own.ravel(), self._pieces[near].ravel()])
+        for fat, near in zip(self._fat, reach, strict=True):
+            dofs = np.concatenate([fat.ravel(), self._pieces[near].ravel()])
             rows.append(np.repeat(dofs, len(dofs)))
             columns.append(np.tile(dofs, len(dofs)))
         there = np.concatenate(rows), np.concatenate(columns)
@@ -176,8 +176,8 @@ class SlidingForces:
 
     def slips(self, unknown: FloatArray) -> FloatArray:
         """Return how far nodes that lay at one place are apart (m,), mm."""
-        own, other, _ = self._pairs
-        return np.linalg.norm(unknown[own] - unknown[other], axis=1)
+        fat, fascia, _ = self._pairs
+        return np.linalg.norm(unknown[fat] - unknown[fascia], axis=1)
 
     def gaps(self, unknown: FloatArray) -> FloatArray:
         """Return how far the face is open or closed at its Gauss points (3 k,), mm."""
@@ -189,8 +189,8 @@ class SlidingForces:
     @property
     def _places(self) -> _Ints:
         """Dofs (3 k, 14) of the edge and the piece that meet at every Gauss point."""
-        own = np.repeat(self._own, len(_POINTS), axis=0)
-        return np.concatenate([own, self._pieces[self._met]], axis=1).reshape(len(self._met), 14)
+        fat = np.repeat(self._fat, len(_POINTS), axis=0)
+        return np.concatenate([fat, self._pieces[self._met]], axis=1).reshape(len(self._met), 14)
 
     @cached_property
     def _spread(self) -> FloatArray:
@@ -199,7 +199,7 @@ class SlidingForces:
         for d in range(2):
             found[:, d, d:6:2] = _SHAPES
         found[:, 2:, 6:] = np.eye(8)
-        return np.tile(found, (len(self._own), 1, 1))
+        return np.tile(found, (len(self._fat), 1, 1))
 
     def _gaps(self, unknown: FloatArray, bend: bool = True) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return gaps (p,), their first derivatives (p, 8) by points and edges met, and the second (p, 8, 8)."""

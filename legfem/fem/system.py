@@ -205,8 +205,8 @@ class System:
             if keep and not self.faces:
                 self._keep(matrix)
         for face in self.faces:
-            own = face.tangent(self.unknown.x.array)
-            matrix.setValuesLocalIJV(own.indptr, own.indices, own.data, addv=PETSc.InsertMode.ADD)
+            sliding = face.tangent(self.unknown.x.array)
+            matrix.setValuesLocalIJV(sliding.indptr, sliding.indices, sliding.data, addv=PETSc.InsertMode.ADD)
         self._skin_matrix.data[:] = 0.0
         fem.assemble_matrix(self._skin_matrix, self.skin.tangent)
         skin = self._skin_matrix.to_scipy(ghosted=True).tocsr()

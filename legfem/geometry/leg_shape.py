@@ -22,7 +22,7 @@ from shapely import Polygon
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.contours import check_girth, check_levels
-from legfem.geometry.section import area_and_centroid, at_own_places, closed_lengths, smooth_closed_curve
+from legfem.geometry.section import area_and_centroid, closed_lengths, each_at, smooth_closed_curve
 
 SKIN, HULL = "skin", "hull"
 
@@ -174,7 +174,7 @@ def corresponding_loops(contours: FloatArray) -> FloatArray:
     curves = CubicSpline(np.linspace(0.0, 1.0, count + 1), rings, bc_type="periodic")
     turns = _fine(count)
     even = [_even_turns(turns, fine, count) for fine in curves(turns).swapaxes(0, 1)]
-    return at_own_places(curves, np.stack(even, axis=1)).swapaxes(0, 1)
+    return each_at(curves, np.stack(even, axis=1)).swapaxes(0, 1)
 
 
 def _fine(n_points: int) -> FloatArray:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, corresponding_loops
-from legfem.geometry.section import at_own_places, outward_normals
+from legfem.geometry.section import each_at, outward_normals
 
 _ACROSS = np.cos(np.deg2rad(45.0))
 _SQUARE = np.sin(np.deg2rad(10.0))
@@ -310,13 +310,13 @@ def _cut(points: FloatArray, levels: FloatArray, part: str) -> FloatArray:
     slopes = lines.derivative()
     at = np.repeat(levels[:, None], points.shape[1], axis=1)
     for _ in range(_STEPS):
-        above = at_own_places(lines, at)[..., 2] - levels[:, None]
+        above = each_at(lines, at)[..., 2] - levels[:, None]
         if np.abs(above).max() < _CLOSE * (middles[-1] - middles[0]):
             break
-        at = at - above / at_own_places(slopes, at)[..., 2]
+        at = at - above / each_at(slopes, at)[..., 2]
     else:
         raise _folds_back(part)
-    return corresponding_loops(at_own_places(lines, at)[..., :2])
+    return corresponding_loops(each_at(lines, at)[..., :2])
 
 
 def _folds_back(part: str) -> InputError:

@@ -270,7 +270,7 @@ def outward_normals(contours: FloatArray) -> FloatArray:
     return unit
 
 
-def at_own_places(splines: CubicSpline, at: FloatArray) -> FloatArray:
+def each_at(splines: CubicSpline, at: FloatArray) -> FloatArray:
     """Return the values of many splines on the same knots, each at places of its own.
 
     Parameters

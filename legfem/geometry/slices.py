@@ -201,10 +201,10 @@ def distance_rates(reference: SliceSet, shape: LegShape, rates: Mapping[str, Flo
         across = np.einsum("lpd,lpdm->lpm", outwards, level)
         degree = min(3, len(shape.levels) - 1)
         sliced = make_interp_spline(shape.levels, across, k=degree)(reference.levels)
-        for contour, own, values in zip(
+        for contour, ring, values in zip(
             reference.contours(name), shape.at(part, reference.levels), sliced, strict=True
         ):
-            found.append(_at_nearest(contour, own, values))
+            found.append(_at_nearest(contour, ring, values))
     return np.concatenate(found)
 
 

@@ -111,11 +111,11 @@ class LegModel:
         KeyError
             For a name that the model has not.
         """
-        own = self.parameters
+        defaults = self.parameters
         for name in given or {}:
-            if name not in own:
+            if name not in defaults:
                 raise KeyError(f"the model has no parameter {name!r}")
-        return {**own, **(given or {})}
+        return {**defaults, **(given or {})}
 
     def at(self, domain: str) -> tuple[Term, ...]:
         """Return the terms that act on a domain."""

@@ -18,7 +18,7 @@ from legfem.common.wording import Argument
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, perimeter
 from legfem.geometry.leg_surface import PartSurface
 
-_ALIKE = 1.1
+_SAME_SIZE = 1.1
 """Ratio within which sizes count as the same."""
 
 
@@ -58,7 +58,7 @@ class SizeField:
     @cached_property
     def _trees(self) -> list[tuple[float, cKDTree]]:
         """Trees of the points with about the same size."""
-        group = np.floor(np.log(self.sizes) / np.log(_ALIKE)).astype(int)
+        group = np.floor(np.log(self.sizes) / np.log(_SAME_SIZE)).astype(int)
         return [(float(self.sizes[group == g].mean()), cKDTree(self.points[group == g])) for g in np.unique(group)]
 
 

@@ -79,11 +79,11 @@ class MeshMotion:
         to_skin, to_fascia, to_bones = (shapely.distance(at, line) for line in (skin, fascia, bones))
         inside = shapely.contains_properly(section.polygon("fascia"), at)
         if self.outline in BONES:
-            own, *others = (
+            near, *others = (
                 shapely.distance(at, section.polygon(part).exterior)
                 for part in sorted(BONES, key=lambda part: part != self.outline)
             )
-            share = np.where(inside, _share(np.minimum(to_fascia, *others), own), 0.0)
+            share = np.where(inside, _share(np.minimum(to_fascia, *others), near), 0.0)
             angle = np.radians(self.turned)
             return share[:, None] * self.size * (np.cos(angle) * travel + np.sin(angle) * across(travel))
         if self.outline == "skin":
@@ -97,8 +97,8 @@ class MeshMotion:
         return (self.size * share * hat)[:, None] * normal
 
 
-def _share(other: FloatArray, own: FloatArray) -> FloatArray:
-    return np.asarray(other / np.maximum(own + other, 1e-12))
+def _share(far: FloatArray, near: FloatArray) -> FloatArray:
+    return np.asarray(far / np.maximum(near + far, 1e-12))
 
 
 def _arc_and_normal(skin: shapely.LinearRing, points: FloatArray, touch: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -225,7 +225,7 @@ def rigid_motions(spaces: LegSpaces) -> PETSc.NullSpace:
     dimension = spaces.dimension
     x = spaces.displacement_space.tabulate_dof_coordinates()[:, :dimension]
     planes = [(i, j) for i in range(dimension) for j in range(i + 1, dimension)]
-    space, own = spaces.space.dofmap, _displacements(spaces)
+    space, displacements = spaces.space.dofmap, _displacements(spaces)
     size = (space.index_map.size_local + space.index_map.num_ghosts) * space.index_map_bs
     vectors: list[PETSc.Vec] = []
     for number in range(dimension + len(planes)):
@@ -238,7 +238,7 @@ def rigid_motions(spaces: LegSpaces) -> PETSc.NullSpace:
         values = np.zeros(size)
         values[spaces.displacement_dofs] = motion.ravel()
         values[spaces.pinned] = 0.0
-        vector = PETSc.Vec().createWithArray(values[own], comm=spaces.mesh.comm).copy()
+        vector = PETSc.Vec().createWithArray(values[displacements], comm=spaces.mesh.comm).copy()
         for other in vectors:
             vector.axpy(-vector.dot(other), other)
         vector.normalize()

@@ -129,9 +129,9 @@ class Damper:
         """Add the damping's forces at the system's present unknown to a residual (n,)."""
         if self._damping is not None:
             weights = self._weights(self._damping)
-            own = slice(len(weights))
-            away = self._system.unknown.x.array[own] - self._damping.anchor[own]
-            residual[own] += weights * away
+            owned = slice(len(weights))
+            away = self._system.unknown.x.array[owned] - self._damping.anchor[owned]
+            residual[owned] += weights * away
 
     def _weights(self, damping: Damping) -> FloatArray:
         assert self._stiffness is not None

@@ -226,8 +226,8 @@ class SolveReport:
     @property
     def factorisations(self) -> int:
         """Factorisations of all steps, accepted or not, and of all attempts."""
-        own = sum(step.factorisations for step in self.steps)
-        return own + sum(report.factorisations for report in self.earlier_attempts)
+        made = sum(step.factorisations for step in self.steps)
+        return made + sum(report.factorisations for report in self.earlier_attempts)
 
     @property
     def iterations(self) -> int:

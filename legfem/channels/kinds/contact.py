@@ -165,8 +165,8 @@ class ContactWidths(ChannelFile):
                 rates = np.array([shapes @ one[edge] for one in skin.rates]).reshape(-1, 2)
                 moving = rates - np.outer(rates @ point / (along @ point), along)
                 turn = np.array([-point[1], point[0]])
-                ahead, beside = point @ seen.model.system.direction, point @ seen.left
-                found.append((radius * float(np.arctan2(beside, ahead)), moving @ turn * radius / reach**2))
+                ahead, sideways = point @ seen.model.system.direction, point @ seen.left
+                found.append((radius * float(np.arctan2(sideways, ahead)), moving @ turn * radius / reach**2))
         if len(found) < 2:
             return {WIDTH.name: (0.0, np.zeros(len(skin.rates)))}
         right, left = min(found, key=lambda one: one[0]), max(found, key=lambda one: one[0])
@@ -325,10 +325,10 @@ def _along_face(read: PlacedReadings) -> FloatArray:
     """Return the derivative (k,) of each frame's pressures by the place on the face, kPa/mm."""
     middles, found = read.places.mean(axis=1), np.zeros(len(read.values))
     for frame in np.unique(read.frame):
-        own = np.flatnonzero(read.frame == frame)
-        if len(own) > 1:
-            own = own[np.argsort(middles[own])]
-            found[own] = np.gradient(read.values[own], middles[own])
+        mine = np.flatnonzero(read.frame == frame)
+        if len(mine) > 1:
+            mine = mine[np.argsort(middles[mine])]
+            found[mine] = np.gradient(read.values[mine], middles[mine])
     return found
 
 
@@ -348,6 +348,6 @@ def _of_trial(
     """Return the mean pressures of groups of sensels, by their widths."""
     sensel = np.searchsorted(angles, frames.columns[:, 0])
     keys, row = np.unique(np.column_stack([frames.time, group[sensel]]), axis=0, return_inverse=True)
-    own = width[sensel]
-    means = np.bincount(row.ravel(), own * frames.columns[:, 1]) / np.bincount(row.ravel(), own)
+    widths = width[sensel]
+    means = np.bincount(row.ravel(), widths * frames.columns[:, 1]) / np.bincount(row.ravel(), widths)
     return Read(PRESSURE.name, keys[:, 0], means, keys[:, 1].astype(int), places)

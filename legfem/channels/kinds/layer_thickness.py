@@ -76,7 +76,12 @@ def between_of(layers: Mapping[str, tuple[float, float]]) -> dict[str, tuple[flo
 
 
 def refused(
-    kind: ChannelKind, own: float, depths: FloatArray, values: FloatArray, accuracy: ChannelAccuracy, own_sd: float
+    kind: ChannelKind,
+    stated: float,
+    depths: FloatArray,
+    values: FloatArray,
+    accuracy: ChannelAccuracy,
+    stated_sd: float,
 ) -> Impossible | None:
     """Return why readings can't be the thickness of a layer; None where they can.
 
@@ -84,7 +89,7 @@ def refused(
     ----------
     kind
         Of the channel.
-    own, own_sd
+    stated, stated_sd
         The layer's thickness before it is pressed, as stated, and the standard deviation of its ends, mm.
     depths, values
         (k,), mm: how deep it was pressed at each reading, NaN out of the loading; and the readings.
@@ -96,10 +101,10 @@ def refused(
     if not len(values):
         return None
     # What lost the boundary writes 0.
-    worst = int(np.argmax(np.where(values == 0, np.inf, np.abs(values - 0.5 * own))))
-    if values[worst] == 0 or not -3 * accuracy.reading <= values[worst] <= _MOST * own + _APART_MM:
+    worst = int(np.argmax(np.where(values == 0, np.inf, np.abs(values - 0.5 * stated))))
+    if values[worst] == 0 or not -3 * accuracy.reading <= values[worst] <= _MOST * stated + _APART_MM:
         return Impossible(
-            f"it is {values[worst]:.3g} mm at {depth[worst]:.2g} mm of depth, and {own:.3g} mm by what is stated",
+            f"it is {values[worst]:.3g} mm at {depth[worst]:.2g} mm of depth, and {stated:.3g} mm by what is stated",
             "check its unit and the outlines or sizes; leave a cell empty where nothing could be read",
         )
     # A single frame says little of how it changes.
@@ -108,7 +113,7 @@ def refused(
     start, end = map(float, ends)
     # Of a line through n readings.
     error = accuracy.reading * np.sqrt(12 / len(values))
-    if several and end - start > max(3 * error, 0.05 * own):
+    if several and end - start > max(3 * error, 0.05 * stated):
         return Impossible(
             f"the {name} grows from {start:.3g} to {end:.3g} mm as it is pressed",
             "check that the columns aren't exchanged, and that the frames are in order",
@@ -119,10 +124,10 @@ def refused(
             "check its unit, and that its times are in s",
         )
     first = float(np.mean(values[depth <= depth.min() + 0.1 * np.ptp(depth)]))
-    tolerance = max(_APART_MM, _APART * own, 3 * accuracy.bias, 3 * own_sd) + float(depth.min())
-    if abs(first - own) > tolerance:
+    tolerance = max(_APART_MM, _APART * stated, 3 * accuracy.bias, 3 * stated_sd) + float(depth.min())
+    if abs(first - stated) > tolerance:
         return Impossible(
-            f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and {own:.3g} mm by what is stated",
+            f"the {name} is {first:.3g} mm at {depth.min():.2g} mm of depth, and {stated:.3g} mm by what is stated",
             "check its unit, the outlines or sizes, and that both are along the line of travel",
         )
     return None
@@ -164,13 +169,13 @@ class LayerThicknesses(ChannelFile):
     def check(self, kind: ChannelKind, recorded: ReadingsAtSite) -> Impossible | None:
         """Refuse a layer that grows as the cylinder presses, or isn't the section's."""
         site = recorded.site
-        own = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)
-        if own is None:
+        stated = layer_thicknesses(site.section, site.indenter.aim, site.direction).get(kind.name)
+        if stated is None:
             return Impossible(
                 "the line of travel meets no bone in the section: so there is no such thickness",
                 "leave the column out, or correct aim_mm and direction_deg",
             )
-        return refused(kind, own, recorded.depth, recorded.values, recorded.accuracy, recorded.outline_sd)
+        return refused(kind, stated, recorded.depth, recorded.values, recorded.accuracy, recorded.outline_sd)
 
     def place(self, kind: ChannelKind, site: Site) -> FloatArray:
         """Return the middle of the fat, or a point within the muscle, under the cylinder."""

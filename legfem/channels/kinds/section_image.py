@@ -114,7 +114,7 @@ def cell_means(
     return keys[:, 0], keys[:, 1].astype(int), means
 
 
-_PLANNED_DEPTHS_MM, _PLANNED_ASIDE_MM = (5.0, 12.0, 19.0, 26.0), (-12.0, 0.0, 12.0)
+_PLANNED_DEPTHS_MM, _PLANNED_LEFT_MM = (5.0, 12.0, 19.0, 26.0), (-12.0, 0.0, 12.0)
 """Below the skin and to the left of the travel: middles of the cells that a plan asks for."""
 _PLANNED_INSIDE_MM = 3.0
 """Distance of planned cells from every tissue's outer bound and from bone: outlines that are off, and images that lie
@@ -125,9 +125,9 @@ def planned_cells(site: Site) -> list[tuple[float, float]]:
     """Return the middles x, y of cells beneath the cylinder, mm, of those that lie in soft tissue."""
     skin, way = site.section.polygon("skin").exterior, site.direction
     middles = []
-    for aside in _PLANNED_ASIDE_MM:
-        beside = site.touch + aside * across(way)
-        middles += [beside + (first_crossing(skin, beside, way) + depth) * way for depth in _PLANNED_DEPTHS_MM]
+    for left in _PLANNED_LEFT_MM:
+        start = site.touch + left * across(way)
+        middles += [start + (first_crossing(skin, start, way) + depth) * way for depth in _PLANNED_DEPTHS_MM]
     inside = _in_tissue(np.array(middles), site, -_PLANNED_INSIDE_MM)
     return [(round(float(x), 3), round(float(y), 3)) for (x, y), kept in zip(middles, inside, strict=True) if kept]
 

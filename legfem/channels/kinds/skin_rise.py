@@ -47,9 +47,9 @@ _PRESSED = 0.03
 
 
 def _rise(offset: float) -> ChannelKind:
-    side, beside = "left" if offset > 0 else "right", abs(offset)
-    words = f"rise of the skin {beside:g} mm to the {side} of the line of travel since first touch"
-    return ChannelKind(f"skin_rise_{side}_{beside:g}", "mm", words, _CAMERAS, 0.012, image="image of the skin")
+    side, distance = "left" if offset > 0 else "right", abs(offset)
+    words = f"rise of the skin {distance:g} mm to the {side} of the line of travel since first touch"
+    return ChannelKind(f"skin_rise_{side}_{distance:g}", "mm", words, _CAMERAS, 0.012, image="image of the skin")
 
 
 RISES = {offset: _rise(offset) for offset in _OFFSETS_MM}
