@@ -110,8 +110,10 @@ def read_table(
     """
     import pandas as pd
 
-    lines = _lines(path)
-    header = lines[0]
+    lines = read_text(path, "check the path", "save it as CSV text").splitlines()
+    header = lines[0] if lines else ""
+    if not header.strip():
+        raise InputError(path, "header", "missing (the first line is empty)", "put the column names in the first line")
     columns = [c for c in columns if c not in optional or c in re.split(r"[,;\t\s]+", header)]
     wanted = ",".join(columns)
     # As spreadsheets write CSV where decimals have commas.
@@ -135,7 +137,11 @@ def read_table(
     if not numbers:
         raise InputError(path, "rows", "there are none", f"give rows of {wanted}")
     for n in numbers:
-        _check_width(path, n, rows[n - 2], len(columns), wanted)
+        if (cells := len(rows[n - 2])) != len(columns):
+            commas = cells > len(columns)
+            problem = f"{cells} cells where {len(columns)} are needed{' (decimal commas?)' if commas else ''}"
+            mend = "write decimals with points" if commas else "complete or remove the row"
+            raise InputError(path, f"line {n}", problem, f"{mend}; the columns are {wanted}")
     table = pd.DataFrame(
         [[cell.strip() for cell in rows[n - 2]] for n in numbers], columns=pd.Index(columns), index=pd.Index(numbers)
     )
@@ -157,13 +163,6 @@ def _with_points(path: Path, rows: list[list[str]]) -> list[list[str]]:
     return [[cell.replace(",", ".") if _DECIMAL_COMMA.match(cell) else cell for cell in row] for row in rows]
 
 
-def _lines(path: Path) -> list[str]:
-    lines = read_text(path, "check the path", "save it as CSV text").splitlines()
-    if not lines or not lines[0].strip():
-        raise InputError(path, "header", "missing (the first line is empty)", "put the column names in the first line")
-    return lines
-
-
 def _header_problem(found: Sequence[str], columns: Sequence[str]) -> tuple[str, str]:
     got, want = ",".join(found)[:120], ",".join(columns)
     if sorted(found) == sorted(columns):
@@ -183,16 +182,6 @@ def _header_problem(found: Sequence[str], columns: Sequence[str]) -> tuple[str, 
         return f"column '{name}' is missing{hint}", f"the first line must be {want}"
     extra = next(f for f in found if f not in columns or found.count(f) > 1)
     return f"column '{extra}' is not expected", f"the first line must be {want}"
-
-
-def _check_width(path: Path, line: int, row: list[str], width: int, wanted: str) -> None:
-    if len(row) == width:
-        return
-    guess, mend = (
-        (" (decimal commas?)", "write decimals with points") if len(row) > width else ("", "complete or remove the row")
-    )
-    problem = f"{len(row)} cells where {width} are needed{guess}"
-    raise InputError(path, f"line {line}", problem, f"{mend}; the columns are {wanted}")
 
 
 def _numbers(path: Path, column: "pd.Series[str]") -> "pd.Series[float]":

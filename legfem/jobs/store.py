@@ -108,21 +108,15 @@ def code_fingerprint(*modules: str) -> str:
     digest = hashlib.sha256()
     for package in ("fenics-dolfinx", "petsc4py", "gmsh"):
         digest.update(package_version(package).encode())
-    for name in sorted(_imported(modules)):
-        digest.update(_read(name)[0])
-    return digest.hexdigest()[:16]
-
-
-def _imported(modules: tuple[str, ...]) -> set[str]:
-    """Return modules of this project that are imported, directly or not, with those given."""
-    found: set[str] = set()
-    waiting = list(modules)
+    found, waiting = set[str](), list(modules)
     while waiting:
         name = waiting.pop()
         if name not in found and _file(name) is not None:
             found.add(name)
             waiting += _read(name)[1]
-    return found
+    for name in sorted(found):
+        digest.update(_read(name)[0])
+    return digest.hexdigest()[:16]
 
 
 def _file(name: str) -> Path | None:

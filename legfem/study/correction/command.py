@@ -24,7 +24,7 @@ from legfem.study.correction.calibration import (
     run_cases,
     tabulate_legs,
 )
-from legfem.study.correction.cases import CaseOutcome, CorrectionCase
+from legfem.study.correction.cases import CorrectionCase
 from legfem.study.correction.page import correction_cells, correction_web_page, draw_trends, meshes_cells, trend_cells
 
 DOCUMENT = "correction.json"
@@ -154,15 +154,14 @@ def _vary(
 ) -> dict[str, FloatArray]:
     """Return P on the grid by the cases' names, not-a-number beyond what a case reached."""
     outcomes = run_cases(list(cases.values()), kept, jobs, progress, comm)
-    return {name: _curve(outcome, cases[name].depth) for name, outcome in zip(cases, outcomes, strict=True)}
-
-
-def _curve(outcome: CaseOutcome, depth: float) -> FloatArray:
-    displacement = _grid(depth)
-    if outcome.reached < 5:
-        return np.full(len(displacement), np.nan)
-    value = smooth_ratio(outcome.spatial, outcome.plane, displacement)
-    return np.where(displacement <= outcome.reached + 1e-9, value, np.nan)
+    curves = {}
+    for (name, case), outcome in zip(cases.items(), outcomes, strict=True):
+        displacement = _grid(case.depth)
+        curves[name] = np.full(len(displacement), np.nan)
+        if outcome.reached >= 5:
+            there = displacement <= outcome.reached + 1e-9
+            curves[name][there] = smooth_ratio(outcome.spatial, outcome.plane, displacement)[there]
+    return curves
 
 
 def _grid(depth: float) -> FloatArray:

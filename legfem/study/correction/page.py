@@ -76,6 +76,10 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#1
 Trend = Mapping[str, Mapping[str, FloatArray]]
 """P by the value of what is varied, by what that is."""
 _DASHES: tuple[Dash, ...] = ("dashed", "dotted", "dotdash", "solid")
+_THREE_PARTS = (
+    "The error of P has three parts, each a curve over the displacement: that of the mesh (Richardson's estimate), "
+    "that of a leg which is shorter or longer, and that of first contact."
+)
 _NOT_TESTED = (
     "A real leg's shape: the leg here is a straight cylinder with one bone. --legs tabulates other "
     "girths and depths of the bone.",
@@ -108,7 +112,14 @@ def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, co
         chapters=[
             web.Chapter("The correction", [_correction(given, found)]),
             web.Chapter("What it depends on", trend_curves(trends)),
-            web.Chapter("How sure", _sure(found)),
+            web.Chapter(
+                "How sure",
+                [
+                    web.Prose(_THREE_PARTS),
+                    web.WebTable("Forces, P and its errors by depth", *correction_cells(found)),
+                    web.WebTable("P on three meshes, and in the limit", *meshes_cells(found)),
+                ],
+            ),
             web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
             web.Chapter("What to do next", [web.Bullets(_next())]),
         ],
@@ -251,15 +262,4 @@ def trend_curves(trends: Trend) -> list[Curves]:
             ],
         )
         for number, (name, curves) in enumerate(trends.items())
-    ]
-
-
-def _sure(found: Calibrated) -> list[web.Block]:
-    return [
-        web.Prose(
-            "The error of P has three parts, each a curve over the displacement: that of the mesh (Richardson's "
-            "estimate), that of a leg which is shorter or longer, and that of first contact."
-        ),
-        web.WebTable("Forces, P and its errors by depth", *correction_cells(found)),
-        web.WebTable("P on three meshes, and in the limit", *meshes_cells(found)),
     ]
