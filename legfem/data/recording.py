@@ -204,15 +204,15 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: SourceColumns, a
             "save each trial in a file of its own, and record time with more digits",
         )
     used = {getattr(channels, q).column for q in QUANTITIES}
-    left = tuple(column for column in sheet.columns if column.name not in used)
-    seen = {kind.name: column for column in reversed(left) if (kind := channel_of(column))}
-    channels_there = ((kind, seen[kind.name]) for kind in IN_COLUMNS if kind.name in seen)
-    beside = (
-        RecordedChannel(kind.name, time, column.factor * column.values[-len(time) :], kind.usual)
-        for kind, column in channels_there
-    )
+    further = [column for column in sheet.columns if column.name not in used]
+    seen = {kind.name: column for column in reversed(further) if (kind := channel_of(column))}
+    read = [
+        RecordedChannel(kind.name, time, seen[kind.name].factor * seen[kind.name].values[-len(time) :], kind.usual)
+        for kind in IN_COLUMNS
+        if kind.name in seen
+    ]
     pulled = any(_OF_PULLS.search(getattr(channels, q).column) for q in QUANTITIES)
-    return Recording(time, displacement, force, path.stem, path, tuple(beside), pulled=pulled)
+    return Recording(time, displacement, force, path.stem, path, tuple(read), pulled=pulled)
 
 
 _OF_PULLS = re.compile(r"tensile|(?<!ex)tension|\bzug|traction|tracción|trazione", re.IGNORECASE)

@@ -26,7 +26,7 @@ from legfem.mechanics.terms import Fascia, Fibres
 from legfem.meshing.grid import Support
 from legfem.meshing.leg_sizes import FineStrip, SolidMeshSettings
 from legfem.meshing.solid_leg import mesh_solid_leg
-from legfem.meshing.structured import END, IdealisedLeg, LegMesh, LegMeshSettings, mesh_leg, mesh_leg_section
+from legfem.meshing.structured import END, IdealisedLeg, LegMesh, LegMeshSettings, mesh_leg
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import NewtonSettings, StepSettings
@@ -266,10 +266,8 @@ class IdealisedLegIndentation(IndentationTest):
     @cached_in_process
     def leg_mesh(self) -> LegMesh:
         """The mesh: a quarter of the leg, or half of its section."""
-        leg, radius, mesh = self.leg, self.cylinder.radius, self.settings.mesh
-        if self.dimension == 3:
-            return mesh_leg(leg, radius, self.cylinder.length, mesh, self.comm)
-        return mesh_leg_section(leg, radius, mesh, self.comm)
+        length = self.cylinder.length if self.dimension == 3 else None
+        return mesh_leg(self.leg, self.cylinder.radius, length, self.settings.mesh, self.comm)
 
     def _made(self) -> IndentationModel:
         meshed, settings, cylinder = self.leg_mesh, self.settings, self.cylinder

@@ -271,7 +271,7 @@ class Workers[Context, Task, Outcome]:
             return
         self._executor = self._executor or _Processes(self.jobs - self.along, self.context)
         for _ in range(min(most, self.jobs - self.along)):
-            self._executor.submit(with_context, ready)
+            self._executor.submit(with_context, _made_ready, ready)
 
     def _done_here(self, task: Task) -> Outcome:
         with interruptible():
@@ -379,6 +379,10 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
+
+
+def _made_ready[Context](context: Context, ready: Callable[[Context], None]) -> None:
+    ready(context)
 
 
 def _first_of[Item](waiting: deque[Item]) -> Item | None:

@@ -163,32 +163,33 @@ class LegMesh(TaggedMesh):
 def mesh_leg(
     leg: IdealisedLeg,
     cylinder_radius: float,
-    cylinder_length: float,
+    cylinder_length: float | None,
     settings: LegMeshSettings | None = None,
     comm: MPI.Intracomm = MPI.COMM_SELF,
 ) -> LegMesh:
-    """Mesh a quarter of the leg, fine where the cylinder of given size (mm) will press."""
+    """Mesh a quarter of the leg, fine where the cylinder of given size (mm) will press; half of its section without.
+
+    Parameters
+    ----------
+    cylinder_length
+        None for the section alone, which has the same grid.
+    """
     settings = settings or LegMeshSettings()
     around, through, layer = _section_grid(leg, cylinder_radius, settings)
-    along = _along(leg, cylinder_length, settings)
-    counts = [len(around) - 1, len(through) - 1, len(along) - 1]
+    along = None if cylinder_length is None else _along(leg, cylinder_length, settings)
+    counts = [len(axis) - 1 for axis in (around, through, along) if axis is not None]
     made = unit_cells(comm, counts, settings.cells == "tetrahedra")
-    tags = {
-        (0, 0): MIRROR_X,
-        (0, counts[0]): MIRROR_X,
-        (1, 0): BONE,
-        (1, counts[1]): SKIN,
-        (2, 0): MIRROR_Z,
-        (2, counts[2]): END,
-    }
-    supports = [Support(BONE, (0, 1, 2)), Support(MIRROR_X, (0,)), Support(MIRROR_Z, (2,))]
-    if leg.ends == "held":
-        supports.append(Support(END, (2,)))
+    tags = {(0, 0): MIRROR_X, (0, counts[0]): MIRROR_X, (1, 0): BONE, (1, counts[1]): SKIN}
+    supports = [Support(BONE, tuple(range(len(counts)))), Support(MIRROR_X, (0,))]
+    if along is not None:
+        tags |= {(2, 0): MIRROR_Z, (2, counts[2]): END}
+        supports += [Support(MIRROR_Z, (2,)), *([Support(END, (2,))] if leg.ends == "held" else [])]
     cell_tags, facet_tags = tagged(made, layer, tags)
     nodes = made.geometry.x
-    nodes[:, 2] = np.interp(nodes[:, 2], np.arange(len(along)), along)
+    if along is not None:
+        nodes[:, 2] = np.interp(nodes[:, 2], np.arange(len(along)), along)
     _bend(nodes, leg, around, through)
-    return LegMesh(made, cell_tags, facet_tags, leg.regions, tuple(supports), 4)
+    return LegMesh(made, cell_tags, facet_tags, leg.regions, tuple(supports), 2 if along is None else 4)
 
 
 def grid_counts(
@@ -198,24 +199,6 @@ def grid_counts(
     around, through, _ = _section_grid(leg, cylinder_radius, settings)
     along = _along(leg, cylinder_length, settings)
     return len(around) - 1, len(through) - 1, len(along) - 1
-
-
-def mesh_leg_section(
-    leg: IdealisedLeg,
-    cylinder_radius: float,
-    settings: LegMeshSettings | None = None,
-    comm: MPI.Intracomm = MPI.COMM_SELF,
-) -> LegMesh:
-    """Mesh half of the leg's section with the grid of `mesh_leg`."""
-    settings = settings or LegMeshSettings()
-    around, through, layer = _section_grid(leg, cylinder_radius, settings)
-    counts = [len(around) - 1, len(through) - 1]
-    made = unit_cells(comm, counts, settings.cells == "tetrahedra")
-    tags = {(0, 0): MIRROR_X, (0, counts[0]): MIRROR_X, (1, 0): BONE, (1, counts[1]): SKIN}
-    cell_tags, facet_tags = tagged(made, layer, tags)
-    _bend(made.geometry.x, leg, around, through)
-    supports = (Support(BONE, (0, 1)), Support(MIRROR_X, (0,)))
-    return LegMesh(made, cell_tags, facet_tags, leg.regions, supports, 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -154,7 +154,7 @@ def _vary(
 ) -> dict[str, FloatArray]:
     """Return P on the grid by the cases' names, not-a-number beyond what a case reached."""
     outcomes = run_cases(list(cases.values()), kept, jobs, progress, comm)
-    curves = {}
+    curves = dict[str, FloatArray]()
     for (name, case), outcome in zip(cases.items(), outcomes, strict=True):
         displacement = _grid(case.depth)
         curves[name] = np.full(len(displacement), np.nan)
