@@ -17,9 +17,10 @@ from legfem.data.formats.times import check_no_clock
 from legfem.data.recording import QUANTITIES, Recording, SourceColumn, SourceColumns, channel_of, recording_of
 from legfem.data.stress_tables import refuse_untimed, stretch_and_stress
 
-# What a test of soft tissue lasts, and how far apart its readings are.
 _LEAST_TEST_S, _LONGEST_TEST_S = 0.5, 10_000.0
+"""Bounds of the duration of a test of soft tissue."""
 _LEAST_STEP_S, _LONGEST_STEP_S = 1e-4, 5.0
+"""Bounds of the time between its readings."""
 
 _COMMANDED = re.compile(
     r"command|\bcmd\b|set[ _]?point|sollwert|consigne|target|ref$"

@@ -11,14 +11,20 @@ from legfem.data.phases import LOADING, runs_of
 from legfem.data.plausibility import cut_off
 from legfem.data.segmentation import Segmentation
 
-# Of the force's range; a load cell of 500 N with 16 bit reads a leg's 10 N in steps of 0.15 %.
 _COARSE, _VERY_COARSE = 0.005, 0.02
+"""Steps of the force over its range for grades B and C; a cell of 500 N with 16 bit reads a leg's 10 N in 0.15 %."""
 _NOISY, _VERY_NOISY = 0.005, 0.02
+"""Noise of the force over its range for grades B and C."""
 _FEW_SAMPLES, _VERY_FEW_SAMPLES = 100, 40
+"""Samples of loading for grades B and C."""
 _MANY_DROPPED = 0.02
+"""Share of dropped samples for grade C."""
 _DROP_SHARE = 0.05
+"""Share of the force's range by which a sudden drop falls."""
 _SATURATED_SAMPLES = 10
+"""Samples at the limit that show saturation."""
 _NEIGHBOURS = 9
+"""Steps of time whose median a step is compared with."""
 MINIMAL_SAMPLES = 20
 """Fewest samples of a loading."""
 GRADES = {"A": "good", "B": "usable", "C": "look at it first", "D": "not to be used"}

@@ -31,8 +31,12 @@ from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.settings import NewtonSettings, StepSettings
 
-_LEVELS, _TURNS, _LOOKS = 41, 720, 3
-"""Numbers of points along and round the leg at which first touch is sought, and of refinements of that grid."""
+_LEVELS = 41
+"""Points along the leg at which first touch is sought."""
+_TURNS = 720
+"""Points round the leg at which first touch is sought."""
+_LOOKS = 3
+"""Refinements of that grid."""
 
 
 @dataclass(frozen=True)

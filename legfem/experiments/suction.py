@@ -32,12 +32,18 @@ from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import ForceCurve, Path, SolveReport, Step
 from legfem.solve.protocol import Protocol
 
-_STEPS, _POINTS = 20, 80
-"""Numbers of steps to the dome's height, and of points on every straight part of a motion."""
+_STEPS = 20
+"""Steps to the dome's height."""
+_POINTS = 80
+"""Points on every straight part of a motion."""
 _FIRST = 1e-2
 """First suction over the least C10, from whose rise the body's stiffness follows."""
-_CUT, _LEAST, _GREATEST = 0.4, 1e-3, 1.5
-"""Factors on the suction's step: after a failure; least, over the usual one; greatest, over the last one."""
+_CUT = 0.4
+"""Factor on the suction's step after a failure."""
+_LEAST = 1e-3
+"""Least step of the suction over the usual one."""
+_GREATEST = 1.5
+"""Greatest step of the suction over the last one."""
 
 
 @dataclass(frozen=True, eq=False)

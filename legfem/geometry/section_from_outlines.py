@@ -20,8 +20,10 @@ from legfem.geometry.section import PARTS, LegSection, resample_closed_curve
 SURFACES = ("skin", MUSCLE_HULL, "tibia", "fibula")
 _INSIDE = 0.8
 """Share of a part's area that lies in the skin; outlines of two scans cross by some mm."""
-_BARE, _TOUCHING = 0.5, 0.2
-"""Share of the skin without fat, beyond which it is no skin; and how near the hull is then (mm)."""
+_BARE = 0.5
+"""Share of the skin without fat beyond which it is no skin."""
+_TOUCHING = 0.2
+"""Distance of skin and hull below which no fat lies between, mm."""
 BRIDGE = 10.0
 """Radius (mm) over which separate muscles are joined: gaps of twice that are spanned."""
 _MOST_WINDING = 5.0

@@ -16,8 +16,13 @@ from legfem.geometry.leg_shape import HULL, LegShape, perimeter
 from legfem.geometry.section import area_and_centroid
 from legfem.imaging.registration import Registration, register_shapes
 
-_THICKER, _THICKER_BY_FAR, _THINNER = 1.001, 1.005, 0.94
-"""Mean perimeter in the stocking over that without: a stocking makes a leg thinner, by 1 to 4 %."""
+# Mean perimeter in the stocking over that without: a stocking makes a leg thinner, by 1 to 4 %.
+_THICKER = 1.001
+"""Ratio of perimeters from which on the scans may be exchanged."""
+_THICKER_BY_FAR = 1.005
+"""Ratio of perimeters from which on they are."""
+_THINNER = 0.94
+"""Ratio of perimeters below which the scans may be two legs'."""
 _MUSCLE = 0.08
 """Relative change of the muscle compartment's area: it is squeezed along the leg, and loses blood, by less."""
 _BONE = 0.12
@@ -25,8 +30,10 @@ _BONE = 0.12
 a leg upside down has 15 to 20 %, another person's as much as their bones differ."""
 _REGISTERED_WITHIN = 0.2
 """mm: farther apart, mirror images are tried. The mirror image of 60 mm of round bones is 0.3 mm off the leg."""
-_NOT_ONE_LEG, _IN_STATED = 1.0, 4.0
-"""Distance (mm) of registered bones, and that over the stated error of an outline, which one leg's aren't apart."""
+_NOT_ONE_LEG = 1.0
+"""Distance of registered bones, mm, that one leg's aren't apart."""
+_IN_STATED = 4.0
+"""The same over the stated error of an outline."""
 _DOUBTED = 1.6
 """Times the stated error of an outline: one leg's bones, drawn twice with it, come to lie within 1.41 of it, and within
 0.85 where the error is a wave of some centimetres."""

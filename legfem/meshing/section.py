@@ -120,8 +120,10 @@ SUPERFICIAL, FASCIA, DEEP = 1, 2, 3
 SKIN, BONE = 11, 12
 HULL = 16
 """Facets between deep and superficial tissue, where they meet without a layer between."""
-UNDER_FAT, OUTER_FASCIA = 17, 18
-"""Facets of the fat and of the fascia's layer on each other, where the mesh is split between them."""
+UNDER_FAT = 17
+"""Facets of the fat on the fascia, where the mesh is split between them."""
+OUTER_FASCIA = 18
+"""Facets of the fascia under the fat, likewise."""
 REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
 BONE_REGIONS = {"tibia": 4, "fibula": 5}
 """Cell tags of meshes that have the bones' inside, too."""

@@ -114,8 +114,10 @@ def cell_means(
     return keys[:, 0], keys[:, 1].astype(int), means
 
 
-_PLANNED_DEPTHS_MM, _PLANNED_LEFT_MM = (5.0, 12.0, 19.0, 26.0), (-12.0, 0.0, 12.0)
-"""Below the skin and to the left of the travel: middles of the cells that a plan asks for."""
+_PLANNED_DEPTHS_MM = (5.0, 12.0, 19.0, 26.0)
+"""Depths of planned cells' middles below the skin."""
+_PLANNED_LEFT_MM = (-12.0, 0.0, 12.0)
+"""Distances of planned cells' middles to the left of the travel."""
 _PLANNED_INSIDE_MM = 3.0
 """Distance of planned cells from every tissue's outer bound and from bone: outlines that are off, and images that lie
 elsewhere, show them too."""
@@ -145,8 +147,10 @@ INSIDE = ChannelKind(
 _MOST_CELLS = 20
 _OUTSIDE_MM = 1.0
 """How far a point may lie outside the tissue."""
-_TOO_FAR, _TOO_FAR_MM = 1.3, 3.0
-"""Largest movement of a point: this times the cylinder's, and so many mm more."""
+_TOO_FAR = 1.3
+"""Largest movement of a point over the cylinder's, besides `_TOO_FAR_MM`."""
+_TOO_FAR_MM = 3.0
+"""What a point may move more than that."""
 _AT_REST_MM = 2.0
 """Largest movement of points before the cylinder touches."""
 _RESTING_MM = 0.5

@@ -27,8 +27,10 @@ from legfem.data.formats.times import BY_RATE, CLOCK, times_by_rate, with_clock
 FEWEST_ROWS = 8
 MOST_BYTES = 200_000_000
 """An hour of a test at 1 kHz, as text, has half as many."""
-_ROWS_TRIED, _MOSTLY = 40, 0.9
-"""Rows in the middle that tell which columns are numbers, and the share of them that is."""
+_ROWS_TRIED = 40
+"""Rows in the middle that tell which columns are numbers."""
+_MOSTLY = 0.9
+"""Share of these rows in which a column of numbers has one."""
 _OF_TEXTS = WORDS | {"time": WORDS["time"] + r"|^hora|^heure|^ora\b|uhr|clock|stamp|\bdate\b|datum|fecha|\bdata\b"}
 """By which columns of text are named: a clock's times, which couldn't be read, stand under further names."""
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d*)?(?:e[+-]?\d+)?")

@@ -94,7 +94,7 @@ _COUNTED = re.compile(
     re.IGNORECASE,
 )
 _LEAST_S, _LONGEST_S = 0.5, 20_000.0
-"""What a test lasts whose rate is believed."""
+"""Bounds of a test's duration by a rate that is believed."""
 
 
 def times_by_rate(
