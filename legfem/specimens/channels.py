@@ -1,15 +1,15 @@
 """Thicknesses of layers and strains of the face beside a specimen's force: readings, and how far a model is off."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import pairwise, permutations
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from legfem.channels.kinds.face_strain import FACE_STRAIN
+from legfem.channels.kinds import CHANNELS
 from legfem.channels.kinds.layer_thickness import between_of
 from legfem.common.units import FloatArray
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
@@ -17,8 +17,9 @@ from legfem.inverse.errors import alike_in_both
 from legfem.inverse.fit import ChannelFit
 from legfem.inverse.loading_channels import BesideForce, LoadingChannel, image_errors, loading_channel, loading_readings
 from legfem.inverse.outcome import Outcome
-from legfem.inverse.readings import INSTRUMENT, OFFSET
-from legfem.specimens.comparison import Part, SpecimenComparison
+from legfem.inverse.readings import INSTRUMENT, OFFSET, RELAXATION
+from legfem.specimens.comparison import Part, SpecimenComparison, slopes_by_readings
+from legfem.specimens.course import relaxed
 from legfem.specimens.sizes import SpecimenRecording, kind_in, layers_of
 
 _BEYOND = 1.01
@@ -38,7 +39,7 @@ def beside_of(recording: SpecimenRecording, relative_sd: float) -> tuple[Loading
     layers = layers_of(recording.sizes)
     heights = between_of(layers.heights) if layers else {}
     # What is nothing at rest.
-    heights |= {name: (0.0, 0.0) for name in kind_in(recording.sizes).beside & {FACE_STRAIN.name}}
+    heights |= {name: (0.0, 0.0) for name in kind_in(recording.sizes).beside if CHANNELS[name].at_rest == 0.0}
     course = recording.course
     trial = recording.from_contact
     found = []
@@ -161,16 +162,33 @@ class SpecimenReadings(Comparison):
         """Read complete full solves."""
         found, offset = self.forces.predict(outcome, instrument), _offset(instrument)
         for part, beside in self._read:
-            found = found.followed_by(beside.predict(outcome.curves[part.test], offset))
+            elastic = beside.predict(outcome.curves[part.test], offset)
+            by = {name: self._felt(part, beside, values, instrument) for name, values in elastic.sensitivities.items()}
+            felt = partial(self._felt, part, beside, elastic.values)
+            by |= {name: slope for name, slope in slopes_by_readings(felt, instrument).items() if name in RELAXATION}
+            found = found.followed_by(replace(elastic, values=felt(instrument), sensitivities=by))
         return found
+
+    def _felt(self, part: Part, beside: BesideForce, elastic: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return readings (..., k), of a tissue without time, as they are of one in which loads relax as forces do."""
+        loads = [self.forces.relaxes and one.readings.kind.follows_force for one in beside.channels]
+        ends = np.cumsum([0, *map(len, beside.channels)])[1:-1]
+        shape = np.broadcast_shapes(elastic.shape[:-1], instrument.shape[:-1])
+        blocks = np.split(np.broadcast_to(elastic, (*shape, elastic.shape[-1])), ends, axis=-1)
+        numbers, depth = instrument[..., len(INSTRUMENT) :], self.forces.depths[part.test]
+        felt = [
+            relaxed(one.readings.time, one.depth / depth, block, numbers) if load else block
+            for one, block, load in zip(beside.channels, blocks, loads, strict=True)
+        ]
+        return np.concatenate(felt, axis=-1)
 
     def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
         """Return readings (..., n) of the models' values (..., m)."""
         ends = np.cumsum([self._forces_on_grids, *(beside.size for _, beside in self._read)])[:-1]
         force, *others = np.split(model_values, ends, axis=-1) if self._read else [model_values]
         found = [self.forces.read(force, instrument)]
-        pairs = zip(self._read, others, strict=True)
-        found += [beside.read(values, _offset(instrument)) for (_, beside), values in pairs]
+        for (part, beside), values in zip(self._read, others, strict=True):
+            found.append(self._felt(part, beside, beside.read(values, _offset(instrument)), instrument))
         return np.concatenate(found, axis=-1)
 
     def covariances_at(self, values: FloatArray, spread: float = 0.0) -> Covariances:

@@ -3,9 +3,9 @@
 How stiff each is beside the others is found with it, see `legfem.specimens.nuisances`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +18,7 @@ from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.intervals import by_third, third_of
 from legfem.inverse.outcome import Outcome
 from legfem.inverse.readings import INSTRUMENT, READINGS, Reading
-from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, borne, branch_ratios, clock
+from legfem.specimens.course import SLOW_SHARE, STATIONS, Course, relaxed
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.nuisances import OnsetEffect, OwnStiffness, kinds_of, power_of, tells_ratio, were_turned
@@ -43,6 +43,18 @@ _STEP = 1e-5
 def grid_to(depth: float) -> FloatArray:
     """Return the grid (m,), mm, of a test pressed to a depth: finer at first."""
     return np.asarray(depth * (np.arange(1, GRID + 1) / GRID) ** 1.3)
+
+
+def slopes_by_readings(read: Callable[[FloatArray], FloatArray], readings: FloatArray) -> dict[str, FloatArray]:
+    """Return the derivatives (n,) of what is read by the numbers of `READINGS`, by differences."""
+    found = {}
+    for k, name in enumerate(READINGS):
+        step = _STEP * max(abs(readings[k]), 0.1)
+        ends = np.repeat(readings[None], 2, axis=0)
+        ends[:, k] += (step, -step)
+        up, down = read(ends)
+        found[name] = (up - down) / (2 * step)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,19 +219,13 @@ class SpecimenComparison(Comparison):
         """Return the same but for the zero, if all specimens were alike."""
         gain, _, offset = np.moveaxis(readings, -1, 0)[: len(INSTRUMENT)]
         shape = np.broadcast_shapes(force.shape[:-1], readings.shape[:-1])
-        *_, quickening = np.moveaxis(readings, -1, 0)
-        ratios = branch_ratios(readings[..., len(INSTRUMENT) : -1]) if self.relaxes else None
         found = []
         for part, reading in zip(self.parts, self._readings, strict=True):
             own = force[..., part.test * GRID : (part.test + 1) * GRID]
             elastic = reading.at(own, offset)
-            if ratios is not None:
-                time = part.course.time
-                if quickening.any():
-                    share = part.course.displacement / self.depths[part.test]
-                    time = clock(time, share, quickening)
-                held = borne(time, elastic)
-                elastic = elastic + np.einsum("...b,...bn->...n", ratios, held)
+            if self.relaxes:
+                share = part.course.displacement / self.depths[part.test]
+                elastic = relaxed(part.course.time, share, elastic, readings[..., len(INSTRUMENT) :])
             found.append(elastic)
         together = np.concatenate([np.broadcast_to(f, (*shape, f.shape[-1])) for f in found], -1)
         return np.asarray(gain[..., None] * together)
@@ -236,19 +242,8 @@ class SpecimenComparison(Comparison):
         if self.own is not None:
             felt = self._felt(force, readings)
             seen = {name: self.own.slope(felt, values) for name, values in seen.items()}
-        seen |= self._by_readings(force, readings)
+        seen |= slopes_by_readings(partial(self.read, force), readings)
         return Prediction(self.read(force, readings), seen, force, by)
-
-    def _by_readings(self, force: FloatArray, readings: FloatArray) -> dict[str, FloatArray]:
-        """Return the derivatives (n,) of what is read by the readings' numbers."""
-        found = {}
-        for k, name in enumerate(READINGS):
-            step = _STEP * max(abs(readings[k]), 0.1)
-            ends = np.repeat(readings[None], 2, axis=0)
-            ends[:, k] += (step, -step)
-            up, down = self.read(force, ends)
-            found[name] = (up - down) / (2 * step)
-        return found
 
     def scales(self, force: FloatArray) -> FloatArray:
         """Return what would make each recording's share of forces (n,) fit it best, without what stood before."""

@@ -418,6 +418,24 @@ def borne(time: FloatArray, force: FloatArray) -> FloatArray:
     return np.asarray(solve_banded((1, 0), bands, rise.ravel())).reshape(rise.shape)
 
 
+def relaxed(time: FloatArray, share: FloatArray, elastic: FloatArray, numbers: FloatArray) -> FloatArray:
+    """Return what is felt (..., n) of a load that a tissue without time would bear, relaxation with it.
+
+    Parameters
+    ----------
+    time, share
+        (n,): s after first contact, and displacement over the greatest one.
+    elastic
+        (..., n): that load, as `borne` takes it.
+    numbers
+        (..., 4): ratio, middle and spread of the spectrum, and the clock's quickening.
+    """
+    quickening = numbers[..., -1]
+    if quickening.any():
+        time = clock(time, share, quickening)
+    return np.asarray(elastic + np.einsum("...b,...bn->...n", branch_ratios(numbers[..., :-1]), borne(time, elastic)))
+
+
 def branch_ratios(numbers: FloatArray) -> FloatArray:
     """Return the ratio of every branch (..., branches) of ratio, middle and spread (..., 3)."""
     flat = numbers.reshape(-1, 3)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from legfem.channels.kinds import CHANNELS
 from legfem.common.units import FloatArray
 from legfem.inverse.body_models import Displaced, Stopped
 from legfem.inverse.responses import PLAIN
@@ -194,25 +195,30 @@ class SpecimenVariants:
         found = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
         if isinstance(found, Stopped):
             return found
-        # Euler's theorem: the force is homogeneous of the first degree in the stiffnesses, and channels of none.
+        # Euler's theorem: forces are homogeneous of the first degree in the stiffnesses, other channels of none.
         every = {**others, _C20: own[_C20]} if _C10 in sensitivities else {}
         force, nothing = scale * found.force, np.zeros(len(found.time))
         along = partial(_along_c10, stiffnesses=every, scale=scale, c10=deep[_C10])
         by = along({name: scale * values for name, values in found.sensitivities.items()}, value=force)
-        known = found.channel_sensitivities
-        seen = {channel: along(known.get(channel, {}), value=nothing) for channel in found.channels}
+        seen, channels = {}, {}
+        for channel, course in found.channels.items():
+            times, degree = (scale, 1.0) if _is_load(channel) else (1.0, 0.0)
+            rates = {name: times * rate for name, rate in found.channel_sensitivities.get(channel, {}).items()}
+            channels[channel] = times * course
+            seen[channel] = along(rates, value=degree * channels[channel])
         for name in (name for name in sensitivities if name in self.measured):
             changed, step = self._resized(name).follow(protocol, deep, solution), _RESIZED * self.measured[name]
             if isinstance(changed, Stopped):
                 return changed
             by[name] = (changed.force_at(found.time) - force) / step
             for channel, course in changed.channels_at(found.time).items():
-                seen[channel][name] = (course - found.channels[channel]) / step
+                seen[channel][name] = (course - channels[channel]) / step
         return replace(
             found,
             force=force,
             sensitivities={n: by[n] for n in sensitivities},
-            # What branches bear changes no channel.
+            channels=channels,
+            # What branches bear changes no strain.
             channel_sensitivities={c: {n: own.get(n, nothing) for n in sensitivities} for c, own in seen.items()},
         )
 
@@ -285,7 +291,27 @@ def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[s
     names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
     if not any(name in values or name in sensitivities for name in names):
         return path
-    held = [np.concatenate([[0.0], each]) for each in borne(path.time[1:], path.force[1:])]
-    total: FloatArray = path.force + sum(values.get(name, 0.0) * each for name, each in zip(names, held, strict=True))
-    by = {n: each for n, each in zip(names, held, strict=True) if n in sensitivities}
-    return replace(path, force=total, sensitivities={**path.sensitivities, **by})
+
+    def with_branches(elastic: FloatArray) -> tuple[FloatArray, dict[str, FloatArray]]:
+        held = [np.concatenate([[0.0], each]) for each in borne(path.time[1:], elastic[1:])]
+        pairs = list(zip(names, held, strict=True))
+        total: FloatArray = elastic + sum(values.get(name, 0.0) * each for name, each in pairs)
+        return total, {name: each for name, each in pairs if name in sensitivities}
+
+    total, by = with_branches(path.force)
+    loads = {name: with_branches(course) for name, course in path.channels.items() if _is_load(name)}
+    return replace(
+        path,
+        force=total,
+        sensitivities={**path.sensitivities, **by},
+        channels={**path.channels, **{name: load for name, (load, _) in loads.items()}},
+        channel_sensitivities={
+            **path.channel_sensitivities,
+            **{name: {**path.channel_sensitivities.get(name, {}), **of} for name, (_, of) in loads.items()},
+        },
+    )
+
+
+def _is_load(course: str) -> bool:
+    """Whether a channel's course is a force or moment, in proportion to stiffnesses and relaxing with them."""
+    return CHANNELS[course.partition(":")[0]].follows_force
