@@ -140,7 +140,7 @@ def test_paths_in_documents_are_there() -> None:
     wrong = []
     pattern = r"(?<![\w./*-])((?:legfem|studies|tests|scripts|meshes)/[\w./*-]*\w)"
     for path, match in found(pattern):
-        if not list(ROOT.glob(match[1])):
+        if path.name != "test_house.py" and not list(ROOT.glob(match[1])):
             wrong.append(where(path, match))
     assert not wrong, "\n".join(wrong)
 

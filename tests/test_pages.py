@@ -202,7 +202,8 @@ def test_files_that_are_shown_are_read(page: str, parse: Any, tmp_path: Path) ->
 
 def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None:
     """As parts of the file that is shown whole."""
-    whole, layers, fibres, cup, face, twisted, several, tables = blocks("docs/tutorials/own-specimen.md", "toml")
+    whole, several = blocks("docs/tutorials/own-specimen.md", "toml")
+    layers, fibres, cup, face, twisted, tables = blocks("docs/tutorials/kinds-of-specimens.md", "toml")
     named, ball = whole[: whole.index("[ball]")], whole[: whole.index("[[specimen]]")]
     path = tmp_path / "shown.toml"
     path.write_text(ball + layers, encoding="utf-8")

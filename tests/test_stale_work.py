@@ -83,7 +83,7 @@ def stockings_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
         study.calls.append(task)
         kind, leg = task
         both = 1.0, 2.0 + len(study.calls)
-        return Recovery(leg, kind, (3.0, 8.0), both, both, both, (4, 5), True, 0.1, 1.0, None, None, None, 0.1, 7.0)
+        return Recovery(leg, kind, (3.0, 8.0), both, both, both, 9, 0.1, 1.0, 0.1, 7.0)
 
     monkeypatch.setattr(stockings, "_identify", identified)
     return study
