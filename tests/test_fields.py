@@ -10,6 +10,7 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 
+from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of, greatest_stretch, hydrostatic_pressure, von_mises_stress
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
@@ -19,7 +20,6 @@ from legfem.mechanics.materials import ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import Contraction, NormalContact, Tissue, Viscoelasticity
 from legfem.meshing.section import BONE, DEEP, SKIN
-from legfem.report.folder import write_fields
 
 LAW = ReducedPolynomial(C10=2e-3, D1=28.0, C20=1e-3, D2=10.0)
 STRETCH = np.array([1.1, 0.85])

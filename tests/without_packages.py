@@ -14,22 +14,22 @@ import sys
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec
 
-from legfem.__main__ import main
-
 
 class Missing:
-    """Finder before all others that finds no package of some names."""
+    """Finder before all others that finds no module of some names, nor within them."""
 
-    def __init__(self, packages: Sequence[str]) -> None:
-        self.packages = packages
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = names
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
-        if name.partition(".")[0] in self.packages:
+        if any(f"{name}.".startswith(f"{missing}.") for missing in self.names):
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
         return None
 
 
 if __name__ == "__main__":
+    from legfem.__main__ import main
+
     sys.meta_path.insert(0, Missing(sys.argv[1].split(",")))
     for command in sys.argv[2:]:
         sys.argv = ["legfem", *shlex.split(command)]

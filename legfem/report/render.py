@@ -16,7 +16,6 @@ from markupsafe import Markup
 
 from legfem.common.documents import legfem_build, literal
 from legfem.inverse.catalogue import key_of
-from legfem.inverse.fit import Fit
 from legfem.report import page as web
 from legfem.report.curves import Curves, SortableTable
 from legfem.report.folder import REPORT, ReportFile
@@ -24,6 +23,8 @@ from legfem.report.words import ORIGINS
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from legfem.inverse.fit import Fit
 
 
 WIDTH = 100
@@ -280,7 +281,7 @@ _SCRIPTS: Mapping[str, Sequence[str]] = {
 CSV, WORKBOOK = "numbers.csv", "numbers.xlsx"
 
 
-def estimates_frame(fits: Sequence[Fit[Any]]) -> "pd.DataFrame":
+def estimates_frame(fits: "Sequence[Fit[Any]]") -> "pd.DataFrame":
     """A row a parameter, or what was computed with them, and law: value, 95 % interval, unit and verdict."""
     import pandas as pd
 

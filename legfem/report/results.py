@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from legfem.common.documents import json_types, write_document
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.fem.field_files import write_fields
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.document import fit_document
 from legfem.inverse.fit import Fit
@@ -26,7 +27,7 @@ from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.diagnosis_curves import model_name, recording_figure
 from legfem.report.diagnosis_signatures import signatures_of
 from legfem.report.estimates import preferred
-from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_another, made_in_place, write_fields
+from legfem.report.folder import NUMBERS, REPORT, RESULT, ReportFile, keep_another, made_in_place
 from legfem.report.kinds import kind_of
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
 from legfem.report.page import PressedSection

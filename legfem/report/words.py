@@ -6,16 +6,12 @@ The fibula, where it is named beside the tibia, is on the lateral side.
 """
 
 import math
-import shlex
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
-from legfem.legs.schema import SUBJECTS
-from legfem.legs.subject import Subject
 
 ORIGINS = {
     "measured": "measured data",
@@ -83,14 +79,6 @@ def moduli_text(c10: float, error: float, unit: str = "kPa") -> str:
     """Return the moduli at small strain that belong to C10 of an isotropic tissue that hardly changes its volume."""
     shear, young = (f"{number(k * c10, k * error)} {unit}" for k in MODULI)
     return f"shear modulus G = {shear}, Young's modulus E = {young}"
-
-
-def options_of(subject: Subject) -> str:
-    """Options of a command that name a subject."""
-    site = f" --site {shlex.quote(subject.site)}" if subject.site else ""
-    if subject.id in SUBJECTS.names and SUBJECTS.find(subject.id).resolve() == Path(subject.directory).resolve():
-        return f"--subject {subject.id}{site}"
-    return f"--subject-dir {shlex.quote(str(subject.directory))}{site}"
 
 
 @dataclass(frozen=True)

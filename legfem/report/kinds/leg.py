@@ -23,11 +23,12 @@ from legfem.report.kinds import ReportKind
 from legfem.report.kinds.leg_numbers import how_done, known_of
 from legfem.report.leg_3d_view import pressed_leg
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
+from legfem.report.leg_options import options_of
 from legfem.report.notices import sentences_of
 from legfem.report.page import PressedSection
 from legfem.report.pressed_section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, save
-from legfem.report.words import BEYOND_A_FIT, fit_probability, options_of
+from legfem.report.words import BEYOND_A_FIT, fit_probability
 
 type LegFit = Fit[LegDetails]
 

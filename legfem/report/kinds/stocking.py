@@ -7,10 +7,11 @@ from typing import ClassVar
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
+from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
 from legfem.inverse.document import KindDocument
 from legfem.report.curves import curves_figure
-from legfem.report.folder import ReportFile, write_fields
+from legfem.report.folder import ReportFile
 from legfem.report.kinds import ReportKind
 from legfem.report.page import PressedSection, WebPage
 from legfem.report.stocking_figures import stocking_pressure_figure, stocking_section_figure

@@ -10,9 +10,9 @@ from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
 from legfem.experiments.leg_3d import IdealisedLegIndentation
+from legfem.fem.field_files import write_fields
 from legfem.fem.fields import fields_of
 from legfem.inverse.correction import smooth_ratio
-from legfem.report.folder import write_fields
 from legfem.report.page import PAGE, command_line
 from legfem.report.render import rendered, table
 from legfem.study.correction.calibration import (
