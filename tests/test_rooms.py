@@ -11,7 +11,7 @@ import pytest
 HERE = Path(__file__).resolve().parent
 SOLVER = ("basix", "dolfinx", "ffcx", "gmsh", "petsc4py", "ufl")
 FLOOR = ("experiments", "fem", "mechanics", "meshing", "solve")
-KINDS = ("cohort", "legs", "report", "specimens", "stockings")
+KINDS = ("cohort", "legs", "mechanisms", "report", "specimens", "stockings")
 
 # What may not be imported, and the tests of the room that then run.
 ROOMS = {
